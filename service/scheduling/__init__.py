@@ -1,21 +1,21 @@
-"""What is rendered next, by whom, and what comes back: the engine's thread and its parts.
+"""Scheduling: the engine's thread, which hands out work to the workers and takes in their results.
 
-Each folder builds on those above it:
-    fleet/        the workers: what they report, how fast they are, what work suits them
-    faults/       whose fault an error is
-    jobs/         jobs that are being rendered, their frames, and whose turn it is
-    incoming/     what workers send back, validated and merged into the film
-    handing_out/  batches on their way to the workers: start with scheduler.py
-    trust/        batches that two workers have rendered, compared
+Each folder depends on those above it:
+    fleet/        the workers: their reports, speeds and capabilities
+    faults/       attribution of errors to jobs, workers or services
+    jobs/         active jobs, their frames, and fair sharing between them
+    incoming/     results from workers, validated and merged into the film
+    handing_out/  batches sent to the workers: start with scheduler.py
+    trust/        comparison of batches that two workers have rendered
     errands/      other work for workers: scenes, frames of shots, denoising, motion vectors
-    forecasts/    when jobs will be ready
+    forecasts/    expected completion times of jobs
 The engine
-    engine.py     the thread, and what it does in each step; start here
+    engine.py     the thread and the steps of its loop; start here
     lifecycle.py  a job from the database to the scheduler and out again
-    taking_up.py  jobs are taken up in steps, a little in each round
-    waiting.py    jobs that wait for other jobs
-    answers.py    acts on what workers send back
-    changes.py    what was changed in the database since the last step
+    taking_up.py  loads jobs into the engine in steps, a few in each round
+    waiting.py    jobs that depend on other jobs
+    answers.py    handles the messages from workers
+    changes.py    database changes since the last step
     records.py    everything the engine reads from and writes to the database
     snapshot.py   the immutable view of the engine that other threads read
 """

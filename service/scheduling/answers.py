@@ -1,10 +1,10 @@
-"""What workers answered, taken in job by job and scene by scene.
+"""Handles the messages from workers, grouped by job or scene.
 
-An answer that cannot be stored now (its film is locked, the database is full) is kept: it stays in the stream and in memory,
-and is tried again. So what a worker has rendered is rendered once, and one job's trouble holds up no other's answers.
+A message that cannot be stored now (its film is locked, the database is full) stays in the stream and in memory, and is retried.
+So no batch is rendered twice for that reason, and one job's trouble delays no other job's messages.
 
-An answer that makes no sense, or that raises anything else, is put aside: counted, kept in a bounded list, deleted from the
-stream. What was handed out and it answered is handed out again.
+An invalid message, or one whose handling raises any other error, is put aside: counted, kept in a bounded list and deleted from
+the stream. The work that it answered is handed out again.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class _Merged(NamedTuple):
 
 
 class Answers:
-    """Reads the stream, stores what is in it, and deletes what is stored. Lives in the engine's thread."""
+    """Reads messages from the stream, stores them, and deletes the stored ones. Used only by the engine's thread."""
 
     def __init__(
         self,
@@ -98,7 +98,10 @@ class Answers:
         tell_tiles: TellTiles,
         settled: Callable[[ActiveJob], None],
     ) -> None:
-        """settled: told of a job whose plan knows of all that the film has."""
+        """Creates the handler.
+
+        settled: callback that receives a job after the plan was brought up to date with its film.
+        """
         self._results = results
         self._bulkheads = bulkheads
         self._scheduler = scheduler
@@ -120,7 +123,10 @@ class Answers:
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
 
     def take_in(self, block_ms: int) -> None:
-        """Read what is new, waiting at most `block_ms` for it, and store what can be stored. Raises redis.RedisError."""
+        """Reads new messages, blocking for at most `block_ms` milliseconds, and stores those that can be stored.
+
+        Raises redis.RedisError.
+        """
         self._gather()
         with self._pace.busy():
             entries = self._results.read(block_ms)
@@ -134,7 +140,7 @@ class Answers:
         self._batches = 0
 
     def look_for_unread(self) -> None:
-        """See how many results nobody has read yet. Raises redis.RedisError."""
+        """Updates the number of unread results in the pace. Raises redis.RedisError."""
         is_due = self._results.was_full or time.monotonic() - self._looked >= UNREAD_EVERY_S
         if self._results.size and is_due:
             self._looked = time.monotonic()
@@ -142,7 +148,7 @@ class Answers:
             self._pace.unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
-        """Where results come fast, let some come: what is of one tile is then stored at once."""
+        """Waits before reading while the result rate is high, so that results of one tile are stored together."""
         left_s = self._took_in + self._pace.gather_s - time.monotonic()
         if left_s > 0:
             time.sleep(left_s)
@@ -165,8 +171,10 @@ class Answers:
         self._stored = []
 
     def review(self) -> None:
-        """Once a second: read the stream anew where there is more in it than is kept here: Redis was away when something
-        was to be deleted, or has lost what it had. Raises redis.RedisError."""
+        """Rereads the stream if it holds more entries than are kept here; called once a second.
+
+        That happens when Redis was unreachable during a deletion, or has lost data. Raises redis.RedisError.
+        """
         more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
         if more and self._overlooked:
             self._results.start_over()
@@ -191,11 +199,11 @@ class Answers:
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
-        """Whether the database is needed to store the answers."""
+        """Whether storing the kept messages of an owner requires the database."""
         return any(isinstance(answer.message, PrepareDone | PrepareFailed) for answer in self._kept[owner])
 
     def _store(self, owner: str) -> None:
-        """Store what is kept of a job or a scene. What is stored is no longer kept, also where this raises."""
+        """Stores the kept messages of a job or a scene. Stored messages are removed from the list even if a later one raises."""
         answers = self._kept[owner]
         if owner in self._scheduler.jobs:
             self._merge(owner)
@@ -208,9 +216,11 @@ class Answers:
     def _apart(
         self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
     ) -> None:
-        """Handle one message; what it raises puts it aside, unless it is the trouble of something else.
+        """Handles one message, and puts it aside if handling it raises an error that the message itself caused.
 
-        message: is made up for then, None: is not to be. instead: what is done beside that."""
+        message: its work is then handed out again; None: it is not. instead: an additional action in that case.
+        Errors of Redis, the database, the machine, a film or a job are raised.
+        """
         try:
             action()
         except Exception as error:
@@ -223,7 +233,7 @@ class Answers:
                 self._make_up_for(message, f"{type(error).__name__}: {error}")
 
     def _make_up_for(self, message: Message, why: str) -> None:
-        """Hand out again what a message answered that was put aside."""
+        """Hands out again the work that a message answered which was put aside."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
                 self._unusable(job, message, batch_of(message, job), why)
@@ -256,14 +266,14 @@ class Answers:
         self._note_merged(job, arrived)
 
     def _add(self, job: ActiveJob, rendered: list[_Answer]) -> list[_Merged]:
-        """Add batches to a job's film, all or none."""
+        """Merges batches into a job's film, all or none."""
         entries = {id(answer.message): answer for answer in rendered}
         sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
         kept = self._trust.sort_out(job, sums)
         return [_Merged(each, entries[id(each.message)]) for each in merge(job, kept)]
 
     def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
-        """Let everything else know what the film took."""
+        """Updates leases, logs, statistics and listeners after a merge into the film."""
         tiles: dict[int, set[int]] = {}
         with_bad: set[int] = set()  # frames of which new samples were left out
         for each, answer in arrived:
@@ -287,7 +297,7 @@ class Answers:
             self._lifecycle.record(job)
 
     def _end_leases(self, job: ActiveJob, each: Arrived) -> None:
-        """The least that has to be noted of a batch that the film took."""
+        """Ends the leases of a merged batch and updates its job: the minimum to do when full bookkeeping fails."""
         for piece in each.message.pieces if each.taken and each.batch is not None else ():
             assert each.batch is not None
             self._scheduler.leases.end(piece.batch)
@@ -307,8 +317,10 @@ class Answers:
         self._note(job, each)
 
     def _unusable(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
-        """An answer that is not the sums asked for: a failed batch of whoever sent it. A joint result is one failure, and where
-        several workers are in it, nobody's."""
+        """Treats unusable sums as a failed batch of their sender.
+
+        A joint result counts as one failure, and against no worker if several contributed to it.
+        """
         for number, piece in enumerate(message.pieces):
             if whole is None:
                 self._scheduler.came_back(job, piece.batch, None, 0.0, piece.worker or message.worker)
@@ -326,7 +338,7 @@ class Answers:
         self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
 
     def _note(self, job: ActiveJob, each: Arrived) -> None:
-        """What is told of a batch: of its tile always, in the job's log where its slot warned of something."""
+        """Logs a batch: always in its tile's log, and in the job's log if its slot gave warnings."""
         said, batch = each.message, each.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
@@ -389,7 +401,10 @@ class Answers:
             self._give_up(job, batch, trouble)
 
     def _misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
-        """A worker of another release does not know what it is asked for: no fault of the job, which others may render."""
+        """Hands out a batch again that a worker of another release did not understand.
+
+        The job is not at fault, since other workers may render it. Workers that do so repeatedly are set aside.
+        """
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:
             return  # whatever that was, it was not handed out

@@ -1,4 +1,4 @@
-"""What was changed in the database and the engine has not taken over yet."""
+"""Database changes that the engine has not applied yet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ Change = tuple[str, str]  # what ("job", "scene", "worker", "terms") and which
 
 
 class Changes:
-    """Noted by any thread, applied by the engine's. What cannot be applied yet stays noted."""
+    """Queue of changes: any thread adds to it, the engine's thread applies them.
+
+    A change that cannot be applied yet stays in it.
+    """
 
     def __init__(self) -> None:
         self._new: queue.SimpleQueue[Change] = queue.SimpleQueue()
@@ -22,15 +25,15 @@ class Changes:
         self._later: dict[Change, None] = {}
 
     def note_later(self, what: str, ids: Iterable[str]) -> None:
-        """Of an earlier life: applied when there is time left after what changes now. From the engine's thread."""
+        """Adds low-priority changes left by a previous run, applied after current ones. Used only by the engine's thread."""
         self._later |= dict.fromkeys((what, id) for id in ids)
 
     def note(self, what: str, id: str) -> None:
-        """Something was made, changed or deleted."""
+        """Adds a change: an item was created, modified or deleted."""
         self._new.put((what, id))
 
     def open(self) -> list[Change]:
-        """What is not applied yet, in the order in which it was noted first; of what has time, the next few."""
+        """Returns the pending changes, oldest first, filled up to `AT_A_TIME` with low-priority ones."""
         while not self._new.empty():
             change = self._new.get()
             self._later.pop(change, None)
@@ -42,13 +45,13 @@ class Changes:
 
     @property
     def is_behind(self) -> bool:
-        """Whether something of an earlier life is not looked at yet."""
+        """Whether low-priority changes of a previous run are still unprocessed."""
         return bool(self._later)
 
     def is_open(self, change: Change) -> bool:
-        """Whether it was looked at, and could not be applied yet."""
+        """Whether a change is pending, current or low-priority."""
         return change in self._open or change in self._later
 
     def close(self, change: Change) -> None:
-        """It is applied, or never will be."""
+        """Removes a change that was applied or never will be."""
         self._open.pop(change, None)

@@ -1,8 +1,8 @@
-"""The farm's heart: one thread that takes in the workers' answers and hands out the next work, in turn.
+"""The engine: one thread that alternates between taking in results and handing out work.
 
-One thread, so that films, plans and leases need no locks between them; the HTTP side reads its latest snapshot, writes the
-database, and notes what changed. Whatever one job, scene or worker does to it stays behind the bulkheads (bulkhead.py); what
-is left for `_run` to catch is Redis, and faults of this code.
+A single thread lets films, plans and leases do without locks. The HTTP side reads its latest snapshot, writes to the database and
+notes what changed. Errors of one job, scene or worker are contained by the bulkheads (bulkhead.py); `_run` catches only errors
+of Redis and defects of this code.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ log = logging.getLogger(__name__)
 
 
 class Engine:
-    """Runs jobs. `tell` and `tell_tiles` are called from its thread."""
+    """The engine's thread. It calls `tell` and `tell_tiles` from that thread."""
 
     def __init__(
         self,
@@ -80,7 +80,10 @@ class Engine:
         guard: Callable[[], None],
         is_watched: Callable[[], bool],
     ) -> None:
-        """guard: raises FarmError where this service may not act as the farm."""
+        """Creates the engine without starting its thread.
+
+        guard: raises FarmError if this service may not act as the farm.
+        """
         self._guard = guard
         self.films = films
         self._records = records
@@ -134,11 +137,11 @@ class Engine:
         self._repaired = 0.0
 
     def start(self) -> None:
-        """Begin: what the database says is unfinished is taken up."""
+        """Starts the thread, which loads the unfinished jobs and scenes from the database."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End after the work in hand; what is out comes back in the next life or is handed out again."""
+        """Stops the thread after its current step. Outstanding work comes back after the next start or is handed out again."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(10)
@@ -149,31 +152,31 @@ class Engine:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the thread runs."""
+        """Whether the thread is running."""
         return self._thread.is_alive()
 
     @property
     def moves(self) -> bool:
-        """Whether it comes round. While it begins it may be busy for long with what an earlier life left."""
+        """Whether the thread completes its rounds. True during start-up, which may take long after a previous run."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
 
     @property
     def snapshot(self) -> Snapshot:
-        """The latest look at the engine."""
+        """The latest snapshot of the engine."""
         return self._board.latest
 
     def changed(self, what: str, id: str) -> None:
-        """A job or a scene was made, changed or deleted in the database."""
+        """Notes that a job or another item was created, modified or deleted in the database, and wakes the engine."""
         self._changes.note(what, id)
         self._results.wake()
 
     def prepare(self, scene: str, kind: str) -> None:
-        """A scene is wanted for a kind of workers, though no job needs it."""
+        """Requests that a scene be prepared for a kind of workers, independently of any job."""
         self._asked.put((scene, kind))
         self._results.wake()
 
     def order(self, worker: str, why: str | None) -> None:
-        """Pause a worker, for a reason; or let it go on (None). Raises redis.RedisError."""
+        """Pauses a worker for the given reason, or resumes it if the reason is None. Raises redis.RedisError."""
         if why is None:
             self._workers.resume(worker)
         else:
@@ -181,20 +184,26 @@ class Engine:
         self.changed("worker", worker)
 
     def worker_log(self, worker: str) -> list[str] | None:
-        """The last lines of a worker's log; None where it does not tell them. Takes seconds. Raises redis.RedisError."""
+        """Returns the last lines of a worker's log, or None if the worker does not send them.
+
+        Takes seconds. Raises redis.RedisError.
+        """
         return self._workers.log(worker)
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[MadeAside]:
-        """The frame as it is now, denoised by a worker. Raises Unavailable where none can."""
+        """Requests that a worker denoise the frame's current film. Raises Unavailable if no worker can."""
         wish = DenoiseFrame("", job, frame, film.width, film.height)
         return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
 
     def vectors(self, wish: FrameVectors) -> Future[MadeAside]:
-        """A frame's motion vectors, made by a worker. Raises Unavailable where none can."""
+        """Requests a frame's motion vectors from a worker. Raises Unavailable if no worker can make them."""
         return self._awaited(self._errands.vectors.want(wish))
 
     def show_environment(self, wish: ShowEnvironment) -> Future[MadeAside]:
-        """A small picture of an image that lights scenes. Its future has Invalid where it does not. Raises Unavailable."""
+        """Requests a thumbnail of an environment image.
+
+        The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make it.
+        """
         return self._awaited(self._errands.environments.want(wish))
 
     def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
@@ -209,7 +218,7 @@ class Engine:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
     def _fault_of(self, action: Callable[[], None]) -> str | None:
-        """Do something; a sentence where it could not be done."""
+        """Runs an action and returns its error as a sentence, or None on success."""
         try:
             action()
         except (redis.RedisError, QueueError) as error:
@@ -228,7 +237,10 @@ class Engine:
         return None
 
     def _own_fault_of(self, part: Callable[[], None]) -> str | None:
-        """Take a part of a step; a sentence where this code has a fault. Raises redis.RedisError, QueueError and FarmError."""
+        """Runs one part of a step and returns a sentence if it raised an unexpected error, else None.
+
+        Raises redis.RedisError, QueueError and FarmError.
+        """
         try:
             part()
         except (redis.RedisError, QueueError, FarmError):
@@ -273,7 +285,7 @@ class Engine:
             self._scheduler.fill(self._lifecycle.start)
 
     def _begin(self) -> None:
-        """Clean up after an earlier life, and take up what it left."""
+        """Cleans up after a previous run and queues its unfinished jobs and scenes."""
         self._dispatcher.purge()
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
@@ -310,14 +322,14 @@ class Engine:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
 
     def _renew_terms(self) -> None:
-        """What an administrator has said of shares and workers."""
+        """Reloads the administrators' settings of shares and workers from the database."""
         self._scheduler.shares.terms = self._records.shares()
         for job in self._scheduler.jobs.values():
             job.share = self._scheduler.shares.name_of(job.user, job.project)
         self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
-        """Each part by itself: a fault in one of them does not stop the others."""
+        """Runs the periodic tasks, once a second. An unexpected error in one does not stop the others."""
         self._refused = self._fault_of(self._write)
         faults = [
             self._own_fault_of(part)
@@ -354,24 +366,27 @@ class Engine:
                 self._board.change("job", job.id)
 
     def _repair(self) -> None:
-        """Delete what is of the wrong type in Redis, where that is possible now."""
+        """Deletes Redis keys of the wrong type; errors of Redis are ignored."""
         self._repaired = time.monotonic()
         with suppress(redis.RedisError):
             self._results.repair()
             repair_all(self._redis)
 
     def _look_at_keys(self) -> None:
-        """From time to time: what workers have written to Redis, of which some may keep other workers from going on."""
+        """Writes the list of put-aside messages and, every `REPAIR_EVERY_S` seconds, deletes Redis keys of the wrong type.
+
+        Workers write to Redis, and a key of the wrong type may block other workers.
+        """
         self._put_aside.flush()
         if time.monotonic() - self._repaired >= REPAIR_EVERY_S:
             self._repair()
 
     def _write(self) -> None:
-        """A full or read-only Redis is noticed before there is something to hand out. Raises redis.RedisError."""
+        """Writes the service's heartbeat key, which detects a full or read-only Redis early. Raises redis.RedisError."""
         self._redis.set(SERVICE_KEY, time.time(), ex=SERVICE_KEY_TTL_S)
 
     def _shots(self) -> list[tuple[ActiveJob, str | None]]:
-        """The shots that are being rendered, in turn, and for which kind of workers."""
+        """Returns the active shots, by priority and age, with the kind of workers that renders each."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
         return [

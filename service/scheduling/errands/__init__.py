@@ -1,10 +1,10 @@
-"""Other work for workers than batches.
+"""Work for workers other than batches.
 
-errands.py        all of them together
+errands.py        facade of all of them
 preparing.py      scenes
 moments.py        frames of shots
 unfit.py          machines that cannot prepare a scene or a frame
-aside.py          what readers ask for of a frame; the base of the next three
+aside.py          results made on request; the base of the next three
 denoising.py      denoised frames
 vectors.py        motion vectors
 environments.py   thumbnails of uploaded environments

@@ -1,7 +1,7 @@
-"""What readers ask for of a frame and a worker makes: denoised colour, motion vectors.
+"""Results that clients request and a worker makes: denoised frames, motion vectors, thumbnails of environments.
 
-A film that grows makes what was made of it old at once. So a request while one is being made waits for that one, and the
-next request asks for a new one. What is made are blobs that no database names: after a restart they are made again.
+A result is outdated as soon as its film grows. A request made while one is in progress receives that result, and the next
+request starts a new one. The results are blobs without a database reference, and are made again after a restart.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class MadeAside:
-    """What was made of a frame: its blob (as the wish in worker.contract says), and of which film content it is."""
+    """The result of a request: its blob (defined by the request in worker.protocol.contract), film version and sample count."""
 
     sha256: str
     version: str = ""
@@ -53,15 +53,20 @@ class _Wanted(Generic[Wish]):
 
 
 class Aside(ABC, Generic[Wish]):
-    """Asked by any thread; handed out and heard about in the engine's. What the blobs are asked is asked in a thread of its own:
-    their store may be far away.
+    """Base class of results made on request.
+
+    Any thread may request one; the engine's thread hands out the work and handles the answers. A separate thread queries the blob
+    store, which may be slow.
     """
 
     _patience_s = 60.0
     _doing: str  # what reports of workers call the job whose frame they have in hand
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
-        """let_go: of blobs that are wanted no more. Which blob that is a worker has said: something else may refer to it."""
+        """Creates an empty queue of requests.
+
+        let_go: callback for blobs no longer needed. A worker has named the blob, so something else may also refer to it.
+        """
         self._dispatcher = dispatcher
         self._workers = workers
         self._blobs = blobs
@@ -73,29 +78,30 @@ class Aside(ABC, Generic[Wish]):
 
     @abstractmethod
     def _kind(self) -> str | None:
-        """The kind of the workers that can make it; None where there is none."""
+        """The kind of workers that can make the result; None if there is none."""
 
     @abstractmethod
     def _send(self, wish: Wish, kind: str) -> None:
-        """Hand out a wish with an id of its own. Raises QueueError."""
+        """Sends a request, whose `work` is its lease's id, to workers of a kind. Raises QueueError."""
 
     @abstractmethod
     def _is_size(self, size: int, wish: Wish) -> bool:
-        """Whether what is wished for may have so many bytes."""
+        """Whether a result of the request may have this size, in bytes."""
 
     @abstractmethod
     def _nobody(self) -> Unavailable:
-        """Why no worker can make it."""
+        """Returns the error that says why no worker can make the result."""
 
     @property
     @abstractmethod
     def _name(self) -> str:
-        """What is made, as sentences call it."""
+        """The name of the result in error messages."""
 
     def want(self, wish: Wish, version: str = "") -> Future[MadeAside]:
-        """What is wished for, of this version or of a newer one; or of one a moment older that is just being made.
+        """Returns a future of the result for this version of the film or a newer one, or of the request already in progress.
 
-        wish: its `work` is filled in. The future has a FarmError where it cannot be made. Raises Unavailable where no worker can.
+        wish: the request; its `work` is filled in later. The future raises FarmError if the result cannot be made. Raises
+        Unavailable if no worker can make it.
         """
         job, frame = wish.job, wish.frame
         made = self._made.get((job, frame))
@@ -113,7 +119,7 @@ class Aside(ABC, Generic[Wish]):
             return wanted.answer
 
     def fill(self) -> None:
-        """Hand out what is wanted and not in hand. Raises QueueError."""
+        """Hands out the requests that are not in progress. Raises QueueError."""
         for key, wanted in self._waiting():
             kind = self._kind()
             if kind is None:
@@ -130,7 +136,7 @@ class Aside(ABC, Generic[Wish]):
             wanted.sent += 1
 
     def heard(self, work: str, made: MadeAside | None, error: str = "") -> None:
-        """A worker has made it, or says why not."""
+        """Handles a worker's answer: the result, or None with an error message."""
         with self._lock:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
             if key is not None and (lease := self._wanted[key].lease) is not None:
@@ -161,7 +167,7 @@ class Aside(ABC, Generic[Wish]):
             self._delete(old.sha256)
 
     def review(self) -> None:
-        """Once a second: hand out again what was lost with its worker, and give up on what does not come back."""
+        """Releases requests lost with their worker and fails overdue ones; called once a second."""
         with self._lock:
             self._look_for_lost()
             late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
@@ -169,7 +175,10 @@ class Aside(ABC, Generic[Wish]):
             self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
 
     def _look_for_lost(self) -> None:
-        """A worker that is killed takes what it had in hand with it, and the broker hands that out again much later."""
+        """Clears the leases of requests that no worker reports any more.
+
+        A killed worker loses its current work, which the broker would redeliver only much later.
+        """
         if not self._wanted:
             return
         doing = [(report.name, each) for report in self._workers.roster.reports.values() for each in report.current]
@@ -185,7 +194,7 @@ class Aside(ABC, Generic[Wish]):
                 wanted.lease = None
 
     def forget(self, job: str) -> None:
-        """The job is deleted."""
+        """Fails the open requests of a deleted job and releases its results."""
         with self._lock:
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]
@@ -195,7 +204,7 @@ class Aside(ABC, Generic[Wish]):
             self._later(self._delete, made.sha256)
 
     def close(self) -> None:
-        """Ask the blobs nothing any more."""
+        """Stops the thread that queries the blob store."""
         self._aside.shutdown(wait=False, cancel_futures=True)
 
     def _later(self, function: Callable[..., None], *arguments: object) -> None:

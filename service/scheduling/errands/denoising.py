@@ -1,4 +1,4 @@
-"""Denoised frames: asked for by readers, made by a worker, kept until the film goes on."""
+"""Denoised frames, made by a worker on request and kept until the film changes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Denoising"]
 
 
 class Denoising(Aside[DenoiseFrame]):
-    """As every Aside; of the film's content as it is."""
+    """Requests for denoised frames of the film's current version."""
 
     _name = "denoised picture"
     _doing = "denoise"

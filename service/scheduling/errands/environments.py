@@ -1,4 +1,4 @@
-"""Small pictures of uploaded environments: asked for while one is uploaded, made by a worker, which is how it is checked."""
+"""Thumbnails of uploaded environments, made by a worker during the upload; making one validates the image."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST_BYTES = 1 << 20  # of a small picture
 
 
 class Environments(Aside[ShowEnvironment]):
-    """As every Aside; of the image's content, by which `job` in the wish calls it."""
+    """Requests for thumbnails of environments. The request's `job` field identifies the image's content."""
 
     _name = "environment's picture"
     _doing = "environment"

@@ -1,4 +1,4 @@
-"""All errands together, as the engine, what workers answer, and the lifecycle of jobs meet them."""
+"""Facade of all errands for the engine, the message handler and the lifecycle of jobs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["Errands"]
 
 
 class Errands:
-    """Scenes and frames of shots are prepared in turn with the jobs that wait for them; what readers ask for is made aside."""
+    """All errands: preparation of scenes and frames, and results made on request."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
         self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
@@ -37,17 +37,17 @@ class Errands:
         self._aside = (self.denoising, self.vectors, self.environments)
 
     def fill_aside(self) -> None:
-        """Hand out what readers ask for. Raises QueueError."""
+        """Hands out the open requests of clients. Raises QueueError."""
         for each in self._aside:
             each.fill()
 
     def review_aside(self) -> None:
-        """Once a second: see what was lost or is late of it."""
+        """Checks for lost and overdue requests of clients; called once a second."""
         for each in self._aside:
             each.review()
 
     def heard_aside(self, message: Message) -> None:
-        """A worker has made something of it, or says why not. Other messages are none of its business."""
+        """Handles an answer to a client's request. Other messages are ignored."""
         match message:
             case DenoiseDone():
                 self.denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
@@ -63,11 +63,11 @@ class Errands:
                 self.environments.heard(message.work, None, message.error)
 
     def forget(self, job: str) -> None:
-        """The job is deleted."""
+        """Forgets the requests and results of a deleted job."""
         self.denoising.forget(job)
         self.vectors.forget(job)
 
     def close(self) -> None:
-        """Ask the blobs nothing any more."""
+        """Stops the threads that query the blob store."""
         for each in self._aside:
             each.close()

@@ -1,7 +1,7 @@
-"""Frames of shots on their way to compiled scenes: a few ahead of need, and no more than there is room for.
+"""Preparation of frames of shots: each is compiled shortly before it is needed, within a limit of storage.
 
-Every frame of an animation has a compiled scene of its own, which can be made again and is deleted when the frame is finished.
-When room is short, the frame that is needed last loses its own first: a shot rendered breadth first comes back to it.
+Every frame of an animation has its own compiled scene, which can be made again and is deleted when the frame is finished. When
+storage is short, the frame needed last loses its compiled scene first; a shot rendered breadth first compiles it again later.
 """
 
 from __future__ import annotations
@@ -35,10 +35,13 @@ FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the s
 
 
 class Moments:
-    """Which frames are to be prepared, and which are in whose hands. Lives in the engine's thread."""
+    """Tracks the frames to prepare and the leases on them. Used only by the engine's thread."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
-        """room: bytes for what is compiled for frames, of all jobs together."""
+        """Creates an empty tracker.
+
+        deadline_s: patience of a lease. room: bytes for the compiled frames of all jobs together.
+        """
         self._dispatcher = dispatcher
         self._workers = workers
         self._deadline_s = deadline_s
@@ -52,8 +55,11 @@ class Moments:
         self._unfit_kind: dict[str, str] = {}  # of a job: the kind of the workers that are
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
-        """Hand out what is needed next. jobs: with the kind of workers that render each, in turn. busy: frames of jobs of which
-        batches are out. Returns the jobs of which something was let go. Raises QueueError."""
+        """Hands out the frames needed next. Raises QueueError.
+
+        jobs: in the order in which they are served, with the kind of workers that render each. busy: (job, frame) with
+        outstanding batches. Returns the jobs of which a compiled frame was dropped.
+        """
         cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
         left = self._room - self._taken([job for job, _ in shots])
@@ -80,7 +86,7 @@ class Moments:
         return cleared
 
     def forget(self, job: str) -> None:
-        """The job is over, or its frames are looked at anew."""
+        """Drops all state of a job that ended or whose frames are planned again."""
         self._seconds.pop(job, None)
         self._sizes.pop(job, None)
         self._unfit.forget(job)
@@ -91,7 +97,7 @@ class Moments:
             self._end(lease)
 
     def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
-        """A worker has answered for a frame. info: None where it failed."""
+        """Handles a worker's answer for a frame. info: None if the frame failed."""
         if info is not None:
             before = self._seconds.get(job.id, info.seconds)
             self._seconds[job.id] = before + (info.seconds - before) / 2
@@ -111,7 +117,10 @@ class Moments:
             self._end(lease)
 
     def returned(self, job: ActiveJob, work: str, unfit: Fault | None = None) -> None:
-        """A worker hands back what it has not answered: it is handed out again. unfit: to another worker."""
+        """Releases the unanswered frames that a worker returned.
+
+        unfit: the fault of that worker's machine; the frames then go to another worker.
+        """
         lease = self.leases.get(work)
         if lease is not None:
             self._is_prepared(job, self._end(lease))
@@ -120,7 +129,7 @@ class Moments:
                 self._unfit_kind[job.id] = lease.kind
 
     def impossible(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
-        """The jobs whose frames no connected worker of their kind can prepare by fault of its machine, with a sentence."""
+        """Returns the jobs whose frames no connected worker can prepare because of machine faults, each with an error message."""
         found = []
         for id, kind in self._unfit_kind.items():
             able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
@@ -129,16 +138,16 @@ class Moments:
         return found
 
     def _place(self, job: str, kind: str) -> Place | None:
-        """Where a job's frames are prepared next; None where no worker is left."""
+        """Returns where to prepare a job's next frames; None if no worker is left."""
         if job not in self._unfit:
             return Place("", kind, prepare_queue(kind))
         ready = self._workers.roster.ready()
         return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
 
     def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
-        """Once a second: drop leases that are lost; returns the frames that were lost too often.
+        """Drops lost leases and returns the frames that were lost too often; called once a second.
 
-        One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
         waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
         in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
@@ -168,7 +177,7 @@ class Moments:
         return hopeless
 
     def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
-        """The frames to hand out together now: none where enough of them are ready."""
+        """Returns the frames to hand out in one message; empty if enough frames are ready."""
         turns, seconds = job.agenda.turns, self._seconds.get(job.id)
         most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
         together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
@@ -181,7 +190,11 @@ class Moments:
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
     def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
-        """Let go of what is needed later than a frame: so many bytes. None where the frame has to wait."""
+        """Drops the compiled scene of the idle frame needed last and returns the bytes freed.
+
+        Only frames needed later than `wanted` or not needed now are dropped. Returns 0 if nothing can be dropped but the job has
+        no other work; None if the frame has to wait.
+        """
         turn = job.agenda.turn(wanted)
         idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
         later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
@@ -194,7 +207,7 @@ class Moments:
         return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
 
     def _taken(self, jobs: list[ActiveJob]) -> int:
-        """Bytes of what is compiled for frames, and will be for those in hand."""
+        """Returns the bytes of compiled frames, including the expected bytes of frames in preparation."""
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
         return awaited + sum(held(jobs).values())
 

@@ -21,7 +21,7 @@ LOSSES_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Progress:
-    """How far preparing is: a phrase, and 0 ... 1."""
+    """Progress of preparing a scene: the current step's name, and the fraction done in [0, 1]."""
 
     step: str
     fraction: float
@@ -31,7 +31,7 @@ NO_BLENDER = Progress(WAITS, 0.0)
 
 
 class Preparing:
-    """The scenes to prepare, each for a kind of worker, or (None) for whichever kind there is most of."""
+    """The scenes to prepare, each for one kind of workers; None: the kind with most slots."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
         self._dispatcher = dispatcher
@@ -44,13 +44,13 @@ class Preparing:
         self.progress: dict[str, Progress] = {}
 
     def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
-        """Prepare a scene. by_blender: on a worker that has it."""
+        """Requests that a scene be prepared. by_blender: only by a worker that has Blender."""
         self._wanted.setdefault((scene, kind), 0)
         if by_blender:
             self._by_blender.add(scene)
 
     def forget(self, scene: str) -> None:
-        """The scene is deleted, or prepared, or failed."""
+        """Drops all requests for a scene that is deleted, prepared or failed."""
         for key in [key for key in self._wanted if key[0] == scene]:
             del self._wanted[key]
         self._by_blender.discard(scene)
@@ -60,7 +60,7 @@ class Preparing:
             self.leases.end(lease.id)
 
     def forget_kind(self, scene: str, kind: str) -> None:
-        """The scene is prepared for a kind, and perhaps wanted for another."""
+        """Drops the requests for a scene that is now prepared for this kind; those for other kinds remain."""
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
         self._by_blender.discard(scene)
@@ -71,7 +71,7 @@ class Preparing:
                 self.leases.end(lease.id)
 
     def fill(self) -> None:
-        """Hand out what is wanted and not in hand. Raises QueueError."""
+        """Hands out the requests that have no lease. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
             roster, by_blender = self._workers.roster, scene in self._by_blender
             kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
@@ -95,7 +95,7 @@ class Preparing:
                 del self.progress[scene]
 
     def impossible(self) -> list[tuple[str, str | None, str]]:
-        """The (scene, kind, sentence) that no connected worker can prepare, by fault of its machine."""
+        """Returns (scene, kind, error message) for requests that no connected worker can serve because of machine faults."""
         found = []
         for scene, kind in self._wanted:
             if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
@@ -106,12 +106,12 @@ class Preparing:
         return found
 
     def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
-        """Those workers that may prepare a scene for a kind."""
+        """Returns the workers that may prepare a scene for a kind."""
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 
     def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
-        """A worker says that it is at it."""
+        """Notes that a worker is preparing a scene, and its progress if given."""
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 lease.holder = worker
@@ -120,15 +120,15 @@ class Preparing:
             self.progress[scene] = progress
 
     def arrived(self, scene: str, kind: str) -> None:
-        """A worker's answer was read, and is written down as soon as the database takes it: until then it is not lost."""
+        """Marks an answer as read. It is stored once the database accepts it, and its lease is not lost until then."""
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 lease.has_arrived = True
 
     def returned(self, scene: str, kind: str, why: str, unfit: Fault | None = None) -> None:
-        """A worker could not prepare a scene by its own trouble: it is handed out again, and the scene is not to blame.
+        """Ends the lease of a scene that a worker could not prepare through no fault of the scene; it is handed out again.
 
-        unfit: another worker gets it.
+        unfit: the fault of that worker's machine; the scene then goes to another worker.
         """
         for lease in self.leases.of(scene):
             if lease.kind == kind:
@@ -139,7 +139,10 @@ class Preparing:
                 self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
-        """The answer to what was handed out cannot be used: it is handed out again; whether that was so too often."""
+        """Ends the lease of an unusable answer, so that the scene is handed out again.
+
+        Returns whether that happened too often.
+        """
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 self.leases.end(lease.id)
@@ -150,9 +153,9 @@ class Preparing:
         return False
 
     def review(self, results: Results) -> list[tuple[str, str | None]]:
-        """Once a second: drop leases that are lost; returns the (scene, kind) that were lost too often.
+        """Drops lost leases and returns the (scene, kind) that were lost too often; called once a second.
 
-        One whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
         waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
         in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}

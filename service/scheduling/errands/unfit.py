@@ -1,6 +1,6 @@
-"""Machines that cannot prepare something, whatever the scene: their limits, their memory, their temporary folder.
+"""Machines that cannot prepare a scene or frame because of their limits, memory or temporary folder.
 
-What one of them hands back goes to another worker by that worker's own queue. Where none is left, a sentence names them all.
+Work returned by such a machine goes to another worker's own queue. If none is left, the error message lists every fault.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MOST_TRIED = 5  # machines: what none of so many can prepare, the others are spa
 
 @dataclass(frozen=True)
 class Fault:
-    """What a worker says of its machine. passing: for now, as of a full disk."""
+    """A machine's fault as its worker reports it. passing: whether it may be temporary, such as a full disk."""
 
     worker: str
     why: str
@@ -29,7 +29,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Place:
-    """A worker, and the queue that it alone takes from."""
+    """A destination: a worker, its kind, and the queue to use. An empty worker means the queue of the whole kind."""
 
     worker: str
     kind: str
@@ -37,7 +37,7 @@ class Place:
 
 
 class Unfit:
-    """The machines that failed, by scene or job."""
+    """The machine faults, by owner: a scene or a job."""
 
     def __init__(self) -> None:
         self._faults: dict[str, dict[str, Fault]] = {}  # by owner and worker
@@ -46,17 +46,17 @@ class Unfit:
         return owner in self._faults
 
     def add(self, owner: str, fault: Fault) -> None:
-        """A worker cannot prepare what is the owner's."""
+        """Records that a worker's machine cannot prepare the owner's scene or frames."""
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
     def forget(self, owner: str) -> None:
-        """The owner is over, or begun anew."""
+        """Drops the faults of an owner that ended or is started again."""
         self._faults.pop(owner, None)
 
     def next(self, owner: str, able: Sequence[WorkerReport]) -> Place | None:
-        """The place to try next among the workers that are able; None where there is none.
+        """Returns the next worker to try among `able`; None if there is none.
 
-        Workers whose trouble may pass are tried again once no other is left.
+        Workers with temporary faults are tried again when no other is left.
         """
         faults = self._faults[owner]
         left = [report for report in able if report.name not in faults] if len(faults) < MOST_TRIED else []
@@ -69,5 +69,5 @@ class Unfit:
         return Place(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def sentence(self, owner: str, what: str) -> str:
-        """Why nobody is left. what: "this scene", or "this shot"."""
+        """Returns the error message that lists the faults of all machines tried. what: "this scene" or "this shot"."""
         return f"No worker can prepare {what}. {' '.join(map(str, self._faults[owner].values()))}"

@@ -1,4 +1,4 @@
-"""Motion vectors of frames: asked for by readers, made by a worker from the scene's files; they follow from the request alone."""
+"""Motion vectors of frames, made by a worker on request from the scene's files; they depend only on the request."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Vectors"]
 
 
 class Vectors(Aside[FrameVectors]):
-    """As every Aside; of one version for ever."""
+    """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
 
     _name = "motion vectors"
     _doing = "vectors"

@@ -1,5 +1,5 @@
-"""Whose fault an error is, so that everything else goes on.
+"""Attribution of errors, so that one job's or worker's fault does not stop the rest.
 
-bulkhead.py       keeps one job's faults from the others
-suspicion.py      workers that fail where others do not
+bulkhead.py       isolates the faults of each job and scene
+suspicion.py      detects workers that fail where others succeed
 """

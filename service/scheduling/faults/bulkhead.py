@@ -1,13 +1,12 @@
-"""Bulkheads: what goes wrong with one job or scene stays with it, and the others go on.
+"""Bulkheads: an error of one job or scene is contained, and the others continue.
 
-Every step that the engine takes for a job or a scene runs through `Bulkheads.run`, the one place that says whose fault an
-error is:
+Every step that the engine takes for a job or a scene runs through `Bulkheads.run`, the one place that attributes errors:
 
-Redis                raised: without the queue nothing can go on, and the engine as a whole waits for it.
-the database         nobody's. The step is tried again about each second; steps that need no database go on.
-a film that waits    the job waits and says so. The step is tried again about each second.
-the machine          no memory, no free file, a disk that fails: the same.
-all else             the job's own: it gets a verdict, which `Lifecycle.fail` carries out.
+Redis                raised: without the queue nothing can go on, and the whole engine waits for it.
+the database         no job's fault. The step is retried about once a second; steps that need no database go on.
+a film that waits    the job waits and reports why. The step is retried about once a second.
+the machine          out of memory or file descriptors, or a failing disk: the same.
+all else             the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
 """
 
 from __future__ import annotations
@@ -40,15 +39,17 @@ log = logging.getLogger(__name__)
 
 
 def is_of_what_was_said(error: Exception) -> bool:
-    """Whether an error that handling a message raised is of that message: not of Redis, the database, the machine, a film or a
-    job, all of which would be met again with the next message."""
+    """Whether an error was caused by the message being handled.
+
+    False for errors of Redis, the database, the machine, a film or a job, which would recur with the next message.
+    """
     if isinstance(error, (Invalid, *ROW_FAULTS)):
         return True
     return not isinstance(error, (FarmError, SettingsError, redis.RedisError, QueueError, OSError, MemoryError, *DATABASE_FAULTS))
 
 
 class Step(StrEnum):
-    """What the engine does for a job or a scene. A step that waits holds up its own kind, and what must come after it."""
+    """A step that the engine takes for a job or a scene. Each step waits by itself after an error."""
 
     CHANGE = "change"  # apply what the database says of it
     RESULTS = "results"  # store what workers answered
@@ -59,7 +60,7 @@ class Step(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Why a job cannot go on."""
+    """The reason why a job cannot continue."""
 
     error: str
     reproduce: str | None = None
@@ -72,7 +73,7 @@ class _Wait:
 
 
 class Bulkheads:
-    """What waits and what cannot go on. Lives in the engine's thread."""
+    """The waiting steps and the verdicts. Used only by the engine's thread."""
 
     def __init__(self) -> None:
         self._waits: dict[str, dict[Step, _Wait]] = {}
@@ -81,16 +82,16 @@ class Bulkheads:
         self._database_until = 0.0
 
     def run(self, id: str, step: Step, action: Callable[[], object], needs_database: bool = False) -> bool:
-        """Take a step of a job or scene; False where it was not done: then it waits, or there is a verdict.
+        """Runs a step of a job or scene; returns whether it succeeded. On failure the step waits or the job gets a verdict.
 
-        Raises redis.RedisError and QueueError alone.
+        Raises only redis.RedisError and QueueError.
         """
         if id in self.verdicts or not self._is_due(id, step, needs_database):
             return False
         return self._attempt(id, step, action, needs_database)
 
     def carry_out(self, end: Callable[[str, Verdict], object]) -> None:
-        """End what has a verdict, as soon as the database takes it. Raises as `run`."""
+        """Ends the jobs that have a verdict, once the database accepts it. Raises as `run`."""
         for id, verdict in list(self.verdicts.items()):
             if not self._is_due(id, Step.END, True):
                 continue
@@ -124,20 +125,20 @@ class Bulkheads:
         return False
 
     def condemn(self, id: str, error: str, reproduce: str | None = None) -> None:
-        """A job cannot go on."""
+        """Gives a job its verdict, unless it already has one."""
         self.verdicts.setdefault(id, Verdict(error, reproduce))
 
     def may_render(self, id: str) -> bool:
-        """Whether batches of a job may be handed out: its film takes what comes back."""
+        """Whether batches of a job may be handed out: it has no verdict, and its film accepts results."""
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
 
     def sentences(self) -> dict[str, str]:
-        """Why they wait."""
+        """Returns the reason for waiting of each waiting job or scene, by id."""
         return {id: next(iter(waits.values())).sentence for id, waits in self._waits.items()}
 
     def forget(self, id: str) -> None:
-        """The job or scene is over or gone."""
+        """Drops the state of a job or scene that ended or was deleted."""
         self._waits.pop(id, None)
         self.verdicts.pop(id, None)
 

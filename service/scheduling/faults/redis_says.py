@@ -1,4 +1,4 @@
-"""Errors of Redis as sentences: what it answers, and what to do about it."""
+"""Redis errors as user messages: the fact and the remedy."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ ANSWERS: tuple[tuple[str, str, str], ...] = (
 
 
 def trouble_of(error: BaseException) -> RedisTrouble:
-    """What is wrong with Redis, by an error of its client or of the queue that was raised by one."""
+    """Returns the (fact, remedy) for an error of the Redis client, or of the queue caused by one."""
     found = causes(error)
     for cause in found:
         text = str(cause)
@@ -78,7 +78,7 @@ def trouble_of(error: BaseException) -> RedisTrouble:
 
 
 def away(error: BaseException) -> Unavailable:
-    """The error for whoever asked for something that needs Redis."""
+    """Returns the Unavailable error for a request that needs Redis."""
     return Unavailable(trouble_of(error)[0], advice="Try again when that is over.")
 
 
@@ -94,7 +94,7 @@ _CODES: dict[type[BaseException], str] = {
 
 
 def causes(error: BaseException | None) -> list[BaseException]:
-    """An error and those that it was raised for, the latest first."""
+    """Returns an exception and the chain of its causes and contexts, the exception itself first."""
     found: list[BaseException] = []
     while error is not None and error not in found:
         found.append(error)

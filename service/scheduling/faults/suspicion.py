@@ -1,4 +1,4 @@
-"""Which workers fail where others do not: a full disk, a wrong library, a machine that miscalculates."""
+"""Detection of workers that fail where others succeed: a full disk, a wrong library, a machine that miscalculates."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ FORGIVENESS = 0.02  # failures a success makes up for: what fails once in fifty 
 
 
 class Suspicion:
-    """Counts failures that are a worker's own. Lives in the engine's thread.
+    """Counts the failures caused by each worker. Used only by the engine's thread.
 
-    Those are batches that failed there and were rendered by another; and different batches that failed one after the other
-    without a success between, while another had one: a worker that fails at once would else take all that is to do.
+    A worker is blamed for batches that failed on it and were rendered by another, and for a run of different failed batches
+    during which another worker succeeded. Without this, a worker that fails at once would take all the work.
     """
 
     def __init__(self) -> None:
@@ -28,19 +28,19 @@ class Suspicion:
         self.failures: Counter[str] = Counter()  # of all batches, by worker, whoever was to blame
 
     def failed(self, worker: str, batch: Hashable) -> None:
-        """A batch failed on a worker."""
+        """Records a failed batch of a worker."""
         self.failures[worker] += 1
         if not self._row[worker]:
             self._row_began[worker] = next(self._clock)
         self._row[worker].add(batch)
 
     def misunderstood(self, worker: str) -> int:
-        """A worker did not understand a batch; how many it did not, one after the other."""
+        """Records a batch that a worker did not understand; returns the number of those since its last success."""
         self._misunderstood[worker] += 1
         return self._misunderstood[worker]
 
     def succeeded(self, worker: str, failed_on: list[str]) -> None:
-        """A worker rendered a batch that had failed on these before: so the batch was not to blame."""
+        """Records a rendered batch. The workers in `failed_on`, on which it failed before, are blamed for those failures."""
         for other in set(failed_on) - {worker}:
             self._made_good[other] += 1
         self._success[worker] = next(self._clock)
@@ -50,12 +50,12 @@ class Suspicion:
             self._made_good[worker] = max(self._made_good[worker] - FORGIVENESS, 0.0)
 
     def of(self, worker: str, others: list[str]) -> int:
-        """How many failures are a worker's own, in comparison with these others."""
+        """Returns the number of failures to blame on a worker, compared with the other workers."""
         in_a_row = self._row.get(worker, set())
         others_can = any(self._success.get(other, -1) > self._row_began.get(worker, 0) for other in others)
         return max(int(self._made_good.get(worker, 0.0)), len(in_a_row) if others_can else 0)
 
     def forgive(self, worker: str) -> None:
-        """A person lets the worker go on."""
+        """Clears a worker's failures when a user resumes it."""
         for counted in (self._made_good, self._row, self._misunderstood):
             counted.pop(worker, None)

@@ -1,7 +1,7 @@
-"""The workers: what they report, how fast they are, what work suits them.
+"""The workers: their reports, speeds and capabilities.
 
-workers.py        the workers that report themselves
-reports.py        checks what workers report of themselves
-speeds.py         how fast they were during the last hour
-needs.py          what a job requires of its workers
+workers.py        the connected workers
+reports.py        validates the workers' reports
+speeds.py         speeds during the last hour
+needs.py          requirements of jobs on their workers
 """

@@ -1,7 +1,7 @@
-"""What a job requires of its workers: tags that they have, and memory that they offer.
+"""Requirements of a job on its workers: tags and a minimum of memory.
 
-Batches of such a job wait in a queue of their own, and the service tells each worker that fulfils all requirements to take from
-it (worker/protocol/terms.py). A worker gets none until it has confirmed that it does.
+Batches of such a job use a queue of their own, and the service instructs each worker that meets all requirements to serve that
+queue (worker/protocol/terms.py). A worker gets no such batch until it has confirmed that it serves the queue.
 """
 
 from __future__ import annotations
@@ -22,14 +22,17 @@ MEMORY = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
 
 @dataclass(frozen=True)
 class Needs:
-    """tags: each, in order. memory_gb: at least; 0: any."""
+    """Requirements of a job. tags: all are required; sorted. memory_gb: minimum memory in GB; 0: no minimum."""
 
     tags: tuple[str, ...]
     memory_gb: float = 0.0
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Needs | None:
-        """Tags, and one memory_gb=32; None where nothing is needed. Raises ValueError with a sentence."""
+        """Parses tags and entries such as memory_gb=32; None if there is no requirement.
+
+        Raises ValueError with a message if a text is neither, or if there are too many tags.
+        """
         tags, memory = set(), 0.0
         for text in texts:
             if found := MEMORY.fullmatch(text):
@@ -44,33 +47,36 @@ class Needs:
 
     @classmethod
     def of(cls, row: Mapping[str, Any] | None) -> Needs | None:
-        """What `to_json` wrote."""
+        """Reads what `to_json` wrote; None for an empty value."""
         return cls(tuple(map(str, row.get("tags", ()))), float(row.get("memory_gb", 0.0))) if row else None
 
     def to_json(self) -> dict[str, Any]:
-        """For the job's row."""
+        """Returns the JSON object stored in the job's row."""
         return {"tags": list(self.tags), "memory_gb": self.memory_gb}
 
     @property
     def texts(self) -> list[str]:
-        """As `parse` takes them."""
+        """The requirements in the format that `parse` reads."""
         return [*self.tags, *([f"memory_gb={self.memory_gb:g}"] if self.memory_gb else [])]
 
     @cached_property
     def text(self) -> str:
-        """The same for the same needs."""
+        """Canonical text: equal for equal requirements."""
         return ",".join(self.texts)
 
     def queue(self, kind: str) -> str:
-        """Where batches for workers of a kind wait."""
+        """Returns the name of the queue for batches with these requirements and a kind of workers."""
         return needs_queue(kind, self.text)
 
     def are_met(self, offer: Offer) -> bool:
-        """Whether a worker has all of it."""
+        """Whether a worker's offer meets all requirements."""
         return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
 
     def lacking(self, offers: Iterable[Offer | None]) -> str | None:
-        """Why none of the workers can serve it, in a sentence; None where one can. None among them: one that does not say."""
+        """Returns a sentence that says why no worker meets the requirements; None if one does.
+
+        offers: one per worker; None for a worker that sent none.
+        """
         known = [offer for offer in offers if offer is not None]
         if any(self.are_met(offer) for offer in known):
             return None

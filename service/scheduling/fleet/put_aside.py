@@ -1,4 +1,4 @@
-"""Messages of workers that could not be handled. Each is counted, and the latest are kept in a file for administrators."""
+"""Dead-letter list of workers' messages that could not be handled: all are counted, the latest kept in a file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 
 class PutAside:
-    """A bounded dead-letter list. Lives in the engine's thread; `count` may be read from any."""
+    """A bounded dead-letter list. Used only by the engine's thread, except `count`, which any thread may read."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -35,7 +35,7 @@ class PutAside:
         self.count = 0  # since the service started
 
     def add(self, where: str, why: object, content: object, error: BaseException | None = None) -> None:
-        """Put a message aside. where: the key or stream entry it was read from. error: with its trace, if it was unexpected."""
+        """Adds a message. where: its Redis key or stream entry. error: logged with its traceback if it was unexpected."""
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
         told = {"time": round(time.time(), 3), "where": where, "why": reason[:LONGEST], "message": _shown(content)}
@@ -50,7 +50,7 @@ class PutAside:
         log.warning("a message was put aside (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where))
 
     def flush(self) -> None:
-        """Write the file, if there is something new. A disk that takes nothing is no reason to stop."""
+        """Writes the file if the list has changed. A failed write is only logged."""
         if self._is_written:
             return
         self._is_written = True
@@ -61,7 +61,7 @@ class PutAside:
 
 
 def _shown(content: object) -> Any:
-    """A message cut to what a person reads: binary fields by their size."""
+    """Returns a readable, shortened form of a message; unprintable fields are cut, with their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]
         return {_text(name, 100): _text(value, LONGEST) for name, value in fields}

@@ -1,5 +1,7 @@
-"""Workers' reports, checked: what makes no sense is none. Whatever a report says is shown to people and added up with others', so
-one that lies in its numbers must not take the engine, the list of workers or anybody's page along.
+"""Validation of workers' reports; invalid ones are rejected.
+
+Reported numbers are shown to users and added up with those of other workers, so an invalid one must not break the engine, the
+list of workers or a page.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ _REPORT = TypeAdapter(WorkerReport)
 
 
 def report_of(key: bytes, value: bytes) -> WorkerReport:
-    """The report that lies under a key. Raises ValueError, or RecursionError, where it makes no sense here."""
+    """Parses the report stored under a key. Raises ValueError or RecursionError if it is invalid."""
     if len(value) > MOST_BYTES:
         raise ValueError(f"it has {len(value)} bytes")
     if b"NaN" in value or b"Infinity" in value:
@@ -50,7 +52,7 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
 
 
 def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) -> bool:
-    """Whether JSON of a worker can be shown and computed with: finite numbers, bounded texts, nested at most `deepest` times."""
+    """Whether a worker's JSON is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):

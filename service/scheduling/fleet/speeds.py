@@ -1,4 +1,4 @@
-"""How fast the workers were during the last hour: a few numbers each, in memory alone."""
+"""Speeds of the workers during the last hour, kept in memory only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FORGOTTEN_AFTER_S = 3600.0
 
 
 class Speeds:
-    """Samples a second of all a worker's slots that render, a mean over each minute; the minute that runs comes last."""
+    """Samples per second of each worker's rendering slots, averaged per minute; the current minute comes last."""
 
     def __init__(self, now: float | None = None) -> None:
         self._begun = time.monotonic() if now is None else now
@@ -25,7 +25,7 @@ class Speeds:
         self._seen: dict[str, float] = {}
 
     def note(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
-        """What the workers say now."""
+        """Adds the workers' current reports."""
         now = time.monotonic() if now is None else now
         if now - self._begun >= EVERY_S:
             self._begun = now
@@ -37,7 +37,7 @@ class Speeds:
 
     @property
     def latest(self) -> Mapping[str, tuple[float, ...]]:
-        """Of each worker, the oldest first; as many as there are minutes since it came, at most KEPT."""
+        """Speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
         return {name: (*self._past.get(name, ()), *_mean(self._running.get(name))) for name in self._seen}
 
     def _close(self, now: float) -> None:

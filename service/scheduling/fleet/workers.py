@@ -1,4 +1,4 @@
-"""Who renders: the workers' own reports, under keys that expire when nobody renews them."""
+"""The connected workers, from their reports under Redis keys that expire unless renewed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Told = TypeVar("Told")
 
 @dataclass(frozen=True)
 class Roster:
-    """One look at the workers. Never changed, so every thread may read it."""
+    """Immutable snapshot of the workers, safe to read from any thread."""
 
     reports: Mapping[str, WorkerReport] = field(default_factory=dict)
     orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
@@ -52,15 +52,15 @@ class Roster:
     sites: Mapping[str, SiteReport] = field(default_factory=dict)  # of reducers whose workers are here
 
     def ready(self) -> list[WorkerReport]:
-        """The workers that take work."""
+        """Returns the reports of the workers that accept work."""
         return [report for report in self.reports.values() if report.state == "ready" and report.name not in self.orders]
 
     def slots(self, kind: str) -> int:
-        """The slots of the ready workers of a kind."""
+        """Returns the number of slots of the ready workers of a kind."""
         return sum(report.slots for report in self.ready() if report.kind == kind)
 
     def serving(self, queue: str) -> dict[str, int]:
-        """The slots by kind of the ready workers that say that they take from a queue of needs."""
+        """Returns the slots, by kind, of the ready workers that have confirmed serving a queue of requirements."""
         found: dict[str, int] = {}
         for report in self.ready():
             if (offer := self.offers.get(report.name)) is not None and queue in offer.queues:
@@ -68,40 +68,40 @@ class Roster:
         return found
 
     def best_kind(self) -> str | None:
-        """The kind with most slots; None where no worker is ready."""
+        """Returns the kind with most slots; None if no worker is ready."""
         kinds = {report.kind for report in self.ready()}
         return max(sorted(kinds), key=self.slots, default=None)
 
     def shooting_kind(self) -> str | None:
-        """The kind of the workers that can prepare frames of shots, with most slots; None where none is ready."""
+        """Returns the kind with most slots among workers that prepare frames of shots; None if none is ready."""
         return self._kind_of([report for report in self.ready() if report.frames])
 
     def blurring_kind(self) -> str | None:
-        """The kind of the workers that can prepare frames with an open shutter, with most slots; None where none is ready.
+        """Returns the kind with most slots whose ready workers all prepare frames with an open shutter, or None.
 
-        None of which some cannot: whoever is free takes what waits for a kind.
+        All workers of the kind must support it, since any of them may take a message from the kind's queue.
         """
         ready = self.ready()
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
     def pointing_kind(self) -> str | None:
-        """The kind of the workers that make motion vectors, with most slots, as `blurring_kind`; None where none is ready."""
+        """Returns the kind with most slots of which every ready worker makes motion vectors; None if there is none."""
         ready = self.ready()
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def lighting_kind(self) -> str | None:
-        """The kind of the workers that look at uploaded environments, with most slots, as `blurring_kind`; None where none is.
+        """Returns the kind with most slots of which every ready worker makes thumbnails of environments; None if there is none.
 
-        Those that render views do: both came with one release.
+        The `views` flag of the report stands for it, since both features came with the same release.
         """
         ready = self.ready()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def blender_kind(self) -> str | None:
-        """The kind of the workers that open .blend files, with most slots; None where none is ready."""
+        """Returns the kind with most slots among workers that open .blend files; None if none is ready."""
         return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
@@ -109,19 +109,19 @@ class Roster:
         return name in self.offers and TAG in self.offers[name].tags
 
     def takes_several(self, kind: str) -> bool:
-        """Whether all workers of a kind take several batches in one message: whoever is free takes what waits for it."""
+        """Whether all workers of a kind accept several batches in one message; any of them may receive it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def takes_joint(self, kind: str) -> bool:
-        """Whether all workers of a kind add up what their slots render of a tile."""
+        """Whether all workers of a kind add up the sums that their slots render of one tile."""
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
     def denoising_kind(self) -> str | None:
-        """The kind of the workers that can denoise, with most slots; None where none is ready."""
+        """Returns the kind with most slots among workers that denoise; None if none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])
 
     def is_about_to_change(self) -> bool:
-        """Whether nobody is ready, or one of few workers starts: it takes tasks from the moment when it is seen as ready."""
+        """Whether to poll more often: no worker is ready, or one of only a few workers is starting."""
         if not self.ready():
             return True
         return len(self.reports) <= FEW and any(report.state == "starting" for report in self.reports.values())
@@ -133,15 +133,15 @@ class Roster:
         return max(sorted(slots), key=lambda kind: slots[kind], default=None)
 
     def current(self) -> list[dict[str, Any]]:
-        """What all slots do now."""
+        """Returns the current activities of all busy slots."""
         return [doing for report in self.reports.values() for doing in report.current if doing]
 
 
 class Workers:
-    """Looks at the workers, and tells them to pause. `roster` is renewed by the engine's thread; every look makes a new one."""
+    """Polls the workers and pauses them. The engine's thread replaces `roster` with a new snapshot at each poll."""
 
     def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: PutAside) -> None:
-        """put_aside: takes reports that make no sense."""
+        """Creates an empty roster. put_aside: receives invalid reports."""
         self._put_aside = put_aside
         self._redis = connection
         self._on_change = on_change
@@ -153,7 +153,7 @@ class Workers:
         self.roster = Roster()
 
     def look(self, now: bool = False) -> None:
-        """Renew the roster where it is older than a second, or in any case. Raises redis.RedisError."""
+        """Renews the roster if its poll interval has passed, or always if `now`. Raises redis.RedisError."""
         age = time.monotonic() - self._looked
         if not now and age < (LOOK_SOON_S if self.roster.is_about_to_change() else LOOK_EVERY_S):
             return
@@ -180,8 +180,10 @@ class Workers:
                 self._on_change(name)
 
     def _look_at_clock(self, keys: list[Any]) -> None:
-        """Where Redis' clock was put back, let reports expire as they were meant to: those of who is gone would stay for as much
-        longer, with all that it had in hand. Raises redis.RedisError."""
+        """Shortens the expiry of reports after Redis' clock was set back. Raises redis.RedisError.
+
+        Otherwise reports of departed workers, with the work they held, would persist for as long as the clock was set back.
+        """
         seconds, micros = self._redis.time()
         before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
         if self._ahead > before - PUT_BACK_S:
@@ -195,16 +197,16 @@ class Workers:
             all_at_once.execute()
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
-        """The reducers of the workers' sites. Raises redis.RedisError."""
+        """Returns the reports of the reducers at the workers' sites. Raises redis.RedisError."""
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
         return self._all_of(SiteReport.from_bytes, site_key, names, said)
 
     def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
-        """Tell workers what is asked of them, where they do not keep it yet. Raises redis.RedisError.
+        """Sends each worker its terms, unless it already keeps them. Raises redis.RedisError.
 
-        terms: by name. needs: of the jobs that are not over: those that a worker meets, it is to serve.
+        terms: by worker name. needs: requirements of the active jobs; a worker is assigned the queues of those that it meets.
         """
         different = {each.text: each for each in needs}
         for name, offer in self.roster.offers.items():
@@ -215,7 +217,7 @@ class Workers:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
     def are_late(self) -> bool:
-        """Whether a worker has not reported itself for so long that nobody knows what it has in hand. Raises redis.RedisError."""
+        """Whether a worker's report is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
                 all_at_once.pttl(worker_key(name))
@@ -223,7 +225,7 @@ class Workers:
         return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
 
     def away(self) -> set[str]:
-        """The workers that do not report themselves any more, and yet live. Raises redis.RedisError."""
+        """Returns the workers that stopped reporting but are still connected to Redis. Raises redis.RedisError."""
         now = time.monotonic()
         lately = {name for name, since in self._vanished.items() if now - since < AWAY_S}
         living = connected(self._redis, lately) if lately else set()
@@ -231,11 +233,11 @@ class Workers:
         return living
 
     def pause(self, name: str, why: str) -> None:
-        """Let a worker take no more tasks, until `resume`; from any thread. Raises redis.RedisError."""
+        """Pauses a worker until `resume`. Safe to call from any thread. Raises redis.RedisError."""
         self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
 
     def all_orders(self) -> dict[str, str]:
-        """Why workers are paused, by name, connected or not. Raises redis.RedisError."""
+        """Returns the reason of each paused worker, by name, connected or not. Raises redis.RedisError."""
         keys = list(self._redis.scan_iter(order_key("*"), count=1000))
         values: Any = self._redis.mget(keys) if keys else []
         prefix = len(order_key(""))
@@ -243,12 +245,13 @@ class Workers:
         return {name: why.decode(errors="replace") for name, why in found if why is not None}
 
     def resume(self, name: str) -> None:
-        """Let a worker take tasks again; from any thread. Raises redis.RedisError."""
+        """Resumes a worker. Safe to call from any thread. Raises redis.RedisError."""
         self._redis.delete(order_key(name))
 
     def log(self, name: str) -> list[str] | None:
-        """The last lines of a worker's log; None where it does not tell them in time. Takes seconds; from any thread but the
-        engine's. Raises redis.RedisError.
+        """Returns the last lines of a worker's log; None if the worker does not send them in time.
+
+        Blocks for seconds; call it from any thread but the engine's. Raises redis.RedisError.
         """
         self._redis.set(log_wanted_key(name), b"1", ex=LOG_TTL_S)
         deadline = time.monotonic() + LOG_PATIENCE_S
@@ -263,7 +266,7 @@ class Workers:
     def _all_of(
         self, read: Callable[[bytes], Told], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
     ) -> dict[str, Told]:
-        """What lies under the keys of these names, but for what makes no sense."""
+        """Parses the values of these workers' keys; invalid and missing ones are left out."""
         found = {}
         for name, value in zip(names, values, strict=True):
             if value is not None and (told := self._read(read, key_of(name).encode(), value)) is not None:
@@ -271,11 +274,11 @@ class Workers:
         return found
 
     def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
-        """A report; None where it makes no sense here: it may be of a worker of another release."""
+        """Parses a report; None if it is invalid, as it may be from a worker of another release."""
         return self._read(lambda value: report_of(key, value), key, value)
 
     def _read(self, read: Callable[[bytes], Told], key: bytes, value: bytes) -> Told | None:
-        """What a worker has written under a key. Whatever reading it raises, the others' are read."""
+        """Parses the value of a worker's key; None if that raises. Invalid values are put aside once."""
         try:
             told = read(value)
         except Exception as error:

@@ -1,5 +1,5 @@
-"""When jobs will be ready.
+"""Expected completion times of jobs.
 
-forecast.py       when a job is expected to finish
-deadlines.py      whether that is in time
+forecast.py       the expected completion time of a job
+deadlines.py      whether a job is late
 """

@@ -1,9 +1,9 @@
-"""Whether jobs are expected to be ready by their deadlines.
+"""Whether jobs are expected to finish by their deadlines.
 
-A job's forecast (forecast.py) covers what it still lacks, what a sample costs, and the jobs that are served before it.
+A job's forecast (forecast.py) takes into account its remaining work, its cost per sample, and the jobs served before it.
 
-A job is late once the forecast has said so for some seconds, or its deadline has passed; it is no longer late once the forecast
-has said so for as long. A late job goes before the others of its priority and share (shares.py).
+A job becomes late once its forecast has exceeded the deadline for some seconds, or when the deadline has passed. It stops being
+late once the forecast has met the deadline for as long. A late job is served before others of its priority and share (shares.py).
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ Run = Callable[[str, Callable[[], object]], bool]
 
 
 class Recorded(Protocol):
-    """What is needed of the database: service/scheduling/records.py."""
+    """The database operations required here; implemented by service/scheduling/records.py."""
 
     def late(self, id: str, since: float | None) -> bool:
-        """Write down since when a job is late; None: it is not."""
+        """Stores since when a job is late; None: it is not late."""
 
     def overdue(self, now: float) -> list[str]:
-        """The jobs whose deadline has passed and that are not known to be late."""
+        """Returns the jobs whose deadline has passed and that are not yet stored as late."""
 
 
 class Deadlines:
-    """Lives in the engine's thread."""
+    """Tracks which jobs are late. Used only by the engine's thread."""
 
     def __init__(
         self, records: Recorded, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[str, str], None]
     ) -> None:
-        """run: takes a step of a job that needs the database; False where that has to wait."""
+        """Creates the tracker. run: runs a step that needs the database; False if the step has to wait."""
         self._records = records
         self._run = run
         self._tell = tell
@@ -52,7 +52,10 @@ class Deadlines:
         self._now = -math.inf
 
     def review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
-        """Once a second. forecast: of a job, at a moment. now: unix time."""
+        """Updates the expected completion of each job and whether it is late; called once a second.
+
+        forecast: returns the forecast of a job at a time. now: Unix time.
+        """
         if now < self._now:  # the clock was put back
             self._since.clear()
             self._looked = self._rests_until = -math.inf
@@ -80,7 +83,7 @@ class Deadlines:
             del self._since[id]
 
     def _turned(self, job: ActiveJob, now: float) -> bool | None:
-        """Whether a job is late now, where that is news."""
+        """Returns whether a job is late now if that has changed, else None."""
         assert job.deadline is not None
         if now > job.deadline:
             return None if job.is_late else True
@@ -100,7 +103,7 @@ class Deadlines:
         self._tell("job", job.id)
 
     def _note_overdue(self, known: dict[str, ActiveJob], now: float) -> None:
-        """Those that wait, for a scene or for others, are nobody's to look at."""
+        """Marks as late the overdue jobs that are not active here, such as those waiting for a scene or for other jobs."""
         for id in self._records.overdue(now):
             if id not in known and self._records.late(id, now):
                 self._tell("job", id)

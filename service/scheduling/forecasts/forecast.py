@@ -1,14 +1,15 @@
-"""When a job is expected to be ready, from what it lacks, the jobs that come before it, and the available slots.
+"""Expected completion time of a job, from its remaining work, the jobs served before it, and the available slots.
 
-Other jobs count as they will be served (shares.py): all work of higher priorities comes first; jobs of one priority share the
-slots by the weights of their shares, and jobs within a share equally, except that late ones go first. As slots never stand idle
-while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993): when a
-share has had `d` seconds of slots, its virtual time is d / weight, and every other share has had all of its work or as much as
-its own weight gives it by then. A job has had its `w` when each other job of its share has had min(w, its own work).
+Other jobs are counted as they will be served (shares.py): all work of higher priorities comes first; jobs of one priority share
+the slots by the weights of their shares; jobs within a share get equal parts, except that late ones go first. As slots are never
+idle while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993). When a
+share has received `d` slot-seconds, its virtual time is d / weight, and every other share has by then received all of its work or
+as much as its own weight allows. When a job has received its work `w`, each other job of its share has received min(w, its own
+work).
 
-The forecast is pessimistic: slots left over by the limits of others are not counted. It does not know about machines that come
-and go, about future jobs or those waiting for others, nor about jobs whose cost per sample is unknown: while there is one of
-these, the forecast is at least what the current speed says.
+The forecast is pessimistic: slots left over by the limits of other jobs are not counted. It ignores machines that connect and
+disconnect, future jobs, jobs that wait for others, and jobs of unknown cost per sample; while there is one of the latter, the
+forecast is at least what the current speed implies.
 """
 
 from __future__ import annotations
@@ -34,47 +35,51 @@ NO_COST = "Nobody knows yet how long a sample of it takes."
 
 @dataclass(frozen=True)
 class Forecast:
-    """at: in unix time; None: there is none, and why, as a sentence."""
+    """Forecast of a job. at: Unix time; None if there is none. why: the reason, as a sentence, if there is none."""
 
     at: float | None
     why: str | None = None
 
 
 class Lines(Protocol):
-    """What is needed of service/scheduling/handing_out/line_up.py."""
+    """The operations required of service/scheduling/handing_out/line_up.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
-        """The kind of the workers that are to render a job."""
+        """Returns the kind of workers that renders a job."""
 
     def by_priority(self, kind: str) -> Mapping[int, list[ActiveJob]]:
-        """The jobs that workers of a kind may render."""
+        """Returns the jobs that workers of a kind may render, by priority."""
 
     def slots_for(self, job: ActiveJob) -> int:
-        """How many slots take batches of it."""
+        """Returns the number of slots that accept batches of a job."""
 
 
 @dataclass
 class _Share:
-    """Of one priority. works: seconds of a slot that its jobs are still to have, sorted; sums: of the first n of them."""
+    """The remaining work of one share's jobs at one priority.
+
+    works: remaining slot-seconds of each job that is not late, sorted. sums: their prefix sums.
+    """
 
     works: list[float] = field(default_factory=list)
     sums: list[float] = field(default_factory=lambda: [0.0])
     urgent: dict[str, tuple[float, float]] = field(default_factory=dict)  # urgency and work of those that are late, by id
 
     def close(self) -> None:
-        """All are in."""
+        """Sorts the works and computes their prefix sums; call it after the last job was added."""
         self.works.sort()
         self.sums = [0.0, *accumulate(self.works)]
 
     @property
     def total(self) -> float:
-        """Of all its jobs."""
+        """Remaining slot-seconds of all jobs of the share."""
         return self.sums[-1] + sum(work for _, work in self.urgent.values())
 
     def until(self, job: ActiveJob, work: float) -> float:
-        """What the share has had when one of its jobs has had all of its own.
+        """Returns the slot-seconds that the share has received when a job of it has received `work`.
 
-        Of a job that is late itself as of one that is not: else it would be in time for being late, and late for being in time.
+        A late job is treated like one that is not. Otherwise its precedence would make it on time, hence not late, hence late
+        again.
         """
         first = sum(done for id, (urgency, done) in self.urgent.items() if id != job.id and urgency <= job.urgency)
         later = [done for id, (urgency, done) in self.urgent.items() if id != job.id and urgency > job.urgency]
@@ -84,10 +89,10 @@ class _Share:
 
 
 class Crowd:
-    """The jobs that workers of one kind render, by what they still take."""
+    """The remaining work of all jobs that workers of one kind render."""
 
     def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
-        """slots: that there are for them."""
+        """Sums up the remaining work by priority and share. slots: available to these jobs."""
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
         self.is_known = True  # what each of them takes
@@ -110,7 +115,7 @@ class Crowd:
         self._totals = {p: sum(share.total for share in found.values()) for p, found in self._of.items()}
 
     def seconds(self, job: ActiveJob, work: float, slots: int) -> float:
-        """How long it takes so many slots until a job that is among these has had its work."""
+        """Returns the seconds until a job among these has received `work` slot-seconds, given the number of slots."""
         before = sum(total for priority, total in self._totals.items() if priority > job.priority)
         equals = self._of.get(job.priority, {})
         if (own := equals.get(job.share)) is None:
@@ -125,7 +130,7 @@ class Crowd:
 
 
 class Forecaster:
-    """Lives in the engine's thread."""
+    """Computes the forecasts of jobs. Used only by the engine's thread."""
 
     def __init__(self, lines: Lines, shares: Shares) -> None:
         self._lines = lines
@@ -133,7 +138,7 @@ class Forecaster:
         self._crowds: dict[str, tuple[float, Crowd]] = {}  # of a kind, and until when it holds
 
     def of(self, job: ActiveJob, now: float) -> Forecast:
-        """now: unix time. Of a paused job: as if it went on alone."""
+        """Returns the forecast of a job. now: Unix time. A paused job is treated as if it resumed and ran alone."""
         if job.done:
             return Forecast(now)
         slots = self._lines.slots_for(job)
@@ -164,7 +169,7 @@ class Forecaster:
 
 
 def work_s(job: ActiveJob, slots: int) -> float | None:
-    """Seconds of a slot that a job still takes of so many; None where it is not known what a sample costs."""
+    """Returns the remaining work of a job in slot-seconds, given the number of slots; None if its cost per sample is unknown."""
     cost = job.sample_s
     if cost <= 0.0:
         return None

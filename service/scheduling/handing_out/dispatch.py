@@ -1,4 +1,4 @@
-"""The service's end of the queue: sends tasks through Celery, and looks at what still waits in Redis."""
+"""Sending side of the queue: sends tasks through Celery and inspects the messages waiting in Redis."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ _AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
 
 class Dispatcher:
-    """Sends tasks. A task's id is that of its lease or message, so that what waits can be told apart and taken back."""
+    """Sends tasks. A task's id is that of its lease or message, so waiting tasks can be identified and withdrawn."""
 
     def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
-        """guard: raises FarmError where nothing may be sent."""
+        """Connects to the broker. guard: raises FarmError if nothing may be sent."""
         self._redis = connection
         self._guard = guard
         self._producer: Any = None  # while more than one message is sent at once
@@ -60,8 +60,11 @@ class Dispatcher:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """What is sent within goes on its way at its end: the broker is waited for once. Raises QueueError; then some of it may
-        have been sent, and what was not is lost, as is what waits in a broker that ends."""
+        """Context that sends all its messages together at its end, with one round trip to the broker.
+
+        Raises QueueError; some messages may then have been sent, and the others are lost, as are those waiting in a broker that
+        stops.
+        """
         try:
             with self._celery.producer_or_acquire() as producer, producer.batch():
                 self._producer = producer
@@ -74,11 +77,11 @@ class Dispatcher:
             raise QueueError(str(error)) from error
 
     def send_batch(self, batch: RenderBatch, queue: str) -> None:
-        """Hand out a batch. Raises QueueError."""
+        """Sends a batch. Raises QueueError."""
         self._send(RENDER_BATCH, {"batch": batch.to_json()}, queue, batch.batch, ("job", batch.job))
 
     def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
-        """Hand out batches to be rendered in turn, under the name of the message. Raises QueueError."""
+        """Sends batches to be rendered one after another, in one message with this id. Raises QueueError."""
         self._send(
             RENDER_BATCHES,
             {"batches": [batch.to_json() for batch in batches]},
@@ -88,41 +91,41 @@ class Dispatcher:
         )
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
-        """Hand out batches of a tile for the slots of one machine. Raises QueueError."""
+        """Sends batches of one tile, to be rendered in parallel by the slots of one machine. Raises QueueError."""
         whole = joint.whole
         self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
 
     def send_prepare(self, scene: str, queue: str, lease: str) -> None:
-        """Ask for a scene to be prepared. Raises QueueError."""
+        """Sends a request to prepare a scene. Raises QueueError."""
         self._send(PREPARE, {"scene": scene}, queue, lease, ("scene", scene))
 
     def send_frames(self, work: PrepareFrames, queue: str) -> None:
-        """Ask for frames of a shot to be prepared. Raises QueueError."""
+        """Sends a request to prepare frames of a shot. Raises QueueError."""
         self._send(PREPARE_FRAMES, {"frames": asdict(work)}, queue, work.work, ("job", work.job))
 
     def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
-        """Ask for a frame to be denoised. Raises QueueError."""
+        """Sends a request to denoise a frame. Raises QueueError."""
         self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work, ("job", work.job))
 
     def send_vectors(self, work: FrameVectors, kind: str) -> None:
-        """Ask for a frame's motion vectors. Raises QueueError."""
+        """Sends a request for a frame's motion vectors. Raises QueueError."""
         self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
 
     def send_view(self, work: ViewParts | ViewFrame, kind: str) -> None:
-        """Ask for parts of a view, or for the frames that it shows. Raises QueueError."""
+        """Sends a request for parts of a view, or for the frames that it shows. Raises QueueError."""
         name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
         self._send(name, {argument: work.to_json()}, view_queue(kind), work.message)
 
     def send_environment(self, work: ShowEnvironment, kind: str) -> None:
-        """Ask for an image that lights scenes to be looked at. Raises QueueError."""
+        """Sends a request for a thumbnail of an environment image. Raises QueueError."""
         self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
 
     def send_explain(self, work: ExplainPixel, kind: str) -> None:
-        """Ask for a pixel to be explained, before all that nobody waits for. Raises QueueError."""
+        """Sends a request to explain a pixel, ahead of all non-interactive work. Raises QueueError."""
         self._send(EXPLAIN, {"pixel": work.to_json()}, view_queue(kind), work.message)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
-        """What waits in a queue and no worker has taken yet: id -> message. Raises redis.RedisError."""
+        """Returns the messages of a queue that no worker has taken yet, by id. Raises redis.RedisError."""
         found = {}
         messages: Any = self._redis.lrange(queue, 0, -1)
         for message in messages:
@@ -133,7 +136,7 @@ class Dispatcher:
         return found
 
     def take_back(self, queue: str, messages: set[str]) -> set[str]:
-        """Remove waiting messages; returns those that were still there. Raises redis.RedisError."""
+        """Removes waiting messages and returns the ids of those removed. Raises redis.RedisError."""
         taken = set()
         for id, message in self.waiting(queue).items():
             if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
@@ -141,7 +144,7 @@ class Dispatcher:
         return taken
 
     def purge(self) -> None:
-        """Remove all that waits, of an earlier life whose leases are forgotten. Raises redis.RedisError."""
+        """Removes all waiting messages of a previous run, whose leases no longer exist. Raises redis.RedisError."""
         for pattern in (render_queue("*"), prepare_queue("*"), denoise_queue("*"), view_queue("*"), f"{HELP_QUEUES}*"):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)
@@ -158,7 +161,7 @@ class Dispatcher:
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
-        """traced: whose trace it belongs to, where it belongs to one."""
+        """Sends a task. traced: ("job" or "scene", id) of the trace that it belongs to, if any."""
         self._may_send()
         try:
             options: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Which batches the workers say they have in hand."""
+"""The batches that workers report to hold."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Held"]
 
 
 class Held:
-    """A look at the workers' reports."""
+    """The batches in one snapshot of the workers' reports."""
 
     def __init__(self, roster: Roster) -> None:
         self._by_message: dict[Any, str] = {}
@@ -31,7 +31,7 @@ class Held:
                     self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
 
     def by(self, lease: Lease, job: ActiveJob) -> str | None:
-        """The worker that has it in hand; None where none says so."""
+        """Returns the worker that reports to hold a lease; None if none does."""
         if lease.batch is None:
             return None
         tile, first, count, frame = lease.batch
@@ -41,11 +41,11 @@ class Held:
         return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
     def is_at_work(self, lease: Lease) -> bool:
-        """Whether a slot says that it renders it."""
+        """Whether a slot reports that it is rendering a lease."""
         return lease.id in self._at_work
 
     def is_at_site(self, lease: Lease) -> bool:
-        """Whether its sums lie at a site, and wait for others."""
+        """Whether a lease's sums are at a site and wait there for those of other batches."""
         return lease.id in self._at_sites
 
 

@@ -1,4 +1,4 @@
-"""What was handed out and is not back yet. A lease ends with its result, at its deadline, or when it is evidently lost."""
+"""Leases: outstanding work. A lease ends with its result, at its deadline, or when it is found to be lost."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNSEEN_ALLOWED = 3  # looks, one a second
 
 @dataclass
 class Lease:
-    """A batch of a job, or (without a range) the preparing of a scene, in somebody's hands."""
+    """A batch of a job held by a worker or its queue; without a range, the preparation of a scene."""
 
     owner: str  # the job or the scene
     kind: str
@@ -46,37 +46,42 @@ class Lease:
     is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot
 
     def __post_init__(self) -> None:
-        """Alone, unless told."""
+        """Sets the message id to the lease's own id unless one is given."""
         self.message = self.message or self.id
 
     @property
     def turn(self) -> str:
-        """What takes a slot: a message, or of a joint one each batch."""
+        """The unit that occupies one slot: the message, or each batch of a joint message."""
         return self.id if self.is_joint else self.message
 
     @property
     def takes_a_slot(self) -> bool:
-        """Whether it counts among what is out: not once it is rendered, as far as is known, and not while who has it is away."""
+        """Whether a batch occupies a slot: it is not answered, not known to be rendered, and its holder is not away."""
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     @property
     def is_overdue(self) -> bool:
-        """Whether to wait no longer, since it was taken from its queue. What a worker says it works on gets more time: a tile may
-        be slower than was guessed."""
+        """Whether the patience has expired, counted from when the lease was last seen in its queue.
+
+        A lease that a worker reports to hold gets `HELD_FACTOR` times the patience, since a tile may be slower than estimated.
+        """
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
         return time.monotonic() - max(self.issued, self.waited) > patience
 
     def travelled_s(self, seconds: float) -> float:
-        """How long its sums were on their way, as far as is known, where rendering them took so long. 0 for those that waited for
-        others on their machine, and for what came before anybody was seen with it."""
+        """Returns the transit time of the lease's sums in seconds, as far as known. seconds: their rendering time.
+
+        0 for joint batches, which wait for others on their machine, and for results that arrived before a holder was seen.
+        """
         return 0.0 if self.is_joint or self.held_since is None else max(time.monotonic() - self.held_since - seconds, 0.0)
 
     def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = UNSEEN_ALLOWED) -> None:
-        """Note whether it waits or is worked on at this look. end: of the results; looked up after the look. allowed: looks at
-        which it may not be.
+        """Records one look at the lease. is_seen: whether it was found in its queue or with a worker.
 
-        What is first unseen may be in the hands of a worker that has not said so yet, and be answered by the next look: the end
-        counts that the last of these looks found.
+        end: returns the current end of the result stream. allowed: number of looks in a row at which the lease may be unseen.
+
+        A lease unseen for the first time may be held by a worker that has not reported it yet, and be answered before the next
+        look. So the end found at the last of the allowed looks is the one stored.
         """
         if is_seen:
             self.unseen, self.answered_by = 0, None
@@ -87,8 +92,10 @@ class Lease:
 
 
 class Leases:
-    """All leases, by id and by owner. How many slots what is out takes is counted as it changes: it is asked for at every step,
-    and there are thousands."""
+    """All leases, by id and by owner.
+
+    The number of occupied slots is maintained incrementally, since it is read at every step and there are thousands of leases.
+    """
 
     def __init__(self) -> None:
         self._all: dict[str, Lease] = {}
@@ -105,24 +112,28 @@ class Leases:
         return len(self._all)
 
     def add(self, lease: Lease) -> None:
-        """Begin a lease."""
+        """Adds a lease."""
         self._all[lease.id] = lease
         self._of.setdefault(lease.owner, {})[lease.id] = lease
         if lease.takes_a_slot:
             self._take_up(lease)
 
     def get(self, lease: str) -> Lease | None:
-        """The lease of this id."""
+        """Returns the lease with this id; None if there is none."""
         return self._all.get(lease)
 
     def arrived(self, lease: Lease) -> None:
-        """The answer of one of these was read."""
+        """Marks a lease whose answer was read."""
         if lease.takes_a_slot:
             self._let_go(lease)
         lease.has_arrived = True
 
     def looked_at(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
-        """is_away: who has it does not report itself. Meanwhile others are given what it would have been given."""
+        """Updates the state of a lease after a look.
+
+        is_away: its holder does not report itself; the lease then occupies no slot, so others get work in its place. is_rendered:
+        its sums are complete and wait for others.
+        """
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered
         if took and not lease.takes_a_slot:
@@ -131,7 +142,7 @@ class Leases:
             self._take_up(lease)
 
     def end(self, lease: str) -> Lease | None:
-        """End a lease; None where it has ended before."""
+        """Ends a lease and returns it; None if it has already ended."""
         ended = self._all.pop(lease, None)
         if ended is not None:
             of = self._of[ended.owner]
@@ -143,24 +154,26 @@ class Leases:
         return ended
 
     def of(self, owner: str) -> list[Lease]:
-        """The leases of a job or a scene."""
+        """Returns the leases of a job or a scene."""
         return list(self._of.get(owner, {}).values())
 
     def has(self, owner: str) -> bool:
-        """Whether there is one of a job or a scene."""
+        """Whether a job or a scene has a lease."""
         return owner in self._of
 
     def held(self) -> Counter[str]:
-        """How many slots what is out of each job takes, but for that whose results were read; a copy."""
+        """Returns a copy of the number of slots occupied by each job, without leases whose answers were read."""
         return self._held.copy()
 
     def waiting_in(self, queue: str) -> int:
-        """How many slots the batches that went into a queue take, as `turns`."""
+        """Returns the number of slots occupied by the leases of one queue; counted as in `turns`."""
         return self._waiting[queue]
 
     def turns(self, kind: str) -> int:
-        """How many slots of workers of a kind all that is out takes, that whose results were not read yet included: where it
-        piles up, workers get less."""
+        """Returns the number of slots of a kind that leases occupy, including those whose results are unread.
+
+        So a backlog of unread results reduces the work handed out.
+        """
         return self._kinds[kind]
 
     def _take_up(self, lease: Lease) -> None:

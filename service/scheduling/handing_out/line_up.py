@@ -1,4 +1,4 @@
-"""Which jobs workers of a kind may render, by their priority."""
+"""The jobs that workers of a kind may render, by priority."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AHEAD_EVERY_S = 1.0
 
 
 class LineUp:
-    """Lives in the engine's thread."""
+    """Orders the jobs for the scheduler. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
         self._workers = workers
@@ -23,7 +23,7 @@ class LineUp:
         self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
 
     def kind_for(self, job: ActiveJob) -> str | None:
-        """The kind of the workers that are to render a job: that with which it began, or the one with most slots."""
+        """Returns the kind of workers that renders a job: the kind it started with, else the one with most slots."""
         roster = self._workers.roster
         if job.needs is not None and job.kind is None and job.shot is None:
             kinds = {report.kind for report in roster.ready()}
@@ -34,7 +34,7 @@ class LineUp:
         return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
 
     def slots_for(self, job: ActiveJob) -> int:
-        """How many slots take batches of a job now."""
+        """Returns the number of slots that accept batches of a job now."""
         kind = self.kind_for(job)
         if kind is None:
             return 0
@@ -42,7 +42,7 @@ class LineUp:
         return roster.slots(kind) if job.needs is None else roster.serving(job.needs.queue(kind)).get(kind, 0)
 
     def by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
-        """The jobs that workers of a kind may render."""
+        """Returns the jobs that workers of a kind may render, by priority."""
         found: dict[int, list[ActiveJob]] = {}
         best = self._workers.roster.best_kind()
         kinds: dict[str, str | None] = {}  # by needs
@@ -61,7 +61,10 @@ class LineUp:
         return found
 
     def ahead(self) -> dict[str, int]:
-        """Of every job that waits for others: how many jobs of a higher priority are rendered before it. At most a second old."""
+        """Returns, for each job that waits for others, the number of higher-priority jobs served before it.
+
+        At most a second old.
+        """
         if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
             self._ahead = time.monotonic(), self._find_ahead()
         return self._ahead[1]

@@ -1,10 +1,10 @@
-"""Which outstanding batches are lost, and which are only late.
+"""Detection of lost and late batches.
 
-A batch is lost when its worker has died, when several looks in a row found it with nobody although all answers were read, or
-when it takes far too long. An overloaded machine is none of these: its reports come late or not at all for a while, and what
-waits in a queue or in the stream waits for long. Treating that as loss would render everything again, which makes the overload
-worse. So a worker that has stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get
-work in its place, and try its batches like those of stragglers, once their slots have nothing else to do.
+A batch is lost when its worker has died, when several looks in a row found no holder although all results were read, or when it
+takes far too long. An overloaded machine is none of these: its reports are late or absent for a while, and messages wait long in
+the queue or the stream. Treating that as loss would render everything again and increase the overload. So a worker that has
+stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get work in its place, and its
+batches are duplicated like those of stragglers once other slots are idle.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ STRAGGLER_S = 3.0
 
 
 class Fate(Enum):
-    """What became of a batch. The values are for the log."""
+    """The verdict on an outstanding batch. The values are used in the log."""
 
     DEAD = "its worker is gone"
     OVERDUE = "it took too long"
@@ -36,12 +36,12 @@ class Fate(Enum):
 
     @property
     def is_to_blame(self) -> bool:
-        """Whether the batch itself may be why it was lost."""
+        """Whether the batch itself may have caused its loss."""
         return self in (Fate.DEAD, Fate.OVERDUE)
 
 
 class Missing:
-    """Lives in the engine's thread."""
+    """Finds lost and late leases. Used only by the engine's thread."""
 
     def __init__(self, leases: Leases, workers: Workers, dispatcher: Dispatcher) -> None:
         self._leases = leases
@@ -49,8 +49,11 @@ class Missing:
         self._dispatcher = dispatcher
 
     def look(self, jobs: Mapping[str, ActiveJob], results: Results, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
-        """Those that are lost, or late. One whose answer may lie among results that were not read yet is not lost. travel_s: how
-        long results are on their way: so is what goes the other way, and nobody has it meanwhile. Raises redis.RedisError."""
+        """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
+
+        A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; messages take
+        as long in the other direction, during which no worker reports them.
+        """
         allowed = UNSEEN_ALLOWED + travel_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._dispatcher.waiting(queue)}
         roster = self._workers.roster
@@ -80,8 +83,11 @@ class Missing:
                 yield lease, fate
 
     def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> Fate | None:
-        """is_gone: whether who had it does not report itself. is_late: whether somebody may have it who has not said so.
-        allowed: looks at which it may be nowhere."""
+        """Returns the verdict on a lease; None if it is neither lost nor late.
+
+        is_gone: whether its holder does not report itself. is_late: whether some worker's report is overdue, so that it may hold
+        the lease unreported. allowed: number of looks in a row at which the lease may be unseen.
+        """
         if lease.is_away:
             return None if lease.doubled else Fate.LATE
         if is_gone:

@@ -1,7 +1,9 @@
-"""How fast the engine takes in results, and what follows for handing out work: the more slots there are, the longer the
-batches; several batches of one tile in a row; and no new ones while unread results pile up.
+"""Pacing: derives the length and number of batches from the rate at which the engine takes in results.
 
-A result costs about the same however large its batch was, so a farm of many slots needs longer batches, not a faster service.
+More slots mean longer batches and several consecutive batches of one tile. No new batches are handed out while unread results
+pile up.
+
+A result costs about the same whatever the size of its batch, so a farm of many slots needs longer batches, not a faster service.
 """
 
 from __future__ import annotations
@@ -38,13 +40,16 @@ GATHER_S = 0.15
 
 
 class Pace:
-    """Lives in the engine's thread."""
+    """Measures the engine's load and derives the sizes of batches. Used only by the engine's thread."""
 
     def __init__(
         self, shortest_s: float, longest_s: float, unread_bytes: int, is_pressed: Callable[[], bool] = lambda: False
     ) -> None:
-        """shortest_s, longest_s: bounds of a batch. unread_bytes: of results, beyond which nothing more is handed out.
-        is_pressed: whether somebody waits for slots between two batches."""
+        """Creates the pacing without measurements.
+
+        shortest_s, longest_s: bounds of a batch in seconds. unread_bytes: bytes of unread results at which nothing more is handed
+        out. is_pressed: whether interactive work waits for slots between batches.
+        """
         self.is_pressed = is_pressed
         self._shortest_s = shortest_s
         self._longest_s = max(shortest_s, longest_s)
@@ -63,7 +68,7 @@ class Pace:
 
     @contextmanager
     def busy(self) -> Iterator[None]:
-        """The engine does something that comes with results."""
+        """Context that measures the engine's processor time spent on results."""
         begun = time.thread_time()
         try:
             yield
@@ -71,7 +76,10 @@ class Pace:
             self._busy_s += time.thread_time() - begun
 
     def took_in(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
-        """So many results are dealt with, which took so long. batches: of how many, where some came added up."""
+        """Records results taken in. batches: their number of batches, since some results combine several.
+
+        seconds: wall time spent.
+        """
         self._results += results
         self._batches += batches
         self._storing_s += seconds
@@ -88,22 +96,23 @@ class Pace:
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
     def travelled(self, seconds: float) -> None:
-        """A result was so long on its way, for which its slot waits: as long at least it shall render.
+        """Records the transit time of a result, during which its slot idles; a batch should render for at least that long.
 
-        Of the latest, three in four were: a kernel that was compiled first, or one slow worker, says nothing about the line."""
+        The lower quartile of the latest times is used, so a first kernel compilation or one slow worker does not count.
+        """
         self._travels.append(seconds)
 
     @property
     def travel_s(self) -> float:
-        """For how long three in four of the latest results were on their way, at least; 0 where few came."""
+        """Lower quartile of the latest transit times, in seconds; 0 if there are too few."""
         return sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
 
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
-        """How long a batch is to take where so many slots work.
+        """Returns the target duration of a batch in seconds for this number of slots.
 
-        spent_s: what its job has taken each of them so far. In a picture of many samples a few more are not seen, and half as
-        many results take half of the service's time. Not with few slots, whose results cost little and whose picture would
-        stand still meanwhile; nor while somebody looks at a scene, for whom slots are to be free soon.
+        spent_s: slot-seconds per slot that the job has used so far. Batches grow with it, since a few more samples are invisible
+        in a picture of many, and half as many results cost the service half the time. They do not grow with few slots, whose
+        results cost little and whose picture would not update meanwhile, nor while a viewer needs slots soon.
         """
         most_s = min(MOST_GROWN * self._shortest_s, slots * SEEN_EVERY_S)
         grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, most_s)
@@ -111,10 +120,13 @@ class Pace:
         return self._long_s(slots, self._grown_s)
 
     def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
-        """How many messages may be out for so many slots: what waits behind those in hand is what they take within a second, so
-        that longer batches do not make who comes later wait longer.
+        """Returns the number of messages that may be outstanding for this number of slots.
 
-        joint: sums wait on their machines for those of other slots, so some batches count as in hand whose slots are free."""
+        Messages queued beyond those in progress cover about a second of work, so longer batches do not delay later jobs.
+
+        joint: sums wait on their machines for those of other slots, so some batches count as in progress although their slots are
+        idle.
+        """
         ahead_s = AHEAD_S + (UNTOLD_S if joint and slots > SLOTS_ALONE else 0.0)
         return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._long_s(slots, self._grown_s)))
 
@@ -123,43 +135,46 @@ class Pace:
         return min(max(shortest_s, self.travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
-        """How many batches of a tile are handed out one after the other: they come back together, and are added up to one row.
+        """Returns the number of consecutive batches of one tile; they return together and are added up to one row.
 
-        joint: by the workers, before they come back."""
+        joint: whether the workers add them up before they return.
+        """
         if joint:
             return min(2 * slots // SLOTS_ALONE, MOST_JOINT) if slots > SLOTS_ALONE else 1
         return min(max(1, math.ceil(slots / SLOTS_ALONE)), MOST_OF_A_TILE)
 
     @staticmethod
     def hold_s(batch_s: float) -> float:
-        """How long a batch's sums may wait on a machine for those of the batches with which they are added up, where each is
-        expected to take so long."""
+        """Returns how long, in seconds, a batch's sums may wait on a machine for those with which they are added up.
+
+        batch_s: expected duration of each batch.
+        """
         return max(SHORTEST_HOLD_S, batch_s)
 
     @staticmethod
     def of_a_site(slots: int) -> int:
-        """How many batches of a tile follow each other to a site of so many slots, whose machines add up their sums."""
+        """Returns the number of consecutive batches of one tile sent to a site with this many slots, which adds up their sums."""
         return max(2, min(slots, MOST_OF_A_SITE))
 
     @staticmethod
     def site_hold_s(batch_s: float) -> float:
-        """How long a batch's sums may wait at a site: some of its run wait for a slot while the first are rendered."""
+        """Returns how long, in seconds, a batch's sums may wait at a site, where later batches of a run wait for a slot."""
         return SHORTEST_HOLD_S + 2 * batch_s
 
     def room(self, room: int) -> int:
-        """Of that much room, what is left while results wait unread: less and less, and none at the limit."""
+        """Scales down the room for new batches linearly with the bytes of unread results; 0 at the limit."""
         return int(room * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if room > 0 else room
 
     def unread(self, results: int, size: float) -> None:
-        """So many results of about that many bytes wait unread."""
+        """Records the number of unread results and their mean size in bytes."""
         self._unread, self._size = results, size
 
     @property
     def waiting(self) -> int:
-        """How many results waited unread at the last look."""
+        """The number of unread results at the last look."""
         return self._unread
 
     @property
     def gather_s(self) -> float:
-        """How long results are waited for before those that came are taken in together."""
+        """Seconds to wait for more results before taking them in together; 0 at low rates."""
         return GATHER_S if self.results_per_s >= GATHERED_FROM else 0.0

@@ -1,5 +1,4 @@
-"""Hands out batches: a short window ahead of the workers, by priority and in fair shares, and again where they do not come
-back."""
+"""The scheduler: hands out batches by priority and fair shares, a short window ahead of the workers, and again if lost."""
 
 from __future__ import annotations
 
@@ -49,14 +48,14 @@ Start = Callable[[ActiveJob, str], bool]
 
 @dataclass
 class Pool:
-    """Of the workers that serve a queue: their slots, and how many messages more they may have."""
+    """Capacity of the workers that serve a queue: slots, and the number of further messages that they may get."""
 
     slots: int
     room: int
 
 
 class Scheduler:
-    """Decides what is rendered next. Lives in the engine's thread."""
+    """Decides what is rendered next. Used only by the engine's thread."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
@@ -82,9 +81,9 @@ class Scheduler:
         self.doubled = 0  # of stragglers, that a second worker tries too
 
     def fill(self, start: Start) -> None:
-        """Hand out batches until every kind's window is full. Raises QueueError.
+        """Hands out batches until the window of every kind of workers is full. Raises QueueError.
 
-        start(job, kind): a job begins on workers of a kind; False where it is not ready to.
+        start(job, kind): starts a job on workers of a kind; False if the job is not ready.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
@@ -109,7 +108,10 @@ class Scheduler:
                 raise
 
     def _take_as_not_sent(self) -> None:
-        """What was to be sent at once may not have been: it is handed out again. Its film takes each once, if it was."""
+        """Ends the leases of a failed send, so that their batches are handed out again.
+
+        Some may have been sent after all; the film accepts each batch only once.
+        """
         for lease in self._sent:
             job = self.jobs.get(lease.owner)
             if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
@@ -117,7 +119,10 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
-        """Hand out work for up to `room` slots to jobs of one priority; returns for how many. pools: of queues of needs."""
+        """Hands out work for up to `room` slots to jobs of one priority; returns the number of slots taken.
+
+        pools: capacities of the queues with requirements, filled on demand.
+        """
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
             if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
@@ -141,7 +146,7 @@ class Scheduler:
         return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.takes_joint(kind))
 
     def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
-        """The workers that serve a queue of needs."""
+        """Returns the capacity of the workers that serve a queue with requirements, computed once per call of `fill`."""
         if queue not in known:
             slots = self._workers.roster.serving(queue).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
@@ -149,8 +154,7 @@ class Scheduler:
         return known[queue]
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
-        """Hand out the next batch of a job, or some of them, for at most so many slots, if it has any for workers of this kind.
-        Raises QueueError."""
+        """Hands out the next batches of a job for at most `most` slots, if it has any for this kind. Raises QueueError."""
         if not start(job, kind):
             return
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
@@ -173,13 +177,13 @@ class Scheduler:
             raise
 
     def _place_for(self, job: ActiveJob) -> Place | None:
-        """The site with most room; None where there is none, or each worker's sums are to stay apart."""
+        """Returns the site with most room; None if there is none, or if each worker's sums must stay separate."""
         if job.needs is not None or job.verify:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
     def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
-        """Hand out batches in one message. Raises QueueError; then none of them is."""
+        """Sends batches in one message. Raises QueueError; then none is handed out."""
         batches, leases = handful.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
@@ -205,13 +209,16 @@ class Scheduler:
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
-        """The sums of a batch were read, and are stored as soon as its film takes them: until then it is not lost."""
+        """Marks a batch whose sums were read.
+
+        They are stored once the film accepts them, and the lease is not lost until then.
+        """
         known = self.leases.get(lease)
         if known is not None and known.owner == owner:
             self.leases.arrived(known)
 
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
-        """A batch's sums were taken by the film, or dropped by it as known; or (None) the job does not want them."""
+        """Ends the lease of a batch that the film took or dropped as a duplicate. batch: None if the job does not want it."""
         ended = self._end(job, lease)
         if ended is not None:  # whatever it says: it was not longer at it than it had it
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
@@ -243,9 +250,10 @@ class Scheduler:
         trace: str = "",
         is_suspect: bool = True,
     ) -> Trouble | None:
-        """A worker could not render a batch. It is handed out again, or what stops the job is returned.
+        """Handles a batch that a worker failed to render.
 
-        is_suspect: whether it counts against the worker."""
+        It is handed out again, or the trouble that stops the job is returned. is_suspect: whether it counts against the worker.
+        """
         ended = self._end(job, lease)
         if ended is None:
             return None  # handed out again meanwhile, or of an earlier life of the service
@@ -268,7 +276,7 @@ class Scheduler:
         return None
 
     def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
-        """A worker could not render a batch by its own trouble: it is handed out again, and the job is not to blame."""
+        """Hands out again a batch that a worker returned because of its own trouble; the job is not at fault."""
         ended = self._end(job, lease)
         if ended is None:
             return
@@ -284,7 +292,7 @@ class Scheduler:
             job.rests_until = time.monotonic() + REST_S
 
     def _end(self, job: ActiveJob, lease: str) -> Lease | None:
-        """End a lease of a job; None where it has ended before, or is another's."""
+        """Ends a lease of a job and returns it; None if it has already ended or belongs to another job."""
         known = self.leases.get(lease)
         return self.leases.end(lease) if known is not None and known.owner == job.id else None
 
