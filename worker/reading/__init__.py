@@ -1,7 +1,7 @@
 """Jobs of the confined process (renderer/confine/) that reads untrusted files for a worker's slots.
 
 They access neither the service nor Redis. Paths arrive as bytes, and output goes to the given folder. The slot's side of each is
-the module of the same name in worker/work/.
+the module of the same name in the package worker.work.
 
 kernels.py        kernels that the launcher loads, so that readers share them
 placed.py         compiled scenes that the slot has linked into the room
