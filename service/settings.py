@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import ipaddress
 import os
 import re
@@ -268,6 +269,10 @@ class Settings(BaseSettings):
             if not path.exists():
                 write_once(path, f"{new_secret()}\n".encode())
             self.webhook_secret = path.read_text().strip()
+
+    def login_key(self) -> bytes:
+        """The key, of 32 bytes, that encrypts cookies of unfinished OpenID logins; the same for all services of the folder."""
+        return hashlib.sha256(_kept(self.data / "login-key").encode()).digest()
 
     def instance(self) -> str:
         """The random id by which a worker recognises that it sees this very data folder."""

@@ -33,7 +33,7 @@ __all__ = ["look_at_folder"]
 
 LITTLE_ROOM = 5 << 30
 NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
-SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "farm.json", "redis.conf", "rayfarm.sqlite")
+SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "login-key", "farm.json", "redis.conf", "rayfarm.sqlite")
 NAMED = 3  # examples listed of many faults
 
 Progress = Callable[[int, int], None]

@@ -1,19 +1,22 @@
 """Logging in through an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC
 7636).
 
+The service stores nothing about unfinished logins. State, nonce, PKCE verifier and redirect address are in a browser's cookie,
+encrypted and authenticated with a key of the data folder (JWE, RFC 7516): anonymous requests cannot displace a login, and a login
+survives a restart of the service.
+
 A user is identified by issuer and subject alone: a name that somebody else has is never given away, whatever the provider says.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import secrets
 import ssl
-import threading
 import time
 import warnings
-from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any, Literal
@@ -23,19 +26,19 @@ import httpx
 from sqlalchemy import select
 
 from service.access.roles import Role
-from service.access.secrets import fingerprint, is_same
+from service.access.secrets import is_same
 from service.access.users import NAME, TAKEN
 from service.errors import CannotStart
 from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import User
 
-__all__ = ["Begun", "LetIn", "Oidc", "Refused", "Why", "oidc_of"]
+__all__ = ["WAIT_S", "Begun", "LetIn", "Oidc", "Refused", "Why", "oidc_of"]
 
 Why = Literal["cancelled", "late", "provider", "role", "name"]
 
-WAIT_S = 600.0  # for somebody to log in at the provider
-MOST_WAITING = 10_000
+WAIT_S = 600  # for the login at the provider
+ENCRYPTION = {"alg": "dir", "enc": "A256GCM"}
 KNOWN_S = 3600.0  # the provider's own description
 LEEWAY_S = 60
 TIMEOUT_S = 10.0
@@ -53,10 +56,11 @@ class Refused(Exception):  # noqa: N818 - named as what it says
 
 @dataclass(frozen=True)
 class Begun:
-    """A login that was sent to the provider. browser: what the browser shows when it comes back."""
+    """A login that continues at the provider. sealed: for a cookie that the browser sends when it returns."""
 
     url: str
-    browser: str
+    state: str
+    sealed: str
 
 
 @dataclass(frozen=True)
@@ -68,12 +72,14 @@ class LetIn:
 
 
 @dataclass(frozen=True)
-class _Waiting:
-    browser: str  # its fingerprint
+class _Pending:
+    """A login under way, as the cookie holds it."""
+
+    state: str
     nonce: str
     verifier: str
     redirect: str
-    until: float
+    expires: int  # Unix time
 
 
 @cache
@@ -99,13 +105,15 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
             import_module("joserfc.jwt")
     except ImportError:
         raise CannotStart("RAYFARM_OIDC_DISCOVERY needs Authlib. Install it: pip install 'rayfarm[oidc]'.") from None
-    return Oidc(settings, settings.oidc_secret, sessions)
+    return Oidc(settings, settings.oidc_secret, settings.login_key(), sessions)
 
 
 class Oidc:
     """One provider. Its description and keys are asked for when somebody logs in, and kept for a while."""
 
-    def __init__(self, settings: Settings, secret: str, sessions: Sessions) -> None:
+    def __init__(self, settings: Settings, secret: str, login_key: bytes, sessions: Sessions) -> None:
+        from joserfc.jwk import OctKey
+
         self.name = settings.oidc_name or urlsplit(settings.oidc_discovery).hostname or "OpenID"
         self._discovery = settings.oidc_discovery
         self._client = settings.oidc_client, secret
@@ -116,40 +124,49 @@ class Oidc:
         self._usual = Role.of(settings.oidc_role)
         self._logs_out = settings.oidc_logout
         self._sessions = sessions
-        self._lock = threading.Lock()
-        self._waiting: OrderedDict[str, _Waiting] = OrderedDict()
+        self._key = OctKey.import_key(login_key)
         self._known: tuple[float, dict[str, Any], Any] | None = None
 
     def begin(self, redirect: str) -> Begun:
-        """Where to send a browser. redirect: where the provider sends it back to. Raises Refused."""
+        """Begins a login. redirect: the address to which the provider sends the browser back. Raises Refused."""
         about, _ = self._provider()
-        state, nonce, verifier, browser = (secrets.token_urlsafe(48) for _ in range(4))
+        state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
         with self._speaking(redirect) as client:
             url, _ = client.create_authorization_url(
                 about["authorization_endpoint"], state=state, nonce=nonce, code_verifier=verifier
             )
-        now = time.monotonic()
-        with self._lock:
-            self._waiting[state] = _Waiting(fingerprint(browser), nonce, verifier, redirect, now + WAIT_S)
-            while len(self._waiting) > MOST_WAITING or next(iter(self._waiting.values())).until < now:
-                self._waiting.popitem(last=False)
-        return Begun(url, browser)
+        return Begun(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
 
-    def finish(self, state: str, code: str, error: str, browser: str) -> LetIn:
-        """Whom the provider has sent back. browser: what it shows. Raises Refused; a state is good for once."""
-        with self._lock:
-            waiting = self._waiting.pop(state, None)
-        if (
-            waiting is None
-            or waiting.until < time.monotonic()
-            or not browser
-            or not is_same(fingerprint(browser), waiting.browser)
-        ):
-            raise Refused("late", "an answer to a login that was not begun here, or too long ago")
+    def finish(self, state: str, code: str, error: str, sealed: str) -> LetIn:
+        """Finishes a login by the provider's answer. Raises Refused.
+
+        The provider accepts each code once, so an answer cannot be used twice. sealed: the cookie of `begin`; empty without one.
+        """
+        pending = self._unsealed(sealed)
+        if pending is None or not is_same(state, pending.state):
+            raise Refused("late", "the answer belongs to no login that this browser began here")
+        if pending.expires < time.time():
+            raise Refused("late", f"the login was begun more than {WAIT_S // 60} minutes ago")
         if error or not code:
             raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
-        claims, token = self._claims(code, waiting)
+        claims, token = self._claims(code, pending)
         return LetIn(self._user(claims), token)
+
+    def _sealed(self, pending: _Pending) -> str:
+        from joserfc import jwe
+
+        return jwe.encrypt_compact(ENCRYPTION, json.dumps(asdict(pending), separators=(",", ":")), self._key)
+
+    def _unsealed(self, sealed: str) -> _Pending | None:
+        """The login of a cookie; None if this farm did not make it."""
+        from joserfc import jwe
+        from joserfc.errors import JoseError
+
+        try:
+            decrypted = jwe.decrypt_compact(sealed, self._key, algorithms=list(ENCRYPTION.values()))
+            return _Pending(**json.loads(decrypted.plaintext or b""))
+        except (JoseError, ValueError, TypeError, RecursionError):
+            return None
 
     def way_out(self, token: str, back: str) -> str | None:
         """Where a browser ends its session at the provider too (RP-Initiated Logout 1.0); None where that cannot be.
@@ -169,22 +186,22 @@ class Oidc:
         asked |= {"id_token_hint": token} if token else {}
         return f"{end}{'&' if '?' in end else '?'}{urlencode(asked)}"
 
-    def _claims(self, code: str, waiting: _Waiting) -> tuple[dict[str, Any], str]:
+    def _claims(self, code: str, pending: _Pending) -> tuple[dict[str, Any], str]:
         from authlib.common.errors import AuthlibBaseError
         from authlib.oidc.core import CodeIDToken
         from joserfc.errors import JoseError
 
         about, _ = self._provider()
         try:
-            with self._speaking(waiting.redirect) as client:
-                token = client.fetch_token(about["token_endpoint"], code=code, code_verifier=waiting.verifier)
+            with self._speaking(pending.redirect) as client:
+                token = client.fetch_token(about["token_endpoint"], code=code, code_verifier=pending.verifier)
             shown = str(token.get("id_token") or "")
             read = self._decoded(shown)
             options = {
                 "iss": {"essential": True, "values": [about["issuer"]]},
                 "aud": {"essential": True, "value": self._client[0]},
             }
-            params = {"nonce": waiting.nonce, "client_id": self._client[0], "access_token": token.get("access_token")}
+            params = {"nonce": pending.nonce, "client_id": self._client[0], "access_token": token.get("access_token")}
             claims = CodeIDToken(read.claims, read.header, options, params)
             claims.validate(leeway=LEEWAY_S)
             found = dict(claims)

@@ -9,8 +9,9 @@ from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 
 from service.access.access import SESSION_S
-from service.access.oidc import Oidc, Refused
+from service.access.oidc import WAIT_S, Oidc, Refused
 from service.access.roles import Role
+from service.access.secrets import fingerprint
 from service.api.cookies import set_cookie
 from service.api.gate import cookie_name
 from service.api.leaving import base_url, keep_login
@@ -23,8 +24,8 @@ __all__ = ["router"]
 router = APIRouter(prefix="/api/login/openid", tags=["access"])
 log = logging.getLogger(__name__)
 
-WAIT_S = 600
 LONGEST = 2048
+MOST_PENDING = 8  # logins of one browser; their cookies, of 410 characters each, fit a proxy's 8 kB for a header
 
 
 @router.get("", status_code=302, response_class=RedirectResponse)
@@ -36,8 +37,10 @@ def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     except Refused as refusal:
         return _refused(request, refusal)
     answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
+    for name in _pending(farm, request)[: 1 - MOST_PENDING]:  # browsers send the oldest first (RFC 6265, 5.4)
+        set_cookie(request, answer, name, "", 0, same_site="lax")
     # Not SameSite=Strict: the cookie must be sent when the provider redirects back.
-    set_cookie(request, answer, _cookie(farm, request), begun.browser, WAIT_S, same_site="lax")
+    set_cookie(request, answer, _cookie(farm, request, begun.state), begun.sealed, WAIT_S, same_site="lax")
     return answer
 
 
@@ -52,9 +55,9 @@ def finish(
 ) -> RedirectResponse:
     """The browser comes back; the answer sets the session's cookie, and leads to the page."""
     access, oidc = farm.access, _oidc(farm)
-    shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
+    cookie = _cookie(farm, request, state)
     try:
-        found = oidc.finish(state, code, error, shown)
+        found = oidc.finish(state, code, error, _cookies(request).get(cookie, ""))
     except Refused as refusal:
         access.audit.add("", "login refused", kind="openid", address=visit.address, status=401)
         answer = _refused(request, refusal)
@@ -67,7 +70,7 @@ def finish(
         answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})
         set_cookie(request, answer, cookie_name(access, request.scope), secret, SESSION_S)
         keep_login(request, answer, farm, found.token)
-    set_cookie(request, answer, _cookie(farm, request), "", 0, same_site="lax")
+    set_cookie(request, answer, cookie, "", 0, same_site="lax")
     return answer
 
 
@@ -76,8 +79,22 @@ def _refused(request: Request, refusal: Refused) -> RedirectResponse:
     return RedirectResponse(f"{request.base_url.path}#/login?refused={refusal.why}", 302, {"Cache-Control": "no-store"})
 
 
-def _cookie(farm: Farm, request: Request) -> str:
-    return f"{cookie_name(farm.access, request.scope)}-openid"
+def _cookie(farm: Farm, request: Request, state: str) -> str:
+    """The name of a login's cookie: one for each login, so that several tabs can be logging in."""
+    return f"{_prefix(farm, request)}{fingerprint(state)[:16]}"
+
+
+def _pending(farm: Farm, request: Request) -> list[str]:
+    """The names of the cookies of all logins that this browser has begun and not finished."""
+    return [name for name in _cookies(request) if name.startswith(_prefix(farm, request))]
+
+
+def _prefix(farm: Farm, request: Request) -> str:
+    return f"{cookie_name(farm.access, request.scope)}-login-"
+
+
+def _cookies(request: Request) -> dict[str, str]:
+    return cookie_parser(request.headers.get("cookie", ""))
 
 
 def _oidc(farm: Farm) -> Oidc:

@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import hashlib
 import io
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,8 +17,9 @@ from urllib.parse import parse_qs, urlsplit
 import httpx
 import pytest
 
-from service.access.oidc import oidc_of
+from service.access.oidc import WAIT_S, oidc_of
 from service.access.roles import Role
+from service.api.openid import MOST_PENDING
 from service.errors import CannotStart
 from service.settings import Settings
 from tests.helpers import running_redis
@@ -68,6 +70,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
         tmp_path_factory.mktemp("openid") / "data",
         redis_server,
         host="0.0.0.0",
+        trusted_proxies="127.0.0.1",
         oidc_discovery=f"{provider.url}/.well-known/openid-configuration",
         oidc_client="rayfarm",
         oidc_secret="what the provider knows us by",
@@ -179,14 +182,80 @@ def test_a_name_that_is_somebody_elses_is_given_to_nobody(service: Service) -> N
 def test_an_answer_is_good_once_and_for_the_browser_that_asked(service: Service) -> None:
     with browser(service) as client, browser(service) as other:
         back = sent_back(client, "1")
-        assert why(other.get(back)) == "late", "somebody is led to log in as another (login CSRF)"
-        assert why(client.get(back)) == "late", "the state is used up"
+        other.get("/api/login/openid")
+        assert why(other.get(back)) == "late", "a stolen state without its cookie (login CSRF)"
+        assert client.get(back).headers["location"] == "/#/", "the other browser's attempt changes nothing"
+        assert why(client.get(back)) == "late"
         back = sent_back(client, "1")
         forged = back.replace("state=", "state=x")
         assert why(client.get(forged)) == "late"
-        back = sent_back(client, "1")
+        kept = dict(client.cookies)
         assert client.get(back).headers["location"] == "/#/"
-        assert why(client.get(back)) == "late"
+        client.cookies.update(kept)
+        assert why(client.get(back)) == "provider", "the provider accepts the code once, even if the cookie was copied"
+
+
+def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    with browser(service) as client:
+        begun = client.get("/api/login/openid")
+        state = parse_qs(urlsplit(begun.headers["location"]).query)["state"][0]
+        (header,) = begun.headers.get_list("set-cookie")
+        assert all(part in header for part in ("HttpOnly", "SameSite=lax", "Path=/", "Max-Age=600")) and "Domain" not in header
+        name, _, sealed = header.partition(";")[0].partition("=")
+        assert state.encode() not in base64.urlsafe_b64decode(sealed.split(".")[3] + "=="), "it is encrypted"
+        middle = len(sealed) // 2
+        nested = base64.urlsafe_b64encode(b"[" * 20_000).decode().rstrip("=")
+        other = "B" if sealed[middle] == "A" else "A"
+        for forged in ("", "x", f"{sealed[:middle]}{other}{sealed[middle + 1 :]}", f"{nested}.{'.'.join(sealed.split('.')[1:])}"):
+            answer = httpx.get(
+                f"{service.url}/api/login/openid/answer",
+                params={"state": state, "code": "x"},
+                headers={"cookie": f"{name}={forged}"},
+                verify=False,
+            )
+            assert why(answer) == "late", forged[:60]
+        back = sent_back(client, "1")
+        with monkeypatch.context() as later:
+            later.setattr("service.access.oidc.time.time", lambda now=time.time: now() + WAIT_S + 1)
+            assert why(client.get(back)) == "late"
+
+
+def test_several_tabs_log_in_at_once_and_a_browser_keeps_a_bounded_number(service: Service) -> None:
+    with browser(service) as client:
+        first, second = sent_back(client, "1"), sent_back(client, "1")
+        for back in (first, second):
+            assert client.get(back).headers["location"] == "/#/"
+        backs = [sent_back(client, "1") for _ in range(MOST_PENDING + 2)]
+        assert sum("-login-" in name for name in client.cookies) == MOST_PENDING
+        assert [why(client.get(back)) for back in backs[:2]] == ["late", "late"]
+        assert client.get(backs[2]).headers["location"] == "/#/"
+        assert client.get(backs[-1]).headers["location"] == "/#/"
+
+
+def test_over_tls_no_other_host_can_set_the_cookie(service: Service) -> None:
+    with caller(service, **{"X-Forwarded-Proto": "https"}) as client:  # from a trusted proxy
+        (header,) = client.get("/api/login/openid").headers.get_list("set-cookie")
+    assert header.startswith("__Host-") and "Secure" in header and "Path=/" in header and "Domain" not in header
+
+
+def test_a_login_begun_before_a_restart_is_finished_after_it(service: Service) -> None:
+    with browser(service) as client:
+        back = urlsplit(sent_back(client, "1"))
+        service.restart()
+    with browser(service) as again:
+        again.cookies.update(client.cookies)
+        assert again.get(f"{service.url}{back.path}?{back.query}").headers["location"] == "/#/"
+
+
+@pytest.mark.long
+def test_anonymous_logins_displace_nobody(service: Service) -> None:
+    oidc = service.farm.access.oidc
+    assert oidc is not None
+    with browser(service) as client:
+        back = sent_back(client, "1")
+        for _ in range(20_000):
+            oidc.begin("http://127.0.0.1/api/login/openid/answer")
+        assert client.get(back).headers["location"] == "/#/"
 
 
 def test_who_turns_back_at_the_provider_is_not_let_in(service: Service) -> None:
@@ -200,8 +269,10 @@ def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
     assert oidc is not None
     with browser(service) as client:
         back = sent_back(client, "1")
-        (state,) = parse_qs(urlsplit(back).query)["state"]
-        oidc._waiting[state] = dataclasses.replace(oidc._waiting[state], nonce="another")
+        ((name, sealed),) = client.cookies.items()
+        pending = oidc._unsealed(sealed)
+        assert pending is not None
+        client.cookies.update({name: oidc._sealed(dataclasses.replace(pending, nonce="another"))})
         assert why(client.get(back)) == "provider"
     oidc._client = ("another client", oidc._client[1])
     try:
