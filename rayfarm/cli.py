@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import sys
@@ -16,6 +17,7 @@ from rayfarm.errors import EXIT_FAILED, EXIT_INTERRUPTED
 from rayfarm.help_pages import tidy
 from renderer import __version__
 from renderer.errors import RayfarmError
+from renderer.printable import LogRecord
 
 __all__ = ["COMMANDS", "main"]
 
@@ -116,6 +118,7 @@ def _asked_for() -> Iterable[str]:
 
 def main() -> None:
     """Runs a command. An error that the user can fix is one sentence on standard error and exit code 1."""
+    logging.setLogRecordFactory(LogRecord)
     try:
         command = typer.main.get_command(_program(_asked_for()))
         _refuse_what_is_no_number(command)

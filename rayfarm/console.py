@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Iterable
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -16,14 +18,32 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
+from rich.text import Text
 
-__all__ = ["PROGRAM", "Ticker", "bar", "err", "out"]
+from renderer.printable import printable
+
+__all__ = ["PROGRAM", "PlainConsole", "Ticker", "bar", "err", "out"]
 
 # The program's name as typed; set by farm.py if it started this process.
 PROGRAM = os.environ.get("RAYFARM_PROGRAM", "rayfarm")
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+
+class PlainConsole(Console):
+    """A console that prints control characters of any text as escapes; only rich's own styles and movements are sent."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Returns a string as text: printed, in a table's cell, or measured."""
+        return super().render_str(printable(text), **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yields the segments of anything that is printed; text that was not a string is made printable here."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(printable(segment.text), segment.style)
+
+
+out = PlainConsole(highlight=False)
+err = PlainConsole(stderr=True, highlight=False)
 
 
 def bar(unit: str = "") -> Progress:
@@ -46,4 +66,4 @@ class Ticker:
         now = time.monotonic()
         if not err.is_terminal and now - self.last >= self.every_s:
             self.last = now
-            print(sentence, file=sys.stderr, flush=True)
+            print(printable(sentence), file=sys.stderr, flush=True)

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable
 
 from renderer import __version__
+from renderer.printable import printable
 from service.errors import CannotStart, FarmError, NotOwner
 from service.farm import Farm
 from service.owning.candidate import Candidate
@@ -132,7 +133,7 @@ class Life:
         self._has_printed = True
         link = f"{self._settings.page_url}/#/login?code={farm.access.owner_link()}"
         said = f"Log in, once, within a day: {link}"
-        log.warning(said) if by_json() else print(said)
+        log.warning(said) if by_json() else print(printable(said))
 
     async def _go_on(self) -> None:
         try:

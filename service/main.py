@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gc
+import logging
 import signal
 import sys
 from collections.abc import AsyncIterator, Callable
@@ -17,6 +18,7 @@ from fastapi.routing import APIRoute
 from starlette.responses import RedirectResponse
 
 from renderer import __version__
+from renderer.printable import LogRecord, printable
 from service.api import problem, routes
 from service.api.client_address import ClientAddress
 from service.api.gate import Gate
@@ -43,8 +45,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     try:
         settings = settings or Settings.read()
     except CannotStart as error:
-        print(f"ERROR:    {error}", file=sys.stderr)
+        print(printable(f"ERROR:    {error}"), file=sys.stderr)
         sys.exit(REFUSES_TO_START)
+    logging.setLogRecordFactory(LogRecord)
     if by_json():
         as_json("service")
 

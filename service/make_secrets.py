@@ -12,6 +12,7 @@ import secrets
 import sys
 from pathlib import Path
 
+from renderer.printable import printable
 from renderer.variables import VariableError, value_of
 from service.store.whole import write_once, write_whole
 
@@ -39,7 +40,7 @@ def main() -> int:
     try:
         make_secrets(folder)
     except (OSError, VariableError) as error:
-        print(f"The secrets in {folder} cannot be made: {error}.", file=sys.stderr)
+        print(printable(f"The secrets in {folder} cannot be made: {error}."), file=sys.stderr)
         return 1
     return 0
 

@@ -28,6 +28,7 @@ from pathlib import Path
 from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
+from renderer.printable import printable
 from renderer.render import helpers_for
 from renderer.shipped_kernels import take_shipped
 from renderer.variables import VariableError, value_of
@@ -72,7 +73,7 @@ def main() -> int:
         if by_json():
             logging.getLogger("worker").error("%s", error)
         else:
-            print(f"rayfarm worker: {error}", file=sys.stderr)
+            print(printable(f"rayfarm worker: {error}"), file=sys.stderr)
         return EXIT_REFUSED
 
 

@@ -25,6 +25,7 @@ from renderer import aovs
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
 from renderer.frames import parse_frames
+from renderer.printable import printable
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings
 from service.watching.movie import is_movie
@@ -229,6 +230,6 @@ def _say(output: Path, settings: RenderSettings, clock: Clock, done: RenderStats
 def _write(path: Path, found: dict[str, Any]) -> None:
     text = json.dumps(found, indent=1)
     if str(path) == "-":
-        print(text)
+        print(printable(text))
     else:
         path.write_text(text + "\n")

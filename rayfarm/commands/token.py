@@ -14,6 +14,7 @@ from rayfarm import options
 from rayfarm.console import PROGRAM, err, out
 from rayfarm.login import farm_client, public_url, server_url
 from rayfarm.paged import all_of
+from renderer.printable import printable
 
 __all__ = ["register"]
 
@@ -44,7 +45,7 @@ def make(
     with farm_client(server) as farm:
         made = farm.call("POST", "/api/tokens", name=name, role=role, days=days or None)
     err.print(f"Token {made['id']} for {name!r}; it is shown this once:", markup=False)
-    print(made["secret"])
+    print(printable(made["secret"]))
     if role == "worker":
         where = public_url(server_url(server))
         err.print(f"On that machine: RAYFARM_TOKEN=... {PROGRAM} worker --join {where}", markup=False, soft_wrap=True)

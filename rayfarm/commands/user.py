@@ -15,6 +15,7 @@ from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client, link_of, public_url
 from rayfarm.paged import all_of
+from renderer.printable import printable
 
 __all__ = ["register"]
 
@@ -52,7 +53,7 @@ def add(
         else:
             code = farm.call("POST", "/api/links", user=name)["code"]
             out.print(f"{name} may log in as {role}, by this link, once, within a day:", markup=False)
-            print(link_of(public_url(farm.url), code))
+            print(printable(link_of(public_url(farm.url), code)))
 
 
 @users.command("list")
@@ -101,7 +102,7 @@ def link(
 ) -> None:
     """Print a link that logs somebody in, once, within a day."""
     with farm_client(server) as farm:
-        print(link_of(public_url(farm.url), farm.call("POST", "/api/links", user=name)["code"]))
+        print(printable(link_of(public_url(farm.url), farm.call("POST", "/api/links", user=name)["code"])))
 
 
 def _password() -> str:

@@ -8,6 +8,7 @@ import time
 
 from rayfarm.watch.live import LiveJob
 from rayfarm.watch.words import how_far, what
+from renderer.printable import one_line
 
 __all__ = ["tell"]
 
@@ -26,7 +27,7 @@ def tell(live: LiveJob, news: threading.Event) -> None:
         if state != told or now - told_at >= EVERY_S:
             told_at, told = now, state
             line = f"{what(job, live.shown)} · {how_far(job)}"
-            print("".join(c if c.isprintable() else " " for c in line), flush=True)
+            print(one_line(line), flush=True)
         if job.is_over:
             sys.stdout.flush()
             return

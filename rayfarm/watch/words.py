@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.cells import cell_len, set_cell_size
 
 from rayfarm.answers import Frame, Job
+from renderer.printable import one_line
 
 __all__ = ["cut", "how_far", "what"]
 
@@ -27,7 +28,7 @@ def how_far(job: Job, with_bar: bool = False) -> str:
 
 def what(job: Job, frame: Frame | None) -> str:
     """Returns name, size and quality: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
-    parts = [_plain(job.name or job.id)]
+    parts = [one_line(job.name or job.id)]
     if job.width and job.height:
         parts.append(f"{job.width}x{job.height}")
     if frame is not None:
@@ -38,21 +39,16 @@ def what(job: Job, frame: Frame | None) -> str:
         if frame.noise is not None:
             parts.append(f"noise {100 * frame.noise:.2g} %")
         if frame.error:
-            parts.append(_plain(frame.error))
+            parts.append(one_line(frame.error))
     return " · ".join(parts)
 
 
 def cut(text: str, columns: int) -> str:
     """Returns a line cut or padded to the number of columns."""
-    clean = _plain(text)
+    clean = one_line(text)
     if cell_len(clean) > columns > 1:
         clean = f"{set_cell_size(clean, columns - 1).rstrip()}…"
     return set_cell_size(clean, columns)
-
-
-def _plain(text: str) -> str:
-    """Returns text without control characters: names come from whoever uploaded the scene."""
-    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _bar(progress: float) -> str:

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from renderer.printable import printable
 from service.store.whole import PRIVATE
 
 __all__ = ["Audit"]
@@ -38,8 +39,8 @@ class Audit:
 
     def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
         """Write down what was done. Where it cannot be written, the service's log gets it."""
-        fields = {"at": round(time.time(), 3), "who": who[:LONGEST], "kind": kind, "from": address}
-        fields |= {"what": what[:LONGEST], "about": about[:LONGEST], "status": status}
+        fields = {"at": round(time.time(), 3), "who": printable(who[:LONGEST]), "kind": kind, "from": address}
+        fields |= {"what": what[:LONGEST], "about": printable(about[:LONGEST]), "status": status}
         line = json.dumps(fields) + "\n"
         try:
             with self._lock:

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse
 
+from renderer.printable import printable
 from service.access.access import SESSION_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Caller, Role
@@ -172,7 +173,7 @@ def _set_cookie(request: Request, response: Response, farm: Farm, secret: str, l
 
 
 def _browser(request: Request) -> str:
-    return request.headers.get("user-agent", "")[:255]
+    return printable(request.headers.get("user-agent", ""))[:255]
 
 
 def _session_out(caller: Caller | None, needs_login: bool, farm: Farm) -> SessionOut:

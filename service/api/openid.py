@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Request
 from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 
+from renderer.printable import printable
 from service.access.access import SESSION_S
 from service.access.oidc import WAIT_S, Oidc, Refused
 from service.access.roles import Role
@@ -64,7 +65,7 @@ def finish(
     else:
         user = found.user
         access.keys.forget()  # the role may have changed
-        browser = request.headers.get("user-agent", "")[:255]
+        browser = printable(request.headers.get("user-agent", ""))[:255]
         secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
         access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)
         answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})

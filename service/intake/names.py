@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 
+from renderer.printable import one_line
 from service.errors import Invalid
 
 __all__ = ["plain_note", "plain_title", "safe_name"]
 
 MAX_NAME = 1024
 MAX_PART = 255
-CONTROL = ("Cc", "Cs", "Zl", "Zp")  # control characters, halves of surrogate pairs, separators of lines and paragraphs
-TURNING = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")  # a name with these is shown as another one
 DRIVE = re.compile(r"^[A-Za-z]:")
 
 
@@ -54,4 +52,4 @@ def plain_note(text: str) -> str:
 
 
 def _has_control(text: str) -> bool:
-    return any(c in TURNING or unicodedata.category(c) in CONTROL for c in text)
+    return one_line(text) != text

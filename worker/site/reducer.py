@@ -27,6 +27,7 @@ from urllib.parse import urlsplit
 
 import redis
 
+from renderer.printable import printable
 from renderer.variables import VariableError, value_of
 from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
 from worker.exchange.link import FarmAnswer, Link
@@ -227,7 +228,7 @@ def main() -> int:
         options.token = options.token or value_of("RAYFARM_TOKEN")
         return _work(options, stop)
     except (WorkerError, VariableError) as error:
-        log.error("%s", error) if by_json() else print(f"rayfarm site: {error}", file=sys.stderr)
+        log.error("%s", error) if by_json() else print(printable(f"rayfarm site: {error}"), file=sys.stderr)
         return EXIT_REFUSED
 
 

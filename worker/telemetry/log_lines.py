@@ -18,6 +18,8 @@ from datetime import UTC, datetime
 from types import MappingProxyType, TracebackType
 from typing import Any
 
+from renderer.printable import printable
+
 __all__ = [
     "FORMATS",
     "FORMAT_VARIABLE",
@@ -93,7 +95,7 @@ class JsonLines(logging.Formatter):
             line["exception"] = _exception(*record.exc_info)
         elif record.exc_text:
             line["exception"] = {"trace": record.exc_text[-LONGEST:]}
-        return json.dumps(line, default=str, ensure_ascii=False).encode("utf-8", "replace").decode()
+        return printable(json.dumps(line, default=str, ensure_ascii=False))
 
 
 def as_json(process: str) -> JsonLines:

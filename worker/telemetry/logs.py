@@ -10,6 +10,7 @@ import sys
 
 import redis
 
+from renderer.printable import LogRecord
 from worker.telemetry.log_lines import JsonLines, as_json, by_json, level
 from worker.telemetry.log_tail import LogTail
 from worker.telemetry.overheard import Listener
@@ -21,6 +22,7 @@ TEXT = "%(asctime)s %(levelname)s %(message)s"
 
 def set_up() -> tuple[LogTail, JsonLines | None]:
     """Logs to standard error, in this process and every slot; returns the end of the log, and the JSON formatter or None."""
+    logging.setLogRecordFactory(LogRecord)
     tail = LogTail()
     tail.setFormatter(logging.Formatter(TEXT))
     lines = as_json("worker") if by_json() else None

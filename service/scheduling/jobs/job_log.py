@@ -12,6 +12,7 @@ import time
 from datetime import UTC, datetime
 from pathlib import Path
 
+from renderer.printable import one_line
 from service.scheduling.jobs.tile_log import TileLogs
 from service.store.whole import PRIVATE, PRIVATE_FOLDER, write_whole
 from worker.telemetry.log_lines import ids
@@ -69,8 +70,7 @@ class JobLog:
 
     def _add(self, text: str) -> None:
         now = datetime.fromtimestamp(time.time(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-        clean = "".join(c if c.isprintable() else " " for c in text[:LONGEST])
-        self._lines.append(f"{now} {clean}")
+        self._lines.append(f"{now} {one_line(text[:LONGEST])}")
         if len(self._lines) > MOST_LINES:
             del self._lines[: -MOST_LINES // 2]
 
