@@ -8,12 +8,14 @@ import signal
 from dataclasses import dataclass
 from typing import Any
 
-from renderer.confine.limits import callers_limit
+from renderer.confine.limits import amount, callers_limit
 from renderer.errors import MachineError, RayfarmError, SceneError
 
 __all__ = ["Bounds", "TooLargeError", "error_of", "how_it_ended", "too_slow"]
 
 log = logging.getLogger(__name__)
+
+_OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP, signal.SIGILL)  # a failed one may end so
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,12 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
     )
 
 
-def how_it_ended(status: int, bounds: Bounds) -> RayfarmError:
-    """The error for a reader that ended without a result. status: as `os.wait` gives it."""
+def how_it_ended(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
+    """The error for a reader that ended without a result. status: as `os.wait` gives it.
+
+    room: bytes that it could allocate. needed: bytes that an importer may need. A crash with less room than that is taken for a
+    failed allocation, which importers seldom check: a MachineError, so that a machine with more memory can try.
+    """
     subject = bounds.subject
     if not os.WIFSIGNALED(status):
         return SceneError(f"{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.")
@@ -87,9 +93,13 @@ def how_it_ended(status: int, bounds: Bounds) -> RayfarmError:
         return MachineError(
             f"{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out."
         )
-    if number == signal.SIGABRT and callers_limit("-v") is not None:
-        return _out_of_memory(bounds)
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
+    if number in _OF_ALLOCATION and room is not None and room < needed:
+        limit = callers_limit("-v")
+        return MachineError(
+            f"{subject} cannot be read on this machine: its importer crashed (signal {number}, {name}) "
+            f"with {amount(room)} of memory, and may need {amount(needed)}. {f'Raise {limit}.' if limit else bounds.smaller}"
+        )
     return SceneError(
         f"{subject} cannot be read: its importer crashed (signal {number}{', ' if name else ''}{name}). "
         "It may be damaged; export it anew."

@@ -8,11 +8,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["at_most", "available_memory", "callers_limit", "inherited", "limit_program", "set_limits"]
+__all__ = [
+    "amount",
+    "at_most",
+    "available_memory",
+    "callers_limit",
+    "importer_memory",
+    "inherited",
+    "limit_program",
+    "set_limits",
+]
 
 LARGEST_FILE = 16 << 30
 _CGROUPS = Path("/sys/fs/cgroup")
 _UNKNOWN = 8 << 30  # bytes taken to be available where the system does not say
+_IMPORTER, _IMPORTER_PER_BYTE = 512 << 20, 200  # whole files take up to 30 times their size
 _GRACE_S = 5  # between SIGXCPU and SIGKILL
 
 # Limits by what a shell calls them; each as (resource, unit in bytes or seconds, what it limits).
@@ -71,12 +81,19 @@ def _left(folder: Path, limit_name: str, used_name: str, cache_name: str) -> int
         return None
 
 
-def set_limits(memory: int, seconds: float) -> None:
+def importer_memory(size: int) -> int:
+    """Bytes that an importer may need for a file of `size` bytes; damaged files hold counts of gigabytes."""
+    return _IMPORTER + _IMPORTER_PER_BYTE * size
+
+
+def set_limits(memory: int, seconds: float) -> int:
     """Limits this process: `memory` bytes beyond what it has now, processor time for `seconds` on all cores, no core dumps.
 
-    No limit is raised.
+    No limit is raised. Returns how many bytes of address space it can still allocate: less than `memory` under a lower limit.
     """
-    limit_program(_address_space() + memory, int(seconds * (os.cpu_count() or 1)) + 1)
+    used = _address_space()
+    limit_program(used + memory, int(seconds * (os.cpu_count() or 1)) + 1)
+    return max(resource.getrlimit(resource.RLIMIT_AS)[0] - used, 0)
 
 
 def limit_program(memory: int, seconds: int) -> None:
@@ -131,9 +148,10 @@ def callers_limit(option: str) -> str | None:
     value = inherited(option)
     if value is None:
         return None
-    amount = f"{value} s" if option == "-t" else _bytes(value)
-    return f"its limit on {_NAMED[option][1]} (ulimit {option}) of {amount}"
+    size = f"{value} s" if option == "-t" else amount(value)
+    return f"its limit on {_NAMED[option][1]} (ulimit {option}) of {size}"
 
 
-def _bytes(value: int) -> str:
+def amount(value: int) -> str:
+    """Bytes in words: "1.5 GiB"."""
     return f"{value / 2**30:.1f} GiB" if value >= 2**29 else f"{value / 2**20:.1f} MiB"

@@ -1,7 +1,7 @@
 """A reader: the forked child that runs one job, confined, and reports over a pipe as lines of JSON.
 
 Messages:
-    started   confined; the job begins
+    started   confined; the job begins; `room`: bytes of address space that it can allocate
     answer    the result, last
     error     a sentence, last; `kind`: its exception, `machine`: this machine is at fault, `rest`: without its subject
     done      a request is answered
@@ -168,7 +168,7 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
     tempfile.tempdir = os.environ["TMPDIR"] = os.environ["HOME"] = temporary
     os.chdir(temporary)
     sys.dont_write_bytecode = True
-    set_limits(job.memory_bytes, job.seconds)
+    room = set_limits(job.memory_bytes, job.seconds)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_OUT_OF_MEMORY_SCORE)
     reads = [(path, rules.READ) for path in (*system, *map(os.fsdecode, job.reads))]
@@ -178,7 +178,7 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
     rules.drop_capabilities(keep_reading=has_files)
     if not rules.filter_calls():
         rules.leave_network()
-    link.send({"started": True})
+    link.send({"started": True, "room": room})
     link.send({"answer": job.work(link)})
 
 

@@ -6,6 +6,7 @@ A reader's messages are JSON and are treated as untrusted; what it wrote is for 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import pickle
@@ -22,7 +23,7 @@ from typing import IO, Any
 
 from renderer.confine.endings import Bounds, TooLargeError, error_of, how_it_ended, too_slow
 from renderer.confine.launcher import MOST_REQUEST
-from renderer.confine.limits import callers_limit
+from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.places import cache_home
@@ -35,6 +36,7 @@ _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom rend
 _PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX512", "TZ", "NUMBA_THREADING_LAYER")
 _PASSED_ENDINGS = ("_NUM_THREADS",)
 _MOST_MESSAGE = 256 << 20  # bytes
+_MOST_FILES = 10_000  # whose sizes are compared
 _ENDING_S = 10.0  # for which a reader that has closed its pipe may take to end
 _READY_S = 600.0  # for a launcher that compiles kernels first
 
@@ -124,6 +126,7 @@ class Reader:
         self.bounds = bounds
         self._calls = calls or {}
         self.is_over = self._is_started = False
+        self._reads, self._room = tuple(reads), bounds.memory_bytes
         job = Job(work, _encoded(reads), _encoded(writes), os.fsencode(writes[0]), bounds.memory_bytes, bounds.seconds)
         data = pickle.dumps(job)
         for attempt in (1, 2):
@@ -193,7 +196,7 @@ class Reader:
         self.close()
         if ended.get("status") == 0:
             return False
-        raise _sentence(ended, self.bounds, self._launcher)
+        raise self._sentence(ended)
 
     def _messages(self, seconds: float) -> Iterator[dict[str, Any]]:
         """Messages until the reader closes its pipe. Time that the caller takes for one does not count."""
@@ -221,8 +224,8 @@ class Reader:
                     raise SceneError(f"{self.bounds.subject} cannot be read: its reader sends what is no message.")
                 if "error" in message:
                     raise error_of(message, self.bounds)
-                if "started" in message:
-                    self._is_started = True
+                if "started" in message and not self._is_started:  # the first is sent before the job, so it can be trusted
+                    self._is_started, self._room = True, int(message["room"])
                 elif "call" in message:
                     self._answer(message)
                 else:
@@ -240,7 +243,18 @@ class Reader:
     def _ended(self) -> RayfarmError:
         ended = self._status()
         self.close()
-        return _sentence(ended, self.bounds, self._launcher)
+        return self._sentence(ended)
+
+    def _sentence(self, ended: dict[str, Any]) -> RayfarmError:
+        bounds = self.bounds
+        if "failed" in ended:
+            limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
+            more = f" It has {' and '.join(limits)}: raise it." if limits else ""
+            return MachineError(f"{bounds.subject} cannot be read on this machine: {ended['failed']}.{more}")
+        if "status" not in ended:
+            _give_up(self._launcher)
+            return _no_launcher(self._launcher, "it has ended")
+        return how_it_ended(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
         """Returns the launcher's report; empty if the launcher is gone or the reader does not end."""
@@ -283,15 +297,14 @@ def run(
         return reader.result(on_message)
 
 
-def _sentence(ended: dict[str, Any], bounds: Bounds, launcher: _Launcher) -> RayfarmError:
-    if "failed" in ended:
-        limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
-        more = f" It has {' and '.join(limits)}: raise it." if limits else ""
-        return MachineError(f"{bounds.subject} cannot be read on this machine: {ended['failed']}.{more}")
-    if "status" not in ended:
-        _give_up(launcher)
-        return _no_launcher(launcher, "it has ended")
-    return how_it_ended(int(ended["status"]), bounds)
+def _largest_file(paths: Sequence[Path]) -> int:
+    """Bytes of the largest of the files, and of the first 10,000 files in folders; 0 without any."""
+    inside = (path for folder in paths for path in (folder.rglob("*") if folder.is_dir() else [folder]))
+    largest = 0
+    for path in itertools.islice(inside, _MOST_FILES):
+        with contextlib.suppress(OSError):
+            largest = max(largest, path.stat().st_size)
+    return largest
 
 
 def _no_launcher(launcher: _Launcher, why: str) -> MachineError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import resource
 import socket
 import subprocess
 import time
@@ -44,6 +45,11 @@ def probe(link: Link) -> dict[str, Any]:
             "link": _refused(lambda: Path("out").symlink_to("/etc/passwd")),
         },
     }
+
+
+def size(link: Link) -> dict[str, Any]:
+    """Bytes of address space that a reader has."""
+    return {"size": int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()}
 
 
 def crash(link: Link) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import errno
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -66,6 +68,23 @@ ALLOWED = {
 def test_every_way_to_fail_is_a_sentence(tmp_path: Path, job: Any, kind: type[Exception], sentence: str) -> None:
     with pytest.raises(kind, match=sentence):
         run(job, [], [tmp_path], BOUNDS)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="address space is counted in /proc")
+def test_a_crash_under_a_low_limit_of_address_space_is_the_machines(tmp_path: Path) -> None:
+    """Importers seldom check whether an allocation failed."""
+
+    def limited(job: str, limit: int) -> str:
+        command = [sys.executable, "-m", "tests.renderer.confine.limited", job, str(limit), str(tmp_path)]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    (tmp_path / "a.cob").write_bytes(bytes(1 << 20))  # an importer may need 712 MiB for it
+    size = ast.literal_eval(limited("size", 0))["size"]
+    for job, number in (("crash", 11), ("abort", 6)):
+        sentence = limited(job, size + (300 << 20))
+        assert sentence.startswith(f"MachineError a.cob cannot be read on this machine: its importer crashed (signal {number}, ")
+        assert " MiB of memory, and may need 0.7 GiB. Raise its limit on address space (ulimit -v) of " in sentence
+    assert limited("crash", size + (4 << 30)).startswith("SceneError a.cob cannot be read: its importer crashed (signal 11")
 
 
 def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:

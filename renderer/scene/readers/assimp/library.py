@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.confine.limits import at_most
+from renderer.confine.limits import at_most, importer_memory
 from renderer.errors import SceneError
 from renderer.scene.polygons import triangulate
 
@@ -25,8 +25,6 @@ __all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node",
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 
-# What an importer may allocate: damaged files hold counts of gigabytes. Whole files take up to 30 times their size.
-_LEAST_MEMORY, _MEMORY_PER_BYTE = 512 << 20, 200
 _INCOMPLETE = 0x1  # of a scene's flags
 _KNOWN = (5, 6)  # major versions, whose structures are those below
 _JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
@@ -239,7 +237,7 @@ def import_file(data: bytes, name: str) -> Imported:
     try:
         for key, value in _SETTINGS.items():
             library.aiSetImportPropertyInteger(settings, key, value)
-        with at_most(_LEAST_MEMORY + _MEMORY_PER_BYTE * len(data)) as is_less_than_asked:
+        with at_most(importer_memory(len(data))) as is_less_than_asked:
             address = library.aiImportFileFromMemoryWithProperties(data, len(data), _STEPS, hint, settings)
     finally:
         library.aiDetachLogStream(ctypes.byref(log))
