@@ -1,6 +1,7 @@
 """Damaged files of all formats, each read in the bounded child as the service does it: does any end more than its child?
 
-    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--minutes M] [--jobs 2] [--keep FOLDER] [--page]
+    python3 farm.py bench mutations [--count 10000] [--seed 1] [--formats WORDS] [--in DIR ...] [--minutes M]
+                                      [--jobs 2] [--keep FOLDER] [--page]
 
 A file of one of the formats is drawn, with its textures and what else it names; one of them is damaged in a way that is drawn
 too, and the scene is read and compiled in a forked child with bounds on memory and time (tests/bounded.py). What may
@@ -42,7 +43,7 @@ from service.intake.archives import expand
 from service.store.blobs import BlobFolder
 from tests.benchmarks.mutations.reading import Came, peak_memory, read_all, reset_peak_memory
 from tests.benchmarks.mutations.seed import Seed, draw, kind_of, packed
-from tests.benchmarks.mutations.seeds import seeds
+from tests.benchmarks.mutations.seeds import from_folders, seeds
 from tests.benchmarks.mutations.tally import Tally, into_page, table
 from tests.bounded import Bounds, run_bounded
 from tests.helpers import ROOT
@@ -177,17 +178,22 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=len(os.sched_getaffinity(0)), help="children at a time")
     parser.add_argument("--nice", type=int, default=10)
     parser.add_argument("--page", action="store_true", help=f"the table into {PAGE.relative_to(ROOT)}")
+    parser.add_argument(
+        "--in", dest="folders", nargs="+", type=Path, help="damage the small scene files below these folders instead"
+    )
     options = parser.parse_args()
     os.nice(options.nice)
     if python := python_with_bpy():
         os.environ.setdefault(NAMED, str(python))
+    given = from_folders(options.folders) if options.folders else seeds()
     all_seeds = {
-        k: v for k, v in seeds().items() if v and (not options.formats or any(w.lower() in k.lower() for w in options.formats))
+        k: v for k, v in given.items() if v and (not options.formats or any(w.lower() in k.lower() for w in options.formats))
     }
     found: dict[str, Tally] = defaultdict(Tally)
     with tempfile.TemporaryDirectory(prefix="rayfarm-mutations-") as name:
         campaign = Campaign(options.seed, all_seeds, Path(name), options.jobs)
-        campaign.sound()
+        if not options.folders:  # others' files may be damaged to begin with
+            campaign.sound()
         gc.freeze()  # so that no child copies what its collector touches
         before, started = psutil.Process().memory_info().rss, time.monotonic()
         until = started + 60 * options.minutes if options.minutes else float("inf")

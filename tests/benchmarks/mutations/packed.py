@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import struct
 import subprocess
 import tempfile
 import zipfile
@@ -22,7 +23,7 @@ from tests.peers.blender import python_with_bpy
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from tests.renderer.scene.test_gltf_packed import KTX2, packed
 
-__all__ = ["blends", "packed_gltf", "pictures", "textures", "zips"]
+__all__ = ["blends", "packed_gltf", "pictures", "serialized_mesh", "textures", "zips"]
 
 SIZE = 16
 _SAVE = """
@@ -51,10 +52,15 @@ def pictures() -> dict[str, bytes]:
         ("tga", "TGA"),
         ("bmp", "BMP"),
         ("gif", "GIF"),
+        ("dds", "DDS"),
+        ("jp2", "JPEG2000"),
     ):
         out = io.BytesIO()
-        Image.fromarray(_pixels()).convert("RGBA" if form in ("PNG", "WEBP", "TGA") else "RGB").save(out, form)
+        Image.fromarray(_pixels()).convert("RGBA" if form in ("PNG", "WEBP", "TGA", "DDS") else "RGB").save(out, form)
         made[f"a.{suffix}"] = out.getvalue()
+    # A DDS of four by four blocks of BC5: a normal map of two channels.
+    header = struct.pack("<4s7I44x2I4s20xI16x", b"DDS ", 124, 0x81007, SIZE, SIZE, SIZE * SIZE, 0, 0, 32, 4, b"ATI2", 0x1000)
+    made["bc5.dds"] = header + bytes(range(256))[: SIZE * SIZE]
     light = _pixels()[..., :3].astype(np.float32) / 64
     made["a.exr"] = encode(light, "exr")
     with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as folder:
@@ -63,7 +69,9 @@ def pictures() -> dict[str, bytes]:
             ("half.exr", "half"),
             ("a.tif", "uint8"),
             ("wide.tif", "float"),
+            ("deep.tif", "uint16"),
             ("a.ppm", "uint8"),
+            ("a.pfm", "float"),
             ("a.sgi", "uint8"),
         ):
             path = Path(folder) / name
@@ -128,6 +136,17 @@ def packed_gltf() -> list[Seed]:
 
 def _apart(made: Gltf) -> Seed:
     return Seed("a.gltf", {"a.gltf": made.gltf("a.bin"), "a.bin": bytes(made.binary)}, ("a.bin",))
+
+
+def serialized_mesh() -> bytes:
+    """A triangle with normals and texture coordinates in Mitsuba's own format."""
+    places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
+    normals, uvs = np.tile(np.array([0, 0, 1], "<f4"), (3, 1)), np.ascontiguousarray(places[:, :2])
+    body = (
+        struct.pack("<I", 0x1003) + b"sheet\0" + struct.pack("<QQ", 3, 1) + places.tobytes() + normals.tobytes() + uvs.tobytes()
+    )
+    mesh = struct.pack("<HH", 0x041C, 4) + zlib.compress(body + np.array([0, 1, 2], "<u4").tobytes(), 0)
+    return mesh + struct.pack("<QI", 0, 1)
 
 
 def zips(scene: dict[str, bytes]) -> list[Seed]:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import gzip
 import io
 import tempfile
+from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 from pxr import Usd, UsdShade
 
+from renderer.formats import SCENE_SUFFIXES
 from renderer.image.encode import encode
-from tests.benchmarks.mutations.packed import blends, packed_gltf, textures, zips
+from tests.benchmarks.mutations.packed import blends, packed_gltf, serialized_mesh, textures, zips
 from tests.benchmarks.mutations.seed import Seed
 from tests.benchmarks.mutations.tail import long_tail
 from tests.peers.test_mitsuba_files import SHAPES, write_files
@@ -23,14 +26,17 @@ from tests.renderer.scene.pbrt_files import BALL, SQUARE, world
 from tests.renderer.scene.test_assimp import collada
 from tests.renderer.scene.test_threemf import RELATIONS, model, package, solid
 
-__all__ = ["seeds"]
+__all__ = ["from_folders", "seeds"]
 
+_LARGEST = 60_000  # bytes of a file that is taken from a folder
+_OF_ONE = 6  # files of one suffix
 _FBX = Path(__file__).parents[2] / "data" / "fbx" / "kit.fbx"
 _STL = (
     "solid a\n"
     + "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 1e-1\nendloop\nendfacet\n" * 4
     + "endsolid a\n"
 )
+_SERIALIZED = b'<scene version="3.0.0"><shape type="serialized"><string name="filename" value="m.serialized"/></shape></scene>'
 _YAML = """name: Toy
 settings: {width: 64, height: 32, spp: 4}
 cameras: [{name: front, eye: [0, 1.5, {keys: [[0, 6], [2, 3]]}], target: [0, 0.8, 0], fov: 35}]
@@ -92,8 +98,23 @@ def _usd(folder: Path) -> list[Seed]:
     return [*alone, Seed("looks.usda", with_looks, ("looks.mtlx",))]
 
 
+def from_folders(folders: Iterable[Path]) -> dict[str, list[Seed]]:
+    """Up to six small scene files of each suffix below folders, without the files that they name."""
+    found: dict[str, list[Path]] = defaultdict(list)
+    for path in sorted(path for folder in folders for path in folder.rglob("*")):
+        if path.suffix.lower() in SCENE_SUFFIXES and path.is_file() and 20 < path.stat().st_size < _LARGEST:
+            found[path.suffix.lower()].append(path)
+    chosen = {suffix: sorted(paths, key=lambda path: path.stat().st_size) for suffix, paths in found.items()}
+    return {
+        suffix: [
+            Seed(f"a{suffix}", {f"a{suffix}": path.read_bytes()}) for path in paths[:: max(len(paths) // _OF_ONE, 1)][:_OF_ONE]
+        ]
+        for suffix, paths in chosen.items()
+    }
+
+
 def seeds() -> dict[str, list[Seed]]:
-    """By format, the files of it."""
+    """Sound files by format."""
     png = _png()
     with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as name:
         folder = Path(name)
@@ -129,7 +150,10 @@ def seeds() -> dict[str, list[Seed]]:
         "PLY": [Seed(file, {file: taken[file]}) for file in ("body.ply", "ascii.ply")],
         "STL": [Seed("body.stl", {"body.stl": taken["body.stl"]}), Seed("a.stl", {"a.stl": _STL.encode()})],
         "OFF": [Seed("a.off", {"a.off": b"OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n"})],
-        "Mitsuba": [Seed("scene.xml", {"scene.xml": text.encode(), **peers}) for text in SHAPES.values()],
+        "Mitsuba": [
+            *[Seed("scene.xml", {"scene.xml": text.encode(), **peers}) for text in SHAPES.values()],
+            Seed("scene.xml", {"scene.xml": _SERIALIZED, "m.serialized": serialized_mesh()}, ("m.serialized",)),
+        ],
         "pbrt": [whole, Seed("scene.pbrt", packed_too)],
         "Rayfarm's own": [Seed("scene.yaml", ours)],
         "textures": textures(),
