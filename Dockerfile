@@ -57,11 +57,11 @@ RUN python3 -m compileall -q renderer && python3 -c "from renderer import jit; j
 # side by side. The caches are found again by what the kernels are compiled from, so most edits compile nothing.
 FROM kernels AS kernels-avx512
 RUN --mount=type=cache,id=rayfarm-kernels-avx512,target=/cache,mode=0700 \
-    RAYFARM_CACHE=/cache python3 -m renderer.precompile --if-avx512 /compiled
+    RAYFARM_CACHE=/cache python3 -m renderer.precompile --if-avx512 /compiled && chmod -R a+rX /compiled
 
 FROM kernels AS kernels-avx2
 RUN --mount=type=cache,id=rayfarm-kernels-avx2,target=/cache,mode=0700 \
-    RAYFARM_AVX512=false RAYFARM_CACHE=/cache python3 -m renderer.precompile /compiled
+    RAYFARM_AVX512=false RAYFARM_CACHE=/cache python3 -m renderer.precompile /compiled && chmod -R a+rX /compiled
 
 FROM base AS worker
 COPY --from=worker-packages /venv /venv
@@ -70,7 +70,7 @@ COPY --from=kernels-avx2 /compiled/kernels kernels
 COPY --from=kernels-avx512 /compiled/kernels kernels
 COPY LICENSE ./
 COPY worker worker
-RUN python3 -m compileall -q worker && chmod -R a+rX kernels
+RUN python3 -m compileall -q worker
 USER rayfarm
 # What a worker fetches and compiles. /tmp holds scenes while they are unpacked, which may be larger than memory.
 ENV RAYFARM_CACHE=/cache RAYFARM_KERNELS=/app/kernels RAYFARM_ALIVE=/tmp/worker.alive

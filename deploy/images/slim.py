@@ -1,7 +1,8 @@
 """`python3 slim.py VENV`: removes from a virtual environment what no container runs.
 
-That is packages' own tests, pip, type stubs, Open Image Denoise's devices for GPUs, programs, headers and libraries' symbols;
-copies of a library under several names become links.
+These are packages' own tests, pip, type stubs, Open Image Denoise's devices for GPUs, parts of USD, Numba and Celery that nothing
+imports, libraries that depend on what no image has (hwloc, TBB, OpenMP), programs, headers and libraries' symbols. Copies of a
+library under several names become links.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-# Patterns below site-packages.
+# Patterns below site-packages. What Celery's command line alone imports goes with it.
 UNUSED = (
     "pip",
     "pip-*.dist-info",
@@ -25,6 +26,23 @@ UNUSED = (
     "**/*.pyi",
     "**/*.a",
     "numpy/_core/include",
+    "numpy/distutils",
+    "numpy/f2py",
+    "numba/cuda",
+    "celery/bin",
+    "click_repl*",
+    "prompt_toolkit*",
+    "wcwidth*",
+    "pxr/UsdHydra",
+    "pxr/UsdLod",
+    "pxr/UsdMedia",
+    "pxr/UsdProc",
+    "pxr/UsdProfiles",
+    "pxr/UsdRender",
+    "pxr/UsdRi",
+    "pxr/UsdSemantics",
+    "pxr/UsdValidation",
+    "pxr/UsdVol",
     "OpenImageIO/bin",
     "OpenImageIO/include",
     "OpenImageIO/share",
@@ -37,18 +55,12 @@ UNUSED = (
     "pyoidn/oidn/lib/libsycl*",
     "pyoidn/oidn/lib/libumf*",
     "pyoidn/oidn/lib/libur_*",
+    "pyoidn/oidn/lib/libtbbbind*",
+    "numba/np/ufunc/omppool*.so",
+    "numba/np/ufunc/tbbpool*.so",
 )
-# Packages whose libraries lose their symbols, and what is imported of each to see that they still load. Not numpy's and Pillow's
-# own libraries: auditwheel has moved their segments, and `strip` breaks those.
-STRIPPED = {
-    "llvmlite": "llvmlite.binding",
-    "pxr": "pxr.UsdUtils",
-    "usd_core.libs": "pxr.UsdUtils",
-    "lz4": "lz4.frame",
-    "ufbx": "ufbx",
-    "DracoPy*.so": "DracoPy",
-}
-LIBRARY = 100_000  # bytes from which equal files of a folder become one
+LIBRARY = 100_000  # bytes from which equal files of a folder become one, and libraries lose their symbols
+LOAD = "import ctypes, os, sys; ctypes.CDLL(sys.argv[1], os.RTLD_NOW)"
 
 
 def remove_unused(packages: Path) -> None:
@@ -75,17 +87,30 @@ def link_copies(packages: Path) -> None:
                     break
 
 
-def strip(venv: Path, packages: Path) -> None:
-    """Removes symbols, where `strip` (binutils) is there. Raises CalledProcessError where a package does not load any more."""
+def strip(packages: Path) -> None:
+    """Removes symbols that loading does not need, where `strip` (binutils) is installed.
+
+    A library that no longer loads as it did is restored: auditwheel moves segments of some, which `strip` breaks.
+    """
     if (program := shutil.which("strip")) is None:
-        print("strip is not there: libraries keep their symbols")
+        print("strip is not installed: libraries keep their symbols")
         return
-    for pattern, module in STRIPPED.items():
-        found = [path for each in packages.glob(pattern) for path in ([each] if each.is_file() else each.rglob("*.so*"))]
-        files = [path for path in found if not path.is_symlink()]
-        if files:
-            subprocess.run([program, "--strip-unneeded", *files], check=True)
-            subprocess.run([venv / "bin" / "python3", "-c", f"import {module}"], check=True)
+    for path in sorted(packages.rglob("*.so*")):
+        if path.is_symlink() or not path.is_file() or path.stat().st_size < LIBRARY:
+            continue
+        original = path.with_name(f"{path.name}.original")
+        shutil.copy2(path, original)
+        subprocess.run([program, "--strip-unneeded", path], check=True)
+        if original.stat().st_size - path.stat().st_size < LIBRARY or _load(path) != _load(original):
+            original.replace(path)
+        else:
+            original.unlink()
+
+
+def _load(library: Path) -> str:
+    """Returns why a library does not load in Python (mostly a dependency that its package loads before it), or "" if it does."""
+    outcome = subprocess.run([sys.executable, "-c", LOAD, library], capture_output=True, check=False, text=True)
+    return "" if outcome.returncode == 0 else f"{outcome.returncode}: {outcome.stderr.replace(str(library), '').strip()}"
 
 
 def _longest(path: Path) -> tuple[int, str]:
@@ -97,14 +122,15 @@ def _size(folder: Path) -> int:
 
 
 def main(venv: str) -> None:
-    """Says what it saved."""
+    """Prints the size before and after."""
     (packages,) = Path(venv).glob("lib/python*/site-packages")
     before = _size(packages)
     remove_unused(packages)
-    for program in Path(venv).glob("bin/pip*"):
-        program.unlink()
+    for program in Path(venv).glob("bin/*"):
+        if not program.name.startswith("python"):
+            program.unlink()
     link_copies(packages)
-    strip(Path(venv), packages)
+    strip(packages)
     print(f"{packages}: {before / 1e6:.0f} MB, now {_size(packages) / 1e6:.0f} MB")
 
 

@@ -1,0 +1,78 @@
+"""What the images' packages lose: deploy/images/slim.py, on a few libraries of this installation."""
+
+from __future__ import annotations
+
+import importlib.util
+import runpy
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT
+
+LIBRARY = "_dispatcher"  # Numba's, whose symbols are most of it
+
+
+def library(package: str, pattern: str) -> Path:
+    spec = importlib.util.find_spec(package)
+    assert spec is not None and spec.origin is not None
+    return next(iter(sorted(Path(spec.origin).parent.glob(pattern))))
+
+
+@pytest.fixture
+def venv(tmp_path: Path) -> Path:
+    """A virtual environment's folders, with some of what is unused and some of what is not."""
+    packages = tmp_path / "lib" / "python3.12" / "site-packages"
+    for name in (
+        "pip/main.py",
+        "numba/__init__.py",
+        "numba/tests/test_it.py",
+        "numba/cuda/api.py",
+        "celery/bin/amqp.py",
+        "pxr/UsdVol/__init__.py",
+        "pxr/UsdGeom/__init__.py",
+        "kept/module.py",
+        "kept/module.pyi",
+    ):
+        file = packages / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("x = 1\n")
+    (tmp_path / "bin").mkdir()
+    for name in ("python3", "python3.12", "pip3", "draco_encoder"):
+        (tmp_path / "bin" / name).touch()
+    return tmp_path
+
+
+def slim(venv: Path) -> Path:
+    """Runs it; returns the folder of packages."""
+    runpy.run_path(str(ROOT / "deploy" / "images" / "slim.py"))["main"](str(venv))
+    return venv / "lib" / "python3.12" / "site-packages"
+
+
+def test_what_no_container_runs_is_removed(venv: Path) -> None:
+    packages = slim(venv)
+    left = sorted(str(path.relative_to(packages)) for path in packages.rglob("*") if path.is_file())
+    assert left == ["kept/module.py", "numba/__init__.py", "pxr/UsdGeom/__init__.py"]
+    assert sorted(path.name for path in (venv / "bin").iterdir()) == ["python3", "python3.12"]
+
+
+@pytest.mark.skipif(shutil.which("strip") is None, reason="needs strip (Debian: apt-get install binutils)")
+def test_libraries_lose_symbols_and_copies_and_load_as_before(venv: Path) -> None:
+    packages = venv / "lib" / "python3.12" / "site-packages"
+    folder = packages / "kept"
+    whole = library("numba", f"{LIBRARY}.*.so")
+    shutil.copy(whole, folder / "one.so")
+    shutil.copy(whole, folder / "one.so.1")
+    # auditwheel moved the segments of these: `strip` leaves a file that does not load.
+    moved = [path for name in ("libgfortran", "libquadmath") for path in library("numpy", "../numpy.libs").glob(f"{name}*")]
+    for path in moved:
+        shutil.copy(path, folder)
+    before = {path.name: path.stat().st_size for path in folder.glob("*.so*")}
+    slim(venv)
+    load = runpy.run_path(str(ROOT / "deploy" / "images" / "slim.py"))["_load"]
+    assert (folder / "one.so").is_symlink()
+    assert (folder / "one.so.1").stat().st_size < before["one.so.1"] - 100_000
+    assert load(folder / "one.so.1") == load(whole)
+    assert [load(folder / path.name) for path in moved] == [load(path) for path in moved]
+    assert not list(folder.glob("*.original"))
