@@ -12,6 +12,7 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.agenda import Agenda
+from service.scheduling.jobs.costs import Costs
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.looks import Looks
 from service.scheduling.jobs.plan import Range
@@ -30,7 +31,6 @@ SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
 WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
 AT_A_TIME = 2000  # frames that are looked at in one step
-LEAST_COST = 32.0  # times less than elsewhere a sample is believed to take in a tile: by a wrong time a batch grows at most so
 
 
 class ActiveJob:
@@ -97,8 +97,7 @@ class ActiveJob:
         self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
         self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
         self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
-        self._pixel_cost = 0.0  # seconds a sample of a pixel, of one slot, over the latest batches
-        self._tile_cost: dict[int, float] = {}
+        self._costs = Costs()
         self._clock = time.monotonic()
         self._rated = (self._clock, 0)
         self.unwritten: set[int] = set()  # frames that have changed since they were written down
@@ -224,14 +223,14 @@ class ActiveJob:
     @property
     def sample_s(self) -> float:
         """What a slot takes for a sample of a pixel; 0 where nobody knows."""
-        return self._pixel_cost or self.foretold_s
+        return self._costs.average or self.foretold_s
 
     @property
     def slots_wanted(self) -> int:
         """How many slots would each have at least half a minute of work with it; one where it is not known how long it takes."""
         if self.done or self.state == "paused":
             return 0
-        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost
+        left_s = max(self.target_samples - self.samples, 0) * self._costs.average
         return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
 
     def touch(self, frame: ActiveFrame) -> None:
@@ -249,19 +248,18 @@ class ActiveJob:
 
         Near the end that is at most a third of what is left for each slot, so that all slots end at about the same time.
         """
-        left_s = max(self.target_samples - self.samples, 0) * self._pixel_cost / max(slots, 1)
+        left_s = max(self.target_samples - self.samples, 0) * self._costs.average / max(slots, 1)
         return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
     def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
         """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
 
         of_a_tile: how many of one tile may follow each other."""
-        cost = self._pixel_cost
         aim = self.aim_s(batch_seconds, slots)
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
-            a_sample = self._tile_cost.get(tile, cost) * rect.w * rect.h
+            a_sample = self._costs.of(tile) * rect.w * rect.h
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
         while (frame := self.agenda.next(kind)) is not None:
@@ -287,12 +285,12 @@ class ActiveJob:
     @property
     def knows_cost(self) -> bool:
         """Whether a batch has come back, and so told how long others take."""
-        return self._pixel_cost > 0.0
+        return self._costs.average > 0.0
 
     def expected_s(self, batch: Range) -> float:
         """How long a batch is expected to take on one slot; 0 where nothing is known."""
         rect = self.film.tiles[batch.tile]
-        return self._tile_cost.get(batch.tile, self._pixel_cost) * rect.w * rect.h * batch.count
+        return self._costs.of(batch.tile) * rect.w * rect.h * batch.count
 
     def came_back(self, batch: Range, seconds: float) -> None:
         """The film has a batch, or dropped it; `settle` tells the plan."""
@@ -387,9 +385,7 @@ class ActiveJob:
 
     def _learn(self, batch: Range, seconds: float) -> None:
         rect = self.film.tiles[batch.tile]
-        cost = max(seconds / (rect.w * rect.h * batch.count), self._pixel_cost / LEAST_COST)
-        if cost > 0.0:
-            self.rendered += rect.w * rect.h * batch.count
+        samples = rect.w * rect.h * batch.count
+        if self._costs.learn(batch.tile, seconds / samples):
+            self.rendered += samples
             self.rendered_s += seconds
-            self._tile_cost[batch.tile] = cost
-            self._pixel_cost += (cost - self._pixel_cost) * (SMOOTHING if self._pixel_cost else 1.0)

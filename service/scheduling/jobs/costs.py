@@ -1,0 +1,41 @@
+"""Expected time of a sample in each tile of a job's film.
+
+A machine that gets busy slows down all tiles at once. The cost of a tile that was rendered before that is corrected by the
+change of pace since then, so batches keep their length although most tiles have not been rendered at the new pace.
+"""
+
+from __future__ import annotations
+
+__all__ = ["Costs"]
+
+SMOOTHING = 0.3
+LEAST_COST = 32.0  # a sample is taken to cost at least 1/32 of the average: a wrong time lengthens a batch at most so much
+OUTLIER = 4.0  # a ratio of measured to expected time beyond this is the batch's own, such as a first kernel compilation
+MOST_FASTER, MOST_SLOWER = 1.5, 4.0  # corrections by the pace
+
+
+class Costs:
+    """Times in seconds of one slot for one sample of one pixel."""
+
+    def __init__(self) -> None:
+        self.average = 0.0  # over the latest batches; 0 without any
+        self._pace = 1.0  # measured / expected time, multiplied over all batches
+        self._tiles: dict[int, tuple[float, float]] = {}  # tile -> its latest cost, and the pace at that time
+
+    def of(self, tile: int) -> float:
+        """Returns the expected cost in a tile; that of the average tile if none is known; 0 without any batch."""
+        if tile not in self._tiles:
+            return self.average
+        cost, pace = self._tiles[tile]
+        return cost * min(max(self._pace / pace, 1 / MOST_FASTER), MOST_SLOWER)
+
+    def learn(self, tile: int, cost: float) -> bool:
+        """Records the measured cost of a batch. Returns False if it is 0 and nothing is known yet."""
+        cost = max(cost, self.average / LEAST_COST)
+        if cost <= 0.0:
+            return False
+        if tile in self._tiles and 1 / OUTLIER < (ratio := cost / self.of(tile)) < OUTLIER:
+            self._pace *= ratio**SMOOTHING
+        self._tiles[tile] = cost, self._pace
+        self.average += (cost - self.average) * (SMOOTHING if self.average else 1.0)
+        return True

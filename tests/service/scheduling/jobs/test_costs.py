@@ -1,0 +1,55 @@
+"""Expected times of batches, from those measured."""
+
+from __future__ import annotations
+
+import pytest
+
+from service.scheduling.jobs.costs import LEAST_COST, MOST_FASTER, Costs
+
+TILES = {0: 1.0, 1: 4.0, 2: 0.5, 3: 2.0, 4: 1.0, 5: 8.0, 6: 1.5, 7: 1.0}  # seconds a sample
+
+
+def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
+    """Returns the ratio of measured to expected time of each batch, in rounds over all tiles."""
+    ratios = []
+    for _ in range(rounds):
+        for tile, cost in TILES.items():
+            ratios.append(pace * cost / (costs.of(tile) or pace * cost))
+            costs.learn(tile, pace * cost)
+    return ratios
+
+
+def test_batches_keep_their_length_on_a_machine_that_gets_busy() -> None:
+    costs = Costs()
+    rendered(costs, 1.0)
+    assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
+    ratios = rendered(costs, 3.0)  # each tile once, from here on three times as slow
+    assert ratios[0] == pytest.approx(3.0)
+    assert max(ratios[4:]) < 1.4, "most tiles were last rendered at the old pace"
+    rendered(costs, 3.0, rounds=10)
+    assert rendered(costs, 3.0) == pytest.approx([1.0] * len(TILES), rel=0.1)
+
+
+def test_a_machine_that_gets_idle_lengthens_batches_cautiously() -> None:
+    costs = Costs()
+    rendered(costs, 3.0, rounds=2)
+    ratios = rendered(costs, 1.0)
+    assert min(ratios) >= 1 / 3 - 1e-9
+    assert max(costs.of(tile) / (3.0 * cost) for tile, cost in TILES.items()) <= 1.0
+    assert all(costs.of(tile) >= cost / MOST_FASTER for tile, cost in TILES.items()), "a batch is at most so much too long"
+
+
+def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
+    costs = Costs()
+    for tile, cost in TILES.items():
+        costs.learn(tile, 5.0 * cost)
+    ratios = rendered(costs, 1.0)
+    assert all(ratio == pytest.approx(1 / 5) for ratio in ratios)
+    assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
+
+
+def test_costs_are_positive_and_bounded_below() -> None:
+    costs = Costs()
+    assert not costs.learn(0, 0.0) and costs.of(0) == 0.0
+    assert costs.learn(0, 1.0)
+    assert costs.learn(1, 0.0) and costs.of(1) == pytest.approx(1.0 / LEAST_COST)
