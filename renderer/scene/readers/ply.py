@@ -28,6 +28,7 @@ _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 _COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _LINEAR = ("color_0", "color_1", "color_2")  # as Mitsuba writes them
+_SUFFIXES, _COLORED = ("0123", "1234", "xyzw"), "_color"  # of columns that are attributes in Mitsuba
 _ALPHAS = ("alpha", "diffuse_alpha", "a")
 _SPLATS = ("f_dc_0", "f_dc_1", "f_dc_2")  # of 3D Gaussians: the constant term of spherical harmonics
 _CONSTANT = 0.28209479177387814
@@ -41,8 +42,14 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     read_data(files.read(main), files, main, description)
 
 
-def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescription, has_pictures: bool = True) -> None:
-    """The same of a file's bytes; without its pictures, all of it is one mesh. Raises SceneError."""
+def read_data(
+    data: bytes, files: SceneFiles, main: str, description: SceneDescription, has_pictures: bool = True, attribute: str = ""
+) -> None:
+    """The same of a file's bytes; without its pictures, all of it is one mesh. Raises SceneError.
+
+    attribute: name of a mesh attribute as Mitsuba has it, vertex_NAME or face_NAME, which colours the mesh in place of the file's
+    colours; without it the mesh has none.
+    """
     shelf = TextureShelf(description, files)
     found = elements(data, main, shelf.warn)
     vertex = next((each for each in found if each.name == "vertex"), None)
@@ -53,7 +60,7 @@ def read_data(data: bytes, files: SceneFiles, main: str, description: SceneDescr
     if faces is None or not len(faces.triangles):
         add_points(positions, _values_of(vertex) if _has(vertex) else _splats(vertex), np.eye(4), main, description, shelf)
         return
-    mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf)
+    mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf, attribute)
     named = textures_of(data) if has_pictures else []
     parts = list[Mesh]()
     for picture, rows in _by_picture(vertex, faces, named, main, shelf):
@@ -140,24 +147,22 @@ def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Fa
     return _Faces(lists, None, values[corners], corners, np.zeros(len(corners), np.int64))
 
 
-def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, shelf: TextureShelf) -> Mesh:
+def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, shelf: TextureShelf, attribute: str = "") -> Mesh:
     triangles = faces.triangles
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     mesh.normals = _stacked(vertex, _NORMALS)
     uvs = _stacked(vertex, _UVS)
     mesh.uvs = None if uvs is None else _upright(uvs)
-    if _has(vertex):
-        mesh.colors = _linear_of(vertex)
+    mesh.colors = _colors(vertex, "vertex", attribute, main, shelf)
+    by_face = None if mesh.colors is not None or faces.element is None else _colors(faces.element, "face", attribute, main, shelf)
+    corner_colors = None if by_face is None else np.repeat(by_face[faces.face], 3, axis=0)
     wedges = None if faces.element is None else faces.element.lists.get("texcoord")
+    corner_uvs = None
     if wedges is not None and (wedges.count == 2 * faces.lists.count).all():
         corner_uvs = _upright(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
-        return split(mesh, corner_uvs, None)
-    if wedges is not None and wedges.count.any():
+    elif wedges is not None and wedges.count.any():
         shelf.warn_of_surface(f"{main}: its faces have texture coordinates for some corners only; they are left out.")
-    if mesh.colors is None and faces.element is not None and _has(faces.element):
-        colors = _linear_of(faces.element)
-        return mesh if colors is None else split(mesh, None, np.repeat(colors[faces.face], 3, axis=0))
-    return mesh
+    return mesh if corner_uvs is None and corner_colors is None else split(mesh, corner_uvs, corner_colors)
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
@@ -184,6 +189,47 @@ def _linear_of(element: Element) -> F32 | None:
     if colors is not None and not any(all(name in element.columns for name in names) for names in _COLORS):
         colors[:, :3] = values[:, :3]
     return colors
+
+
+def _colors(element: Element, owner: str, attribute: str, main: str, shelf: TextureShelf) -> F32 | None:
+    """Returns the linear colours, (N, 4), of an element's rows; None without.
+
+    attribute: as for `read_data`; owner: the beginning of its name if it is the element's.
+    """
+    if not attribute:
+        return _linear_of(element) if _has(element) else None
+    if not attribute.startswith(f"{owner}_"):
+        return None
+    wanted = attribute.removeprefix(f"{owner}_").lower()
+    if wanted == "color" and _has(element):
+        is_float = any(column.dtype.kind == "f" for name, column in element.columns.items() if name in ("red", "r"))
+        found = _values_of(element) if is_float else _linear_of(element)  # Mitsuba takes fractions for linear ones
+        return np.ones((element.count, 4), np.float32) if found is None else found
+    channels = _channels(element, wanted)
+    if channels is None:
+        return None
+    values = np.column_stack([*(channels * 3)[:3], np.ones(element.count)]).astype(np.float32)
+    values[:, :3] /= 1.0 if channels[0].dtype.kind == "f" else np.iinfo(channels[0].dtype).max
+    odd = int((~((values >= 0) & (values <= 1)).all(axis=1)).sum())
+    if odd:
+        shelf.warn_of_surface(f"{main}: {odd} values of {attribute[:60]} are not between 0 and 1; they are cut there.")
+    return np.clip(np.nan_to_num(values), 0, 1)
+
+
+def _channels(element: Element, name: str) -> list[Array] | None:
+    """Returns the one or three columns of an attribute; None where there are none.
+
+    Source: Mitsuba's PLY reader. They have the attribute's name and a suffix; colours, whose suffixes are r, g and b, are called
+    NAME_color.
+    """
+    names = [[f"{name}_{suffix}" for suffix in suffixes] for suffixes in _SUFFIXES]
+    if name.endswith(_COLORED):
+        names.append([f"{name.removesuffix(_COLORED)}_{suffix}" for suffix in "rgba"])
+    for each in names:
+        channels = [element.columns[name] for name in each if name in element.columns]
+        if each[0] in element.columns:
+            return channels if len(channels) in (1, 3) else None
+    return None
 
 
 def _values_of(element: Element) -> F32:

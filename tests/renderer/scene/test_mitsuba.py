@@ -405,6 +405,52 @@ def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: 
     np.testing.assert_allclose(mesh.colors, np.tile([*color, 1], (3, 1)), rtol=1e-6)
 
 
+_ATTRIBUTES = {  # the columns of a PLY, by whose, and the attribute that they are in Mitsuba 3.9
+    "vertex_heat": (("vertex", "heat_0"),),
+    "vertex_warm": (("vertex", "warm_x"), ("vertex", "warm_y"), ("vertex", "warm_z")),
+    "face_label": (("face", "label_1"), ("face", "label_2"), ("face", "label_3")),
+    "face_paint_color": (("face", "paint_r"), ("face", "paint_g"), ("face", "paint_b")),
+    "face_color": (("face", "red"), ("face", "green"), ("face", "blue")),
+}
+
+
+def with_attribute(folder: Path, columns: tuple[tuple[str, str], ...], asked: str, values: tuple[float, ...]) -> SceneDescription:
+    """A triangle that has another colour of its vertices, and the columns, and asks for an attribute."""
+    told = {each: [name for owner, name in columns if owner == each] for each in ("vertex", "face")}
+    header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {name}\n" for name in "xyz")
+    header += "".join(f"property float {name}\n" for name in ("color_0", "color_1", "color_2", *told["vertex"]))
+    header += "element face 1\nproperty list uchar int vertex_indices\n"
+    header += "".join(f"property float {name}\n" for name in told["face"]) + "end_header\n"
+    own = {each: " ".join(map(str, values[: len(names)])) for each, names in told.items()}
+    rows = (
+        "".join(f"{corner} 0.9 0.8 0.7 {own['vertex']}\n" for corner in ("0 0 0", "1 0 0", "0 1 0")) + f"3 0 1 2 {own['face']}\n"
+    )
+    (folder / "m.ply").write_text(header + rows)
+    texture = f'<texture type="mesh_attribute" name="reflectance"><string name="name" value="{asked}"/></texture>'
+    bsdf = f'<bsdf type="twosided"><bsdf type="diffuse">{texture}</bsdf></bsdf>'
+    return scene_of(folder, f'<shape type="ply"><string name="filename" value="m.ply"/>{bsdf}</shape>')
+
+
+@pytest.mark.parametrize("attribute", _ATTRIBUTES)
+def test_attributes_of_a_mesh_colour_it(tmp_path: Path, attribute: str) -> None:
+    columns, values = _ATTRIBUTES[attribute], (0.25, 0.5, 0.125)
+    found = with_attribute(tmp_path, columns, attribute, values)
+    assert not [warning for warning in found.warnings if "light" not in warning]
+    expected = values if len(columns) == 3 else values[:1] * 3
+    assert found.meshes[0].colors is not None
+    np.testing.assert_allclose(found.meshes[0].colors, np.tile([*expected, 1], (3, 1)), atol=1e-6)
+
+
+def test_an_attribute_that_a_mesh_lacks_or_that_is_out_of_range_is_named(tmp_path: Path) -> None:
+    found = with_attribute(tmp_path, _ATTRIBUTES["vertex_heat"], "vertex_cold", (0.5,))
+    assert found.meshes[0].colors is None
+    assert "no attribute vertex_cold" in " ".join(found.warnings)
+    found = with_attribute(tmp_path, _ATTRIBUTES["vertex_heat"], "vertex_heat", (7.0,))
+    assert "3 values of vertex_heat are not between 0 and 1" in " ".join(found.warnings)
+    found = with_attribute(tmp_path, (*_ATTRIBUTES["vertex_heat"], ("vertex", "heat_1")), "vertex_heat", (0.5, 0.5))
+    assert "no attribute vertex_heat" in " ".join(found.warnings), "two channels are none"
+
+
 @pytest.mark.parametrize("flipped", [False, True])
 def test_a_light_shines_along_its_vertices_normals(tmp_path: Path, flipped: bool) -> None:
     """The winding says +Z, the normals -Z."""

@@ -73,7 +73,7 @@ class Bsdfs:
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
         self.bumpy: set[int] = set()  # materials whose normal map is made of heights
-        self.by_vertices: set[int] = set()  # materials whose colour is that of a mesh's vertices
+        self.attributes: dict[int, str] = {}  # the mesh attributes by which materials are coloured
         self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
 
     def material(self, shape: Element, spans: Spans = _no_spans) -> int:
@@ -90,7 +90,7 @@ class Bsdfs:
         inside = self._media.inside(shape, is_inside_out)
         key = (id(source), id(emitter), length, None if inside is None else (inside.sigma_a, inside.sigma_s, inside.g))
         if key not in self._numbers:
-            self._textures.by_vertices = False
+            self._textures.attribute = ""
             grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
@@ -106,8 +106,8 @@ class Bsdfs:
                 made = replace(made, emission=emission, emission_texture=texture)
             self._description.materials.append(made)
             self._numbers[key] = len(self._description.materials) - 1
-            if self._textures.by_vertices:
-                self.by_vertices.add(self._numbers[key])
+            if self._textures.attribute:
+                self.attributes[self._numbers[key]] = self._textures.attribute
             if is_inside_out:
                 self.inside_out.add(self._numbers[key])
         return self._numbers[key]

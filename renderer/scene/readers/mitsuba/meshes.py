@@ -12,6 +12,7 @@ from renderer.errors import SceneError
 from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.normals import smoothed
+from renderer.scene.readers import ply
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.mitsuba import formulas
 from renderer.scene.readers.mitsuba.document import Document, Element
@@ -26,8 +27,12 @@ _EVERY_EDGE = 181.0
 FORMULAS = ("rectangle", "cube", "disk", "cylinder")
 
 
-def meshes_of(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
-    """The shape's meshes, and where each lies in the shape's space. Raises SceneError."""
+def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[tuple[Mesh, np.ndarray]]:
+    """Returns the shape's meshes, and where each lies in the shape's space. Raises SceneError.
+
+    attribute: name of the mesh attribute that their colours hold, such as face_heat; empty: the file's own colours. Meshes that
+    lack it have no colours.
+    """
     name = shape.id or shape.type
     if shape.type == "rectangle":
         found = [(formulas.rectangle(name), np.eye(4))]
@@ -38,7 +43,7 @@ def meshes_of(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray
     elif shape.type == "cylinder":
         found = [(formulas.tube(name), _between(shape))]
     else:
-        found = _of_file(shape, document)
+        found = _of_file(shape, document, attribute)
     if shape.flag("flip_normals", False):
         found = [(turned(mesh), place) for mesh, place in found]
     return found
@@ -53,21 +58,30 @@ def file_of(shape: Element, document: Document) -> str:
     return name
 
 
-def _of_file(shape: Element, document: Document) -> list[tuple[Mesh, np.ndarray]]:
+def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[Mesh, np.ndarray]]:
     name = file_of(shape, document)
     if shape.type == "serialized":
         index = int(shape.number("shape_index", 0))
         mesh = read_serialized(document.files.read(name), name, index)
+        if attribute not in ("", "vertex_color"):
+            mesh.colors = None
         return [(_shaded(mesh, shape, mesh.normals is not None), np.eye(4))]
     part = SceneDescription(name=name)
-    read_file(document.files, name, part)
+    if attribute and shape.type == "ply":
+        ply.read_data(document.files.read(name), document.files, name, part, attribute=attribute)
+    else:
+        read_file(document.files, name, part)
     if shape.type == "obj" and not shape.flag("flip_tex_coords", True):
         _flip(part)
     if shape.type == "ply" and not shape.flag("flip_tex_coords", False):
         _flip(part)  # Mitsuba takes v as it stands, other programs count it from below
+    for sentence in part.warnings if shape.type == "ply" else ():  # of OBJ's materials Mitsuba reads nothing
+        document.warn(sentence)
     has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
     shaded = [_shaded(mesh, shape, has_normals) for mesh in part.meshes]
-    if _LINEAR_COLORS.search(document.files.read(name)) is not None:
+    if attribute and shape.type != "ply":
+        shaded = [replace(mesh, colors=mesh.colors if attribute == "vertex_color" else None) for mesh in shaded]
+    elif not attribute and _LINEAR_COLORS.search(document.files.read(name)) is not None:
         shaded = [mesh if mesh.colors is None else replace(mesh, colors=_as_written(mesh.colors)) for mesh in shaded]
     return [(replace(shaded[each.mesh]), np.asarray(each.transform)) for each in part.instances]
 

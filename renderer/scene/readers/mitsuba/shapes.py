@@ -67,21 +67,33 @@ class Shapes:
     def _mesh(self, shape: Element, world: Matrix) -> None:
         if id(shape) not in self._meshes:
             found = []
-            for mesh, place in meshes_of(shape, self._document):
-                material = mesh.material = self._bsdfs.material(shape, _spans(mesh, world @ place))
+            for mesh, place in self._colored(shape, world):
+                material = mesh.material
                 if material in self._bsdfs.inside_out:
                     mesh = turned(mesh)
                 if material in self._bsdfs.bumpy:
                     mesh = replace(mesh, tangents=None)  # heights rise along the picture's axes, whichever way these go
                 if any(shape.of("emitter")):
                     mesh = wound_by_normals(mesh)
-                if material not in self._bsdfs.by_vertices:
-                    mesh.colors = None
                 self._description.meshes.append(mesh)
                 found.append((len(self._description.meshes) - 1, place))
             self._meshes[id(shape)] = found
         for number, place in self._meshes[id(shape)]:
             self._description.instances.append(Instance(number, world @ place, name=shape.id))
+
+    def _colored(self, shape: Element, world: Matrix) -> list[tuple[Mesh, Matrix]]:
+        """Returns the shape's meshes with their materials, with colours where these ask for a mesh attribute."""
+        found = meshes_of(shape, self._document)
+        numbers = [self._bsdfs.material(shape, _spans(mesh, world @ place)) for mesh, place in found]
+        attribute = next((self._bsdfs.attributes[number] for number in numbers if number in self._bsdfs.attributes), "")
+        if attribute and (attribute != "vertex_color" or any(mesh.colors is None for mesh, _ in found)):
+            found = meshes_of(shape, self._document, attribute)
+            if any(mesh.colors is None for mesh, _ in found):
+                self._document.ignore(f"{shape.what}: its mesh has no attribute {attribute[:60]}: it is rendered in one colour")
+        for number, (mesh, _) in zip(numbers, found, strict=True):
+            mesh.material = number
+            mesh.colors = mesh.colors if attribute else None
+        return found
 
     def _curves(self, shape: Element, world: Matrix) -> None:
         name = file_of(shape, self._document)

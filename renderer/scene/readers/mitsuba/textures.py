@@ -28,7 +28,7 @@ class Textures:
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
         self._document, self.shelf = document, shelf
-        self.by_vertices = False  # whether a colour that was asked for is that of a mesh's vertices
+        self.attribute = ""  # the mesh attribute that a colour was asked for by; empty: none
 
     def color(self, owner: Element, name: str, default: float | Vec3 = 0.5, is_light: bool = False) -> tuple[Vec3, int | None]:
         """A colour and the texture that multiplies it."""
@@ -38,9 +38,12 @@ class Textures:
         constant = constant_of(texture)
         if constant is not None:
             return rgb(constant, is_light), None
-        if texture.type == "mesh_attribute" and texture.get("name") in ("vertex_color", "face_color") and not is_light:
-            self.by_vertices = True
+        attribute = str(texture.get("name", "")) if texture.type == "mesh_attribute" and not is_light else ""
+        if attribute.startswith(("vertex_", "face_")) and self.attribute in ("", attribute):
+            self.attribute = attribute
             scale = texture.number("scale", 1.0)
+            if not 0 <= scale <= 1:
+                self._document.ignore(f"{texture.what}: its scale of {scale:g} is taken as {unit(scale):g}")
             return (unit(scale),) * 3, None
         number = self.texture(texture, True)
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
