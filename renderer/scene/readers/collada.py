@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from copy import copy
 from dataclasses import fields, replace
 from typing import NamedTuple
@@ -23,6 +24,11 @@ __all__ = ["read"]
 
 _ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
 _FAR = 1e9
+_UNREAD = {
+    "spline": "splines are",
+    "convex_mesh": "convex hulls (convex_mesh) are",
+    "brep": "boundary representations (brep) are",
+}
 _FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
 _NO_INDEX = re.compile(r"[^0-9\s]")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
@@ -36,7 +42,16 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     own = files.recall(("Collada's own", main), lambda: _own(data, main))
     try:
         whole, filled = bridged(data)
-        assimp.read(files, main, description, moment, scale=1 / _metres(data), change=lambda _: whole)
+        metres = _metres(data)
+        assimp.read(files, main, description, moment, scale=1 / (metres or 1.0), change=lambda _: whole)
+        if metres is None:
+            description.warnings.append(f"{main}: its unit is not a length; it is read as a metre.")
+        for what, count in own.unread.items():
+            description.warnings.append(f"{main}: {count} {what} left out.")
+        if own.guessed:
+            description.warnings.append(
+                f"{main}: {own.guessed} cameras have a width and no aspect ratio; 16:9 is taken for their height."
+            )
         if filled:
             description.warnings.append(f"{main}: {filled} holes of polygons could not be cut and are filled.")
         _set_lenses(description, own.lenses)
@@ -64,6 +79,8 @@ class _Own(NamedTuple):
     lenses: dict[str, _Lens]
     lamps: dict[str, _Lamp]
     by_blender: bool
+    unread: Counter[str]  # surfaces that nothing reads
+    guessed: int  # cameras whose shape is not said
 
 
 def _own(data: bytes, main: str) -> _Own:
@@ -71,11 +88,23 @@ def _own(data: bytes, main: str) -> _Own:
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
-        return _Own({}, {}, False)
+        return _Own({}, {}, False, Counter(), 0)
     collada_nodes(root, main)
     _refuse_odd_corners(root, main)
     by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
-    return _Own(_lenses(root), _lamps(root), by_blender)
+    kinds = (str(element.tag).rpartition("}")[2] for element in root.iter())
+    unread = Counter(_UNREAD[kind] for kind in kinds if kind in _UNREAD)
+    return _Own(_lenses(root), _lamps(root), by_blender, unread, _shapeless(root))
+
+
+def _shapeless(root: ElementTree.Element) -> int:
+    """How many cameras have a width and neither a height nor an aspect ratio."""
+    optics = [
+        *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),
+        *root.iterfind(".//{*}library_cameras/{*}camera//{*}orthographic"),
+    ]
+    given = [{str(child.tag).rpartition("}")[2] for child in each} for each in optics]
+    return sum(bool(names & {"xfov", "xmag"}) and not names & {"yfov", "ymag", "aspect_ratio"} for names in given)
 
 
 def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
@@ -204,11 +233,11 @@ def _number(words: str | None, above: float = 0.0, below: float = 180.0) -> floa
     return value if above < value < below else None
 
 
-def _metres(data: bytes) -> float:
-    """How long the file's unit is."""
+def _metres(data: bytes) -> float | None:
+    """The length of the file's unit in metres, 1 without one; None for what is no length."""
     said = _UNIT.search(data[:100_000])
     try:
         found = float(said.group(1)) if said else 1.0
     except ValueError:
-        return 1.0
-    return found if math.isfinite(found) and 1e-9 < found < 1e9 else 1.0
+        return None
+    return found if math.isfinite(found) and 1e-9 < found < 1e9 else None

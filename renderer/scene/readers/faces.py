@@ -40,6 +40,8 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
             f"{main}: {(~finite).sum()} vertices have positions that are not finite; {(~shown).sum()} faces need them and are "
             "left out."
         )
+    if thin := int((np.asarray(counts) < 3).sum()):
+        shelf.warn(f"{main}: {thin} faces have fewer than three corners and are left out.")
     if cut.unfilled:
         shelf.warn(f"{main}: {cut.unfilled} concave polygons are filled as if convex, as they have too many corners to cut.")
     return cut

@@ -22,7 +22,8 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["names_of", "read_mtl", "without_comment"]
 
-_AMBIENT = ("map_ka", "map_ao", "map_aat")
+# Of ambient light, of reflections in a renderer without rays, of antialiasing: no picture here depends on them.
+_IDLE = ("map_ka", "map_ao", "map_aat", "ka", "km", "illum", "sharpness")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
 _METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
@@ -45,18 +46,24 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     current: _Statements | None = None
     for keyword, value in _lines(text):
         if keyword == "newmtl":
+            if value in found:
+                found[value].notes.add("the name of another; they are read as one")
             current = found.setdefault(value, _Statements(value, name, shelf, files))
         elif current is not None:
             current.values[keyword] = value
     shade = _blenders if _BLENDERS.match(text) else _choose
+    notes: Counter[str] = Counter()
     bare = Counter(map(without_comment, found))
     made = {}
     for material, statements in found.items():
         if bare[without_comment(material)] == 1:  # else what looks like a comment tells names apart: Material #25
             statements.name = without_comment(material)
         made[statements.name] = _material(statements, shade)
+        notes.update(statements.notes)
     if commas := sum(statements.commas for statements in found.values()):
         shelf.warn_of_surface(f"{name}: {commas} statements have decimal commas, which are read as points.")
+    for note, count in notes.items():
+        shelf.warn_of_surface(f"{name}: {count} material{' has' if count == 1 else 's have'} {note}.")
     return made
 
 
@@ -84,11 +91,13 @@ class _Statements:
     def __init__(self, name: str, file: str, shelf: TextureShelf, files: SceneFiles) -> None:
         self.name, self.file, self.shelf, self._files = name, file, shelf, files
         self.commas = 0  # statements whose numbers have decimal commas
+        self.notes: set[str] = set()  # what is guessed or dropped: how a sentence goes on from "3 materials have"
         self.values: dict[str, str] = {}
         self._asked: set[str] = set()
 
     def numbers(self, keyword: str) -> list[float]:
         """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
+        self._asked.add(keyword)
         text = without_comment(self.values.get(keyword, ""))
         if not text:
             return []
@@ -131,9 +140,27 @@ class _Statements:
         return found.find(self.shelf, self.file, f"Material {self.name}", srgb) if found else None
 
     def unread(self) -> list[str]:
-        """The map statements that were not asked for; those of ambient light mean nothing here."""
-        maps = (k for k in self.values if (k.startswith("map_") and k not in _AMBIENT) or k in ("disp", "refl"))
-        return [keyword for keyword in maps if keyword not in self._asked]
+        """The map statements that no parameter uses; those of ambient light mean nothing here."""
+        return [keyword for keyword in self._left() if _is_map(keyword)]
+
+    def unused(self) -> list[str]:
+        """Other statements that no parameter uses, and whose values would change something."""
+        return [k for k in self._left() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)]
+
+    def _left(self) -> list[str]:
+        return [keyword for keyword in self.values if keyword not in self._asked and keyword not in _IDLE]
+
+
+def _is_map(keyword: str) -> bool:
+    return keyword.startswith("map_") or keyword in ("disp", "refl", "bump", "norm", "decal")
+
+
+def _neutral(keyword: str) -> Iterator[list[str]]:
+    """The words of a statement that say nothing: opaque for an opacity; black, and for a filter white."""
+    for value in (1.0,) if keyword == "d" else (0.0, 1.0) if keyword == "tf" else (0.0,):
+        for word in (f"{value:g}", *(f"{value:.{digits}f}" for digits in range(1, 9))):
+            yield [word]
+            yield [word] * 3
 
 
 def _material(said: _Statements, shade: Callable[[_Statements, Material], None]) -> Material:
@@ -142,6 +169,8 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     material.base_color_texture = said.texture("map_kd", srgb=True)
     if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
         material.base_color = (1.0, 1.0, 1.0)  # 0 is written by exporters that let the map replace the colour
+        if "kd" in said.values:
+            said.notes.add("a black Kd beside map_Kd, which is read as white")
     _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
@@ -150,10 +179,15 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     index = clamped(said.number("ni", 1.5), 1.0, 5.0)
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 for what they do not know
     shade(said, material)
+    if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
+        said.notes.add("an index of refraction (Ni) of at most 1, which is read as 1.5")
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     if left := said.unread():
         said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: the textures of {', '.join(left)}.")
+    if unused := said.unused():
+        listed = ", ".join(f"{keyword} {said.values[keyword]}"[:40] for keyword in unused)
+        said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: {listed}.")
     return material
 
 
@@ -205,6 +239,8 @@ def _choose_kind(said: _Statements, material: Material, specular: Vec3, shinines
         material.kind = "metallic_roughness"
     elif model in _GLASS_MODELS:
         material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
+        if material.base_color_texture is not None:
+            said.notes.add("a texture (map_Kd) on glass, which is left out")
         material.base_color_texture = None
     elif model in (3, 5) and black and max(specular) > 0:
         material.kind, material.base_color = "mirror", specular
@@ -244,6 +280,7 @@ def _normals(said: _Statements, material: Material) -> None:
         texture = bump.find(said.shelf, said.file, f"Material {said.name}")
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
+            said.notes.add("a bump map of mostly blue pixels, which is read as a normal map")
         elif texture is not None:
             said.shelf.warn_of_surface(
                 f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map."
@@ -255,6 +292,8 @@ def _opacity(said: _Statements, material: Material) -> None:
     opacity = values[0] if values else 1 - said.number("tr", 0.0)
     if 0 < opacity < 1:  # 0 is written by exporters that mean the opposite
         material.opacity, material.alpha_mode = opacity, "blend"
+    elif opacity <= 0:
+        said.notes.add("an opacity of 0 (d 0 or Tr 1), which is read as opaque")
     mask = said.texture("map_d", "map_opacity", "map_tr")
     if mask is not None:
         material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)

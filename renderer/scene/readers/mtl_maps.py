@@ -55,10 +55,13 @@ class Map(NamedTuple):
     strength: float = 1.0  # -bm
     span: tuple[float, float] = (0.0, 1.0)  # -mm: base and gain; a value x means base + gain x
     channel: str = ""  # -imfchan: r, g, b, m (alpha), l or z
+    unread: tuple[str, ...] = ()  # options that change the picture and are left out
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
         """The texture of the map; None, with a warning, where it is missing."""
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
+        if self.unread:
+            shelf.warn_of_surface(f"{user}: not read and left out: the options {', '.join(self.unread)} of {self.file}.")
         if self.channel in _CHANNELS:
             found = shelf.derived(found, f"channel {self.channel}", lambda i: _channel(i, self.channel))
         return found if self.span == (0.0, 1.0) else shelf.derived(found, f"span {self.span}", lambda i: _spanned(i, self.span))
@@ -96,6 +99,7 @@ class _Options:
         self.scale, self.offset = [1.0, 1.0], [0.0, 0.0]
         self.wrap: Wrap = "repeat"
         self.strength, self.span, self.channel = 1.0, (0.0, 1.0), ""
+        self.unread: list[str] = []
 
     def take(self, words: list[str], at: int) -> int:
         """Reads the options that stand at a place among words: the place behind them."""
@@ -116,6 +120,8 @@ class _Options:
             elif option in ("-s", "-o"):
                 for axis, number in enumerate(found[:2]):
                     (self.scale if option == "-s" else self.offset)[axis] = number
+            elif any(found):  # turbulence
+                self.unread.append(option)
         return at
 
     def _one(self, option: str, following: list[str]) -> None:
@@ -126,11 +132,15 @@ class _Options:
             self.strength = _number(word)
         elif option == "-imfchan":
             self.channel = word
+            if word == "z":
+                self.unread.append("-imfchan z")
+        elif option == "-cc" and word == "on":
+            self.unread.append("-cc on")
 
     def map(self, file: str) -> Map:
         # Scale and offset hold for v counted upwards: v' = s v + o is 1 - v' = s (1 - v) + (1 - s - o).
         (s, t), (u, v) = self.scale, self.offset
-        return Map(file, self.wrap, (s, 0.0, u, 0.0, t, 1.0 - t - v), self.strength, self.span, self.channel)
+        return Map(file, self.wrap, (s, 0.0, u, 0.0, t, 1.0 - t - v), self.strength, self.span, self.channel, tuple(self.unread))
 
 
 def _number(word: str) -> float:

@@ -54,6 +54,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     shelf = TextureShelf(description, files)
     if said.colors is None and b"#MRGB" in text:
         said = said._replace(colors=_polypaint(text, len(said.positions)))
+        if said.colors is None:
+            shelf.warn_of_surface(f"{main}: its painted colours (#MRGB) are fewer than its vertices, and are left out.")
     elif said.colors is not None:
         said = said._replace(colors=_scaled(said.colors, main, shelf))
     said = said._replace(positions=exact(said.positions))

@@ -42,6 +42,9 @@ class Materials:
             why = f"its materials {said.libraries[0][:120]} are missing" if is_missing else "names no material file"
             shelf.warn_of_surface(f"{file}: {why}; {guess} is taken instead.")
         self._bare = not said.libraries and not self._found
+        if self._bare and wanted:
+            count = len({name for _, name in said.materials if name})
+            shelf.warn_of_surface(f"{file}: its faces name {count} materials, but no material file is among the files; add it.")
 
     def _take(self, name: str) -> None:
         self._found.update(read_mtl(self._files, name, self._shelf))
@@ -51,7 +54,12 @@ class Materials:
         for said in dict.fromkeys((words, without_comment(words))):
             if name := self._files.find(said, self._file):
                 return [name]
-        return [name for word in without_comment(words).split() if (name := self._files.find(word, self._file))]
+        found = {word: self._files.find(word, self._file) for word in without_comment(words).split()}
+        missing = [word for word, name in found.items() if not name]
+        if len(missing) < len(found):
+            for word in missing:
+                self._shelf.missing(word, self._file)
+        return [name for name in found.values() if name]
 
     def _guessed(self, said: Statements) -> str | None:
         """A material file called as the OBJ file, or the only one beside it, if that has a material which faces name."""

@@ -6,7 +6,9 @@ In the file's own unit, as STL is; the plate lies flat, as 3MF counts Z up.
 from __future__ import annotations
 
 import io
+import string
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -43,6 +45,7 @@ _UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 _NOT_READ = {"compositematerials", "multiproperties", "beamlattice", "slicestack", "displacementmesh", "booleans", "levelset"}
 _WRAPS: dict[str, Wrap] = {"wrap": "repeat", "mirror": "mirror", "clamp": "clamp", "none": "clamp"}
 _BUILD = ("", "")
+_WHITE = (255, 255, 255, 255)
 
 
 @dataclass
@@ -119,6 +122,7 @@ class _Model:
         self.groups: dict[str, _Group] = {}
         self.textures: dict[str, tuple[str, Wrap, Wrap]] = {}
         self.left_out: set[str] = set()
+        self.odd: Counter[str] = Counter()  # what is replaced
         self._object: _Object | None = None
         self._group: _Group | None = None
         self._metadata = ""
@@ -166,13 +170,15 @@ class _Model:
             self._group = _Group(name, texture=said.get("texid", ""))
             self.groups[said["id"]] = self._group
         elif name == "base" and self._group is not None:
-            self._group.values.append((said.get("name", ""), _color(said.get("displaycolor", ""))))
+            self._group.values.append((said.get("name", ""), self._color(said.get("displaycolor", ""))))
         elif name == "color" and self._group is not None:
-            self._group.values.append(_color(said.get("color", "")))
+            self._group.values.append(self._color(said.get("color", "")))
         elif name == "tex2coord" and self._group is not None:
             self._group.values.append((float(said["u"]), float(said["v"])))
         elif name == "texture2d":
-            ways = [_WRAPS.get(said.get(key, "wrap"), "repeat") for key in ("tilestyleu", "tilestylev")]
+            words = [said.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
+            self.odd["tile styles that are unknown and read as wrap"] += sum(word not in _WRAPS for word in words)
+            ways = [_WRAPS.get(word, "repeat") for word in words]
             self.textures[said["id"]] = said.get("path", ""), ways[0], ways[1]
         elif name in _NOT_READ:
             self.left_out.add(name)
@@ -183,16 +189,21 @@ class _Model:
         if rows is not None and self._object is not None:
             self._object.rows.append(rows)
 
+    def _color(self, word: str) -> tuple[int, int, int, int]:
+        found = _color(word)
+        self.odd["colours that are not #RRGGBB or #RRGGBBAA, which are white"] += found is None
+        return found or _WHITE
+
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
         path = next((value for key, value in said.items() if key.rpartition(":")[2] == "path"), self.path)
         return path, said["objectid"], transform_of(said.get("transform", ""))
 
 
-def _color(word: str) -> tuple[int, int, int, int]:
-    """#RRGGBB or #RRGGBBAA, sRGB; white where it is neither."""
+def _color(word: str) -> tuple[int, int, int, int] | None:
+    """The sRGB codes of #RRGGBB or #RRGGBBAA; None for other words."""
     digits = word.strip().lstrip("#")
-    if len(digits) not in (6, 8):
-        return 255, 255, 255, 255
+    if len(digits) not in (6, 8) or not all(digit in string.hexdigits for digit in digits):
+        return None
     value = bytes.fromhex(digits)
     return value[0], value[1], value[2], value[3] if len(value) == 4 else 255
 
@@ -214,6 +225,7 @@ class _Reader:
         self._filaments = filaments_of(self._names, self._bytes, main)
         self._not_solid = NotSolid(self._names, self._bytes, main)
         self._models: dict[str, _Model] = {}
+        self._odd: Counter[str] = Counter()  # what is replaced
         self._surfaces: list[int] = []
         self._made: dict[tuple[str, str, str | None], list[int]] = {}
         self._materials: dict[Any, int] = {}
@@ -235,6 +247,12 @@ class _Reader:
             self._shelf.warn(f"{self._main}: parts that are not printed are left out: {listed}.")
         if left:
             self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
+        odd = sum((model.odd for model in self._models.values()), self._odd)
+        if odd:
+            self._shelf.warn_of_surface(f"{self._main}: holds {', '.join(f'{count} {what}' for what, count in odd.items())}.")
+        for what, is_damaged in (("filaments", self._filaments.is_damaged), ("parts", self._not_solid.is_damaged)):
+            if is_damaged:
+                self._shelf.warn(f"{self._main}: what its slicer says of {what} is damaged, and left out.")
 
     def _judge(self, shown: list[tuple[str, str]]) -> None:
         """Raises SceneError where components of components are more than fit, before any is placed."""
@@ -293,7 +311,7 @@ class _Reader:
         if found.triangles or any("v1" in rows.columns for rows in found.rows):
             key = path.lower().lstrip("/"), number, color
             if key not in self._made:
-                plain = Material() if color is None else Material("filament", base_color=_linear(_color(color)))
+                plain = Material() if color is None else Material("filament", base_color=_linear(_color(color) or _WHITE))
                 self._made[key] = list(self._meshes(model, found, number, self._material(color, plain)))
             name = found.name or f"object {number}"
             self._description.instances += [Instance(mesh, place, name=name) for mesh in self._made[key]]
@@ -313,6 +331,9 @@ class _Reader:
             corners, group, chosen = corners[solid], group[solid], chosen[solid]
         if not len(corners):
             return
+        for i, name in enumerate(names):
+            if name and name not in model.groups:
+                self._odd["triangles whose properties (pid) are not in the file"] += int((group == i).sum())
         if all(name not in model.groups for name in names):
             yield self._add(title, points, corners, None, None, plain)
             return
@@ -334,6 +355,8 @@ class _Reader:
         if said is None or count == 0 or (chosen < 0).all():
             yield self._add(name, points, corners, None, None, plain)
             return
+        if beyond := int((chosen >= count).any(axis=1).sum()):
+            self._odd["triangles whose property is beyond the end of its group, and read as the last one"] += beyond
         chosen = np.clip(chosen, 0, count - 1)
         if said.kind == "basematerials":
             for value, rows in _sorted_out(chosen[:, 0]):

@@ -39,6 +39,7 @@ class NotSolid:
     def __init__(self, names: Collection[str], read: Callable[[str], bytes], file: str) -> None:
         """names: of the package's files, in lower case."""
         self.left_out: Counter[str] = Counter()
+        self.is_damaged = False
         self._parts: dict[tuple[str, str], str] = {}  # by object and component
         self._ranges: dict[str, list[tuple[int, int, str]]] = {}  # triangles of an object: first, last, kind
         for name in MODELS:
@@ -48,7 +49,7 @@ class NotSolid:
                     refuse_entities(data, file)
                     self._take(ElementTree.fromstring(data))
                 except (ElementTree.ParseError, SceneError, ValueError):
-                    continue
+                    self.is_damaged = True
 
     def _take(self, root: ElementTree.Element) -> None:
         for thing in root.iter("object"):

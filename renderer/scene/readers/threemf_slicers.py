@@ -29,10 +29,11 @@ class Filaments(NamedTuple):
 
     objects: dict[str, str] = {}  # noqa: RUF012 - never written to
     parts: dict[str, str] = {}  # noqa: RUF012
+    is_damaged: bool = False
 
 
 def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str) -> Filaments:
-    """Those of a package. names: of its files, in lower case. Files that make no sense say nothing."""
+    """Those of a package. names: of its files, in lower case. Damaged files give none."""
     model = next((name for name in MODELS if name in names), None)
     if model is None:
         return Filaments()
@@ -42,7 +43,7 @@ def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str
         refuse_entities(data, file)
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, SceneError, ValueError):
-        return Filaments()
+        return Filaments(is_damaged=True)
     found = Filaments({}, {})
     for each in root.iter("object"):
         _add(found.objects, each, colors)

@@ -5,6 +5,7 @@ and Blender by the common terms that ufbx finds for them.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,7 @@ class Materials:
     def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material], unit: float) -> None:
         self._pictures, self._shelf, self._materials, self._unit = pictures, shelf, materials, unit
         self._known: dict[int, int] = {}
+        self.guessed: Counter[str] = Counter()  # what is read as something else, or left out
 
     def number(self, source: Any | None) -> int:
         """The description's number of one of the file's; None: of surfaces that have none."""
@@ -97,6 +99,7 @@ class Materials:
             texture = said.fbx_texture("bump")
             if texture is not None and holds_normals(self._shelf.image_of(texture)):
                 material.normal_texture = texture
+                self.guessed["bump maps of mostly blue pixels, which are read as normal maps"] += 1
             elif texture is not None:
                 self._shelf.warn_of_surface(
                     f"Material {material.name}: its bump map holds heights and is left out; bake it to a normal map."
@@ -107,8 +110,13 @@ class Materials:
         opacity = 1 - max(said.fbx_color("transparency_color", "transparency_factor")) if is_old else said.opacity()
         if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
             material.opacity, material.alpha_mode = opacity, "blend"
+        elif opacity < 1:
+            self.guessed["materials of opacity 0, which are read as opaque"] += 1
         mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
-        if mask is None or material.transmission > 0:
+        if mask is None:
+            return
+        if material.transmission > 0:
+            self.guessed["maps of opacity on materials that transmit light"] += 1
             return
         if is_old and (alpha(self._shelf.image_of(mask)) == 1).all():
             self._shelf.warn_of_surface(f"Material {material.name}: its map of transparency has no alpha, and is left out.")

@@ -41,6 +41,7 @@ _LEFT_OUT = {
     "caches": "geometry caches",
     "camera_switchers": "camera switchers",
 }
+_NOTICES = 8  # warnings of ufbx that are passed on
 MAX_NODES = 200_000
 MAX_INSTANCES = 500_000
 
@@ -152,6 +153,8 @@ class _Reader:
         if len(self._description.instances) + len(parts) > MAX_INSTANCES:
             raise SceneError(f"{self._main}: shows more than {MAX_INSTANCES} parts of meshes; fewer fit")
         for i, part in enumerate(parts):
+            if slots and part.slot >= len(slots):
+                self._odd["parts of meshes whose material is not in the file, which are grey"] += 1
             material = self._materials.number(slots[part.slot] if part.slot < len(slots) else None)
             key = (source, part.slot)
             if key not in self._numbers:
@@ -216,6 +219,8 @@ class _Reader:
             self._shelf.warn("Skins by dual quaternions are bent linearly, as the others are.")
         if mesh.subdivision_mode in _SMOOTH:
             self._odd["subdivisions of surfaces, which are shown as their cages"] += 1
+        if mesh.color_sets.count > 1:
+            self._odd["further sets of vertex colours"] += mesh.color_sets.count - 1
         if mesh.num_lines or mesh.num_points:
             self._odd["loose edges and points of meshes"] += mesh.num_lines + mesh.num_points
 
@@ -299,10 +304,14 @@ class _Reader:
             count = getattr(self._scene, key).count
             if count:
                 self._odd[words] += count
+        self._odd.update(self._materials.guessed)
         if self._odd:
             listed = ", ".join(f"{count} {words}" for words, count in self._odd.items())
             self._shelf.warn(f"Not taken over as it is in the FBX file: {listed}.")
-        for notice in each(self._scene.metadata.warnings, layout.Notice)[:8]:
+        notices = each(self._scene.metadata.warnings, layout.Notice)
+        if len(notices) > _NOTICES:
+            self._shelf.warn(f"{self._main}: {len(notices) - _NOTICES} more warnings of its importer are not listed.")
+        for notice in notices[:_NOTICES]:
             times = f" ({notice.count} times)" if notice.count > 1 else ""
             self._shelf.warn(f"{self._main}: {text(notice.description)[:160]}{times}.")
 

@@ -26,6 +26,8 @@ def read_camera(source: Json, world: Matrix) -> View:
         near = _near(orthographic)
         return View(vec3(eye), vec3(target), vec3(up), projection="orthographic", height=height, near=near)
     perspective = source.object("perspective")
+    if perspective is None or "yfov" not in perspective:
+        source.replace("perspective.yfov", "missing and taken as 40 degrees")
     fov = math.degrees(perspective.number("yfov", math.radians(40)) if perspective else math.radians(40))
     return View(vec3(eye), vec3(target), vec3(up), fov, near=_near(perspective))
 

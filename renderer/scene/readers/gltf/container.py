@@ -15,6 +15,7 @@ from renderer.scene.readers.gltf.faults import DamagedError, Faults
 __all__ = ["Json", "parse"]
 
 _MOST_DIGITS = 40
+_SLACK = 1e-5
 MAX_NAME = 200
 _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
@@ -50,6 +51,16 @@ class Json:
     def fault(self, key: str, what: str) -> None:
         """Counts the value of a key as left out."""
         self.faults.add(self.wrong(key, what))
+
+    def replace(self, key: str, what: str) -> None:
+        """Counts the value of a key as replaced. what: how a sentence goes on from "3 values are"."""
+        self.faults.replace(self.file, self.place(key), what)
+
+    def clamped(self, key: str, value: float, low: float, high: float) -> float:
+        """The value of a key within low..high; counts it where it lies outside by more than float32's precision."""
+        if not low - _SLACK <= value <= high * (1 + _SLACK) + _SLACK:
+            self.replace(key, "out of range and brought into it")
+        return min(max(value, low), high)
 
     def object(self, key: str) -> Json | None:
         """The object under a key, if there."""

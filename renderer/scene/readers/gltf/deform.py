@@ -32,6 +32,9 @@ def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accesso
     for target, weight in zip(targets, weights, strict=False):
         if weight == 0:
             continue
+        for key in target.value:
+            if key.startswith(("TEXCOORD_", "COLOR_")):
+                target.fault(key, "is a displacement of texture coordinates or colours, which are not moved")
         moved = _displacement(target, "POSITION", len(mesh.positions), accessors)
         turned = _displacement(target, "NORMAL", len(mesh.positions), accessors)
         bent = _displacement(target, "TANGENT", len(mesh.positions), accessors)

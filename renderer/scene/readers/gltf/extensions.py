@@ -61,13 +61,15 @@ def _value(parameter: Parameter, owner: Json, key: str, material: Material, text
     if parameter.form == "flag":
         return owner.value[key] is True
     if parameter.form in _ONE_EACH:
-        return tuple(parameter.clamped(c) for c in owner.vector(key, getattr(material, parameter.name)))
-    return parameter.clamped(owner.number(key, getattr(material, parameter.name)))
+        values = owner.vector(key, getattr(material, parameter.name))
+        return tuple(owner.clamped(key, value, parameter.low, parameter.high) for value in values)
+    return owner.clamped(key, owner.number(key, getattr(material, parameter.name)), parameter.low, parameter.high)
 
 
 def _ior(source: Json, material: Material) -> None:
     ior = source.number("ior", 1.5)
-    material.ior = clamped(ior, 1.0, ALL_REFLECTING_IOR) if ior > 0 else ALL_REFLECTING_IOR  # 0 means that all is reflected
+    # 0 means that all is reflected
+    material.ior = source.clamped("ior", ior, 1.0, ALL_REFLECTING_IOR) if ior > 0 else ALL_REFLECTING_IOR
 
 
 def _volume(source: Json, material: Material) -> None:

@@ -25,6 +25,7 @@ class Faults:
     def __init__(self) -> None:
         self._places: dict[str, dict[str, None]] = {}
         self._notes: dict[str, None] = {}
+        self._replaced: dict[str, dict[str, None]] = {}
         self._file = ""
         self.first: DamagedError | None = None
 
@@ -33,6 +34,11 @@ class Faults:
         self.first = self.first or fault
         self._file = fault.file
         self._places.setdefault(fault.what, {})[fault.place] = None
+
+    def replace(self, file: str, place: str, what: str) -> None:
+        """Counts a value in whose place another is taken. what: how a sentence goes on from "3 values"."""
+        self._file = file
+        self._replaced.setdefault(what, {})[place] = None
 
     def note(self, sentence: str) -> None:
         """Keeps a sentence about the file as a whole."""
@@ -43,6 +49,12 @@ class Faults:
         for sentence in self._notes:
             warn(sentence)
         for what, places in self._places.items():
-            more = ", ..." if len(places) > _NAMED else ""
             parts = "1 unusable part is" if len(places) == 1 else f"{len(places)} unusable parts are"
-            warn(f"{self._file}: {parts} left out ({what}): {', '.join(list(places)[:_NAMED])}{more}.")
+            warn(f"{self._file}: {parts} left out ({what}): {_listed(places)}.")
+        for what, places in self._replaced.items():
+            values = "1 value is" if len(places) == 1 else f"{len(places)} values are"
+            warn(f"{self._file}: {values} {what}: {_listed(places)}.")
+
+
+def _listed(places: dict[str, None]) -> str:
+    return ", ".join(list(places)[:_NAMED]) + (", ..." if len(places) > _NAMED else "")

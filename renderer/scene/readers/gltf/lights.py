@@ -10,7 +10,6 @@ from renderer.scene.description import Light, LightKind, Vec3
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT
-from renderer.scene.readers.numbers import clamped, unit_color
 
 __all__ = ["EXTENSION", "forward_of", "read_light"]
 
@@ -25,14 +24,16 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
     kind = source.text("type", "")
     if kind not in _KINDS:
         raise source.wrong("type", f"is {kind[:20]!r}; known are {', '.join(_KINDS)}")
-    color = unit_color(source.vector("color", (1.0, 1.0, 1.0)))
-    photometric = clamped(source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
+    color = [source.clamped("color", value, 0.0, 1.0) for value in source.vector("color", (1.0, 1.0, 1.0))]
+    photometric = source.clamped("intensity", source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
     r, g, b = (c * photometric / LUMENS_PER_WATT for c in color)
     light = Light(_KINDS[kind], (r, g, b), position=vec3(world[:3, 3]), direction=forward_of(world), name=name)
     spot = source.object("spot")
     if kind == "spot":
-        outer = clamped(spot.number("outerConeAngle", math.pi / 4) if spot else math.pi / 4, 1e-4, math.pi / 2)
-        inner = clamped(spot.number("innerConeAngle", 0.0) if spot else 0.0, 0.0, outer)
+        outer, inner = math.pi / 4, 0.0
+        if spot is not None:
+            outer = spot.clamped("outerConeAngle", spot.number("outerConeAngle", outer), 1e-4, math.pi / 2)
+            inner = spot.clamped("innerConeAngle", spot.number("innerConeAngle", inner), 0.0, outer)
         light.inner_cone, light.outer_cone = math.degrees(inner), math.degrees(outer)
     return light
 

@@ -12,7 +12,7 @@ from renderer.scene.readers.gltf import extensions, scatter
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossiness
 from renderer.scene.readers.gltf.textures import UV_SETS, Textures, uv_sets_of
-from renderer.scene.readers.numbers import clamped, unit
+from renderer.scene.readers.numbers import clamped
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["EXTENSIONS", "Materials"]
@@ -77,7 +77,8 @@ class Materials:
         if glossy:
             read_specular_glossiness(glossy, material, self._textures, self._shelf)
         elif (metallic_roughness := source.object(extensions.METALLIC_ROUGHNESS)) is not None:
-            r, g, b, material.opacity = (unit(c) for c in metallic_roughness.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
+            values = metallic_roughness.vector("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+            r, g, b, material.opacity = (metallic_roughness.clamped("baseColorFactor", value, 0.0, 1.0) for value in values)
             material.base_color = (r, g, b)
         extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
         self._alpha_mode(source, material)

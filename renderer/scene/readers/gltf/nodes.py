@@ -218,6 +218,8 @@ class Nodes:
         scenes = self._root.objects("scenes")
         if scenes:
             scene = scenes[self._root.integer("scene", 0, high=len(scenes))]
+            if len(scenes) > 1:
+                self._shelf.warn(f"{self._root.file}: {len(scenes) - 1} of its {len(scenes)} scenes are left out.")
             self._description.name = scene.text("name", "") or self._description.name
             return scene.indices("nodes", self._nodes)
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}

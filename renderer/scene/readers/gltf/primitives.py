@@ -74,7 +74,10 @@ def read_primitive(
         if source.objects("targets") or "JOINTS_0" in attributes:
             shelf.warn(f"Mesh {name}: its points or lines are not bent by a skin or by morph targets.")
         return Primitive(shown, [], None)
-    triangles = _triangles(indices, _LIST if attributes.indices is not None else mode)
+    mode = _LIST if attributes.indices is not None else mode
+    if mode == _LIST and (left := len(indices) % 3):
+        source.fault("indices", f"end with {left} of a triangle's three")
+    triangles = _triangles(indices, mode)
     positions, triangles = _usable(source, positions, triangles)
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     count = len(positions)
@@ -128,6 +131,11 @@ class _Attributes:
 
     def __contains__(self, key: str) -> bool:
         return key in self._attributes
+
+    def has_bones_beyond(self, count: int) -> bool:
+        """Whether there are joints or weights besides the first `count` sets."""
+        words = (key.partition("_") for key in self._attributes.value)
+        return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
     def bare(self) -> list[int]:
         """The accessors of positions and indices, which Draco's block does not hold."""
@@ -185,6 +193,8 @@ def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
             continue
         joints.append(of.astype(np.int64))
         weights.append(np.maximum(by, 0))
+    if attributes.has_bones_beyond(k):
+        source.fault("attributes", "have joints without weights, weights without joints, or a gap between their sets")
     return Bones(np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)) if joints else None
 
 

@@ -96,6 +96,13 @@ class Textures:
             return "repeat", "repeat", "linear"
         sampler = self._samplers[index]
         s, t = (sampler.integer(k, _REPEAT) for k in ("wrapS", "wrapT"))
+        for key, value, known, usual in (
+            ("wrapS", s, _WRAP, "repeated"),
+            ("wrapT", t, _WRAP, "repeated"),
+            ("magFilter", sampler.integer("magFilter", _LINEAR), {_LINEAR, *_NEAREST}, "linear"),
+        ):
+            if value not in known:
+                sampler.replace(key, f"{value}, which is unknown, and taken as {usual}")
         # What a path tracer shows of a texture that is seen small is a mean of many lookups, whatever minFilter says of it; so
         # minFilter only tells what an author means who left magFilter out.
         nearest = _NEAREST if "magFilter" in sampler else _MIN_NEAREST

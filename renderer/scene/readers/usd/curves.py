@@ -17,6 +17,7 @@ __all__ = ["Balls", "balls_of", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
+_WIDTHS = "Points whose widths are fewer or more than they have the width 1"
 _FEW = 500  # curves that are drawn rounder than many
 
 
@@ -27,17 +28,24 @@ class Balls:
         self.centers, self.radii, self.colors = centers, radii, colors
 
 
-def balls_of(prim: Any, time: Any) -> Balls:
+def balls_of(prim: Any, time: Any, notes: Notes) -> Balls:
     """Returns the points of a prim as spheres; points without a width have width 1, as in the USD schema."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)
     widths = primvars.array(_widths(prim, points, time), 1)[:, 0]
+    path = str(prim.GetPath())
     if len(widths) not in (1, len(centers)):
+        if len(widths):
+            notes.add(_WIDTHS, path)
         widths = np.ones(1, np.float32)
     radii = np.broadcast_to(widths / 2, len(centers)).astype(np.float32)
     primvar = primvars.found(prim, "displayColor")
     colors = None if primvar is None else primvars.array(primvar.ComputeFlattened(time), 3)
     sound = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
+    if lost := int((~sound).sum()):
+        notes.add(f"{lost} points without a finite place or a width are left out", path)
+    if colors is not None and len(colors) not in (1, len(centers)):
+        notes.add(f"The colours of points, {len(colors)} for {len(centers)}, are left out", path)
     if colors is not None and len(colors) == len(centers):
         return Balls(centers[sound], radii[sound], colors[sound])
     return Balls(centers[sound], radii[sound], None)
@@ -72,6 +80,9 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     widths = primvars.array(_widths(prim, curves, time), 1).astype(np.float64)
     if len(widths) == 0:
         widths, interpolation = np.ones((1, 1)), "constant"
+    if not np.isfinite(widths).all():
+        notes.add("Widths of curves that are not finite are 0", path)
+        widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.found(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
@@ -90,6 +101,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
             notes.add("Curves of which there are too many are left out", path)
             break
         if len(weights) < 2:
+            notes.add(f"{len(which)} curves of {count} points are too short and left out", path)
             continue
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]

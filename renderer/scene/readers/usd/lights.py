@@ -137,7 +137,7 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         width, height = _number(rect.GetWidthAttr(), time), _number(rect.GetHeightAttr(), time)
         _cone(prim, time, notes, False)
         shape = _sized(quad(name), _TURN, width / 2, height / 2)
-        return _shining(shape, light, time, width * x * height * y, name, rect.GetTextureFileAttr())
+        return _shining(shape, light, time, width * x * height * y, name, notes, rect.GetTextureFileAttr())
     if prim.IsA(UsdLux.DiskLight):
         radius = _number(UsdLux.DiskLight(prim).GetRadiusAttr(), time)
         area = math.pi * radius**2 * x * y
@@ -145,7 +145,7 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         if aimed is not None:
             rgb = _times(radiance_of(light, time, area), area)
             return Lamp(_aimed(Light("point", rgb, place, forward, radius * math.sqrt(x * y) * unit, name=name), aimed, unit))
-        return _shining(_sized(disk(name), _TURN, radius, radius), light, time, area, name, None)
+        return _shining(_sized(disk(name), _TURN, radius, radius), light, time, area, name, notes)
     if prim.IsA(UsdLux.CylinderLight):
         cylinder = UsdLux.CylinderLight(prim)
         radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
@@ -155,7 +155,7 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
         tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
         tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
-        return _shining(tube, light, time, area, name, None)
+        return _shining(tube, light, time, area, name, notes)
     notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
     return None
 
@@ -205,8 +205,9 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
     return default if value is None or not math.isfinite(value) else float(value)
 
 
-def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, image: Any) -> Lamp | None:
+def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, notes: Notes, image: Any = None) -> Lamp | None:
     if area <= 0:
+        notes.add("Lights without an area are left out", name)
         return None
     return Lamp(mesh=mesh, material=_glowing(name, radiance_of(light, time, area)), image=image)
 

@@ -91,6 +91,8 @@ def read_mesh(
         attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
     solid = counts >= 3
+    if thin := int((~solid).sum()):
+        notes.add(f"{thin} faces of fewer than three corners are left out", str(prim.GetPath()))
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
     is_refined = scheme in REFINED

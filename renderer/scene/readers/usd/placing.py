@@ -35,6 +35,7 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["Placing"]
 
+_SIZELESS = "Shapes without a size are left out"
 MAX_COLORS = 256  # of points, each a material
 
 
@@ -164,8 +165,13 @@ class Placing:
         of = np.zeros(count, np.int64)
         for number, subset in enumerate(subsets, 1):
             indices = primvars.integers(subset.GetIndicesAttr().Get(self._time))
-            indices = indices[(indices >= 0) & (indices < count)]
-            of[indices[of[indices] == 0]] = number
+            inside = indices[(indices >= 0) & (indices < count)]
+            free = inside[of[inside] == 0]
+            if taken := len(inside) - len(free):
+                self._notes.add(f"{taken} faces of several subsets have the material of the first", str(subset.GetPath()))
+            if beyond := len(indices) - len(inside):
+                self._notes.add(f"{beyond} faces of subsets that their mesh does not have are left out", str(subset.GetPath()))
+            of[free] = number
         wanted = [Wanted(s.uvs, s.color, s.opacity) for s in surfaces]
         return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
 
@@ -199,11 +205,15 @@ class Placing:
             radius = float(UsdGeom.Sphere(prim).GetRadiusAttr().Get(self._time) or 0.0) * size
             if radius > 0:
                 self._sphere(each, radius, surface.number, each.moves or varies)
+            else:
+                self._notes.add(_SIZELESS, str(prim.GetPath()))
             return
         sizes = tuple(str(prim.GetAttribute(name).Get(self._time)) for name in _SIZES if prim.HasAttribute(name))
         key = ("shape", str(prim.GetTypeName()), sizes, surface, self._key(prim) if varies else None)
         if key not in self._numbers:
             mesh = self._files.recall(("usd shape", key[1], sizes), lambda: shape_of(prim, self._time))
+            if mesh is None:
+                self._notes.add(_SIZELESS, str(prim.GetPath()))
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._show(self._numbers[key], each)
 
@@ -224,7 +234,7 @@ class Placing:
     def _points(self, each: Placed) -> None:
         prim = each.prim
         surface = self._surface(prim)
-        balls = balls_of(prim, self._time)
+        balls = balls_of(prim, self._time, self._notes)
         if len(balls.centers) * len(each.places) > MAX_INSTANCES:
             self._notes.add(f"Points of which there are more than {MAX_INSTANCES} are left out", str(prim.GetPath()))
             return

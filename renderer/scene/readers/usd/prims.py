@@ -166,7 +166,10 @@ class _Walk:
         mask = np.asarray(instancer.ComputeMaskAtTime(self._time) or (), bool)
         count = min(len(indices), len(places))
         kept = mask[:count] if len(mask) >= count else np.ones(count, bool)
-        kept &= (indices[:count] >= 0) & (indices[:count] < len(targets)) & np.isfinite(places[:count]).all(axis=(1, 2))
+        usable = (indices[:count] >= 0) & (indices[:count] < len(targets)) & np.isfinite(places[:count]).all(axis=(1, 2))
+        if lost := int((kept & ~usable).sum()):
+            self._notes.add(f"{lost} instances without a prototype or a finite place are left out", str(prim.GetPath()))
+        kept &= usable
         if count == 0 or len(places) != len(indices) or depth > 8:
             self._notes.add("Point instancers that are damaged, empty or nested too deeply are left out", str(prim.GetPath()))
             return
@@ -179,6 +182,8 @@ class _Walk:
         for number, target in enumerate(targets):
             which = np.flatnonzero(kept & (indices[:count] == number))
             prototype = self._stage.GetPrimAtPath(target)
+            if len(which) and not prototype:
+                self._notes.add(f"Prototypes that are not in the stage are left out, {len(which)} times", str(target))
             if len(which) == 0 or not prototype:
                 continue
             self._copies += len(which) * len(outer)
