@@ -73,6 +73,7 @@ class Scene(ShownInNotebooks):
     variants: list[str] = field(default_factory=list)  # of a glTF file's materials
     variant: str | None = None  # the variant in use
     warnings: list[str] = field(default_factory=list)
+    strict: bool = False  # whether warnings fail it
     defaults: dict[str, Any] = field(default_factory=dict)  # settings in the scene file
     thumbnail: str | None = None
 

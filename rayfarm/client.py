@@ -129,16 +129,18 @@ class Client:
         environment: str | None = None,
         name: str | None = None,
         project: str = "",
+        strict: bool = False,
     ) -> Scene:
         """Uploads a scene: a file, a list of files of one folder, or files by their path inside the scene.
 
         main: the scene file, if it is ambiguous. environment: the path of an environment image among the files.
-        project: makes the scene visible to the project's members only.
+        project: makes the scene visible to the project's members only. strict: fails a scene with warnings, see `wait_for_scene`.
 
             farm.upload({"spot.obj": here / "spot.obj", "textures/spot.png": here / "spot.png"}, main="spot.obj")
         """
         named = by_name(files)
-        fields = {key: value for key, value in (("main", main), ("environment", environment), ("name", name)) if value}
+        told = {"main": main, "environment": environment, "name": name, "strict": "true" if strict else None}
+        fields = {key: value for key, value in told.items() if value}
         with contextlib.ExitStack() as stack:
             try:
                 parts = [("files", (inside, stack.enter_context(path.open("rb")))) for inside, path in named.items()]

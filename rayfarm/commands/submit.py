@@ -144,7 +144,7 @@ def submit(
             asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:
             asked |= {**shot.request, "frames": frames_text(shot.frames)}
-        chosen = {**place, "variant": variant, "fresh": fresh or None}
+        chosen = {**place, "variant": variant, "fresh": fresh or None, "strict": strict or None}
         asked |= {name: value for name, value in chosen.items() if value is not None and value != []}
         job = farm.submit(ready.id, priority=priority, **asked)
         out.print(job.id, markup=False)

@@ -143,6 +143,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         environment=scene.environment,
         measured=MeasuredOut(**scene.measured) if scene.measured else None,
         warnings=[*scene.notes, *info.get("warnings", [])],
+        strict=bool(scene.strict),
         defaults=info.get("defaults", {}),
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
         project=scene.project or "",

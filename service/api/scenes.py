@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -46,6 +47,10 @@ UPLOAD_FORM = {
                             "description": "an image among the files that lights the scene, or a sky as sky:ELEVATION,AZIMUTH",
                         },
                         "name": {"type": "string"},
+                        "strict": {
+                            "type": "boolean",
+                            "description": "warnings (what the reader guessed, dropped or replaced) fail the scene",
+                        },
                         "base": {
                             "type": "string",
                             "description": "the id of a scene whose files are taken over: only what it lacks is sent",
@@ -60,9 +65,17 @@ UPLOAD_FORM = {
 
 @router.post("", status_code=201, response_model=SceneOut, openapi_extra=UPLOAD_FORM)
 async def upload(
-    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+    request: Request,
+    farm: FarmDependency,
+    response: Response,
+    visit: VisitDependency,
+    project: IntoProject = "",
+    strict: Annotated[bool, Query(description="as the form's field `strict`")] = False,
 ) -> SceneOut:
     """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene.
+
+    Warnings are known once a worker has prepared the scene: a strict one with warnings is then `failed`, and jobs of it are
+    refused with 409. It is another scene than the same files without `strict`.
 
     With `base`, in that scene's project unless told; with `main` beside it, another of its files is the one that is shown.
     """
@@ -80,6 +93,7 @@ async def upload(
     def write(stored: Upload) -> Scene:
         its = replace(owner, project=bases[0].project) if bases and not project else owner
         farm.access.projects.check_again(its.project, visit.caller, visit.sight)
+        stored = stored.as_strict() if strict else stored
         stored = replace(stored, id=id_in(its.project, stored.id))
         farm.quotas.check_bytes(visit.caller, stored.size)
         return record(stored, farm.sessions, farm.changed, owner=its)

@@ -272,6 +272,7 @@ class SceneOut(BaseModel):
     environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
     measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
     warnings: list[str]
+    strict: bool = Field(description="whether warnings fail it: then `error` and `warnings` list them")
     defaults: dict[str, Any]
     thumbnail: str | None
     project: str = Field(default="", description="whose members see it; empty: everybody who is let in")

@@ -49,12 +49,14 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
                 files=[asdict(ref) for ref in stored.files],
                 bytes=stored.size,
                 notes=stored.notes,
+                strict=stored.strict,
                 compiled={},
                 **asdict(owner),
             )
             session.add(scene)
         elif scene.status == "failed":
             scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
+            scene.notes = stored.notes
         if of is None and scene.of is not None:
             scene.of, scene.name = None, stored.name  # uploaded by itself, it is a scene of its own
             scene.user, scene.key = owner.user, owner.key

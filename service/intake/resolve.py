@@ -13,7 +13,7 @@ from service.intake.picture import picture_of
 from service.shot import Shot
 from service.store.models import Job, Scene
 
-__all__ = ["default_tile_size", "frame_settings", "resolve"]
+__all__ = ["default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
 
 MOST_TILES = 1 << 17  # each is in the engine's memory while the job is rendered: hundreds of bytes
 
@@ -39,7 +39,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     info = scene.info or {}
     defaults = info.get("defaults") or {}
     if request.get("strict"):
-        _refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
+        refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
     width, height = _size(request, defaults)
     if width * height > max_pixels:
         raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
@@ -57,14 +57,19 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     job.picture = picture_of(job)
 
 
-def _refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
+def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
     """Raises SettingsError with all warnings of a scene; that it has no light of its own is none where the request gives it."""
     said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
     if said:
-        listed = " ".join(said).rstrip(".")
-        if len(said) == 1:
-            raise SettingsError(f"strict makes the scene's 1 warning an error: {listed}")
-        raise SettingsError(f"strict makes the scene's {len(said)} warnings errors: {listed}")
+        raise SettingsError(refusal(said))
+
+
+def refusal(warnings: Sequence[str]) -> str:
+    """The error of a strict scene or job with these warnings, without the full stop at its end."""
+    listed = " ".join(warnings).rstrip(".")
+    if len(warnings) == 1:
+        return f"strict makes the scene's 1 warning an error: {listed}"
+    return f"strict makes the scene's {len(warnings)} warnings errors: {listed}"
 
 
 def frame_settings(

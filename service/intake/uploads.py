@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import AsyncIterator, Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import PurePosixPath
 from typing import TypeVar
@@ -41,6 +41,7 @@ class Upload:
     """The stored files of a scene. `id` is a hash of all that follows but the name and the notes.
 
     environment: an image among the files, or a sky as renderer.scene.sky writes it. variant: of a glTF file's materials.
+    strict: whether warnings fail the scene.
     """
 
     id: str
@@ -50,6 +51,13 @@ class Upload:
     files: list[BlobRef]
     notes: list[str]
     variant: str | None = None
+    strict: bool = False
+
+    def as_strict(self) -> Upload:
+        """The same files as a strict scene: one of its own, which does not fail for those who sent the files without it."""
+        if self.strict:
+            return self
+        return replace(self, id=hashlib.sha256(f"strict\n{self.id}".encode()).hexdigest()[: len(self.id)], strict=True)
 
     @property
     def size(self) -> int:
@@ -112,6 +120,7 @@ def keep(
     notes: list[str] = []
     try:
         title = plain_title(form.fields.get("name", ""))
+        is_strict = _flag("strict", form)
         sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
@@ -120,7 +129,7 @@ def keep(
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
             main = form.fields.get("main", "").strip()
-            return _added(partial(find, form.fields["base"].strip()), files, main, store, garbage, settings, record)
+            return _added(partial(find, form.fields["base"].strip()), files, main, is_strict, garbage, settings, record)
         main, environment = _choose(form, files, notes)
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
@@ -128,7 +137,8 @@ def keep(
         name = title[:200] or PurePosixPath(chosen.main).stem
         with full_disk(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _committed(chosen.files)
-            return record(Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes))
+            upload = Upload(_id(refs, chosen.main, environment), name, chosen.main, environment, refs, notes)
+            return record(upload.as_strict() if is_strict else upload)
     finally:
         form.discard()
         for _, writer in sent:
@@ -139,7 +149,7 @@ def _added(
     find: Callable[[], Scene],
     files: dict[str, BlobWriter],
     asked: str,
-    store: BlobStore,
+    is_strict: bool,
     garbage: Garbage,
     settings: Settings,
     record: Callable[[Upload], T],
@@ -165,7 +175,16 @@ def _added(
             variant = variant if main == scene.main else None
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
         id = _id(refs, main, scene.environment, variant)
-        return record(Upload(id, name, main, scene.environment, refs, notes, variant))
+        upload = Upload(id, name, main, scene.environment, refs, notes, variant)
+        return record(upload.as_strict() if is_strict or scene.strict else upload)
+
+
+def _flag(name: str, form: Form) -> bool:
+    """A form's field that says yes or no. Raises Invalid."""
+    text = form.fields.get(name, "").strip().lower()
+    if text not in ("", "true", "false", "1", "0"):
+        raise Invalid(f"{name} is {text[:60]!r}; true and false are possible.")
+    return text in ("true", "1")
 
 
 def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:
@@ -200,8 +219,10 @@ def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | Non
     if isinstance(light, BlobRef):
         files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
-    id = id_in(scene.project, _id(files, scene.main, environment, variant))
-    return Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
+    id = _id(files, scene.main, environment, variant)
+    upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant)
+    upload = upload.as_strict() if scene.strict else upload
+    return replace(upload, id=id_in(scene.project, upload.id))
 
 
 def _variant_of(scene: Scene, asked: str) -> str | None:

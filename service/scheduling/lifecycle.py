@@ -15,7 +15,7 @@ from typing import Any
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
 from service.errors import FarmError
-from service.intake.resolve import frame_settings
+from service.intake.resolve import frame_settings, refuse_warnings
 from service.scheduling.changes import Changes
 from service.scheduling.errands.aside import LetGo
 from service.scheduling.errands.errands import Errands
@@ -260,6 +260,8 @@ class Lifecycle:
             info = message.info
             job.history.log.say(f"{name} was prepared by {message.worker} in {info.seconds:.2f} s")
             try:
+                if job.request.get("strict"):
+                    refuse_warnings(info.warnings, job.request)
                 settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
                 job.fail(frame, f"{error}.")
@@ -293,6 +295,9 @@ class Lifecycle:
     def prepared(self, scene: str, info: SceneInfo) -> None:
         """A scene is ready for a kind of worker: its jobs can go on."""
         self._errands.preparing.forget_kind(scene, info.kind)
+        if (error := self._records.refuse(scene, info.warnings)) is not None:
+            self.prepare_failed(scene, None, error)
+            return
         if not self._records.prepared(scene, info):
             return
         for id in self._records.waiting_for(scene):

@@ -17,7 +17,7 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
 from renderer.settings import RenderSettings
 from service.errors import Conflict
-from service.intake.resolve import resolve
+from service.intake.resolve import refusal, resolve
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Terms
@@ -315,6 +315,22 @@ class Records:
                 scene.info = {**asdict(info), "blend": info.blend or blend_of(session, scene)}
             scene.status, scene.error = "ready", None
             return True
+
+    def refuse(self, id: str, warnings: Sequence[str]) -> str | None:
+        """Fails a strict scene that was prepared with warnings, and returns its error; None for other scenes.
+
+        One that is ready for another kind of worker stays ready. The warnings, with the upload's own, become the scene's notes.
+        """
+        with self._sessions.begin() as session:
+            scene = session.get(Scene, id)
+            if scene is None or not scene.strict or scene.status != "preparing":
+                return None
+            said = [*scene.notes, *warnings]
+            if not said:
+                return None
+            scene.notes = said
+            scene.status, scene.error = "failed", f"{refusal(said)}."
+            return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:
         """A scene cannot be prepared. False where it is gone, or is ready for another kind."""

@@ -54,7 +54,7 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 class Scene(Base):
     """An upload, or one under another light or with other materials of its files, which some job's request made of it.
 
-    The id is a hash of the content, so the same files are the same scene.
+    The id is a hash of the content, so the same files are the same scene; strict, they are another one.
     """
 
     __tablename__ = "scenes"
@@ -73,7 +73,8 @@ class Scene(Base):
     of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
-    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself
+    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself; of a refused scene, all
+    strict: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # warnings fail it
     info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
     measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py

@@ -1,10 +1,14 @@
 """--strict and --root on the command line."""
 
+from pathlib import Path
+
 import pytest
 
 from rayfarm.errors import CommandError
 from rayfarm.scene_files import belonging, below, opened
 from rayfarm.strict import refuse
+from tests.rayfarm.program import rayfarm
+from tests.service.conftest import OBJ, Service
 
 
 def test_all_warnings_are_listed_and_none_are_no_error():
@@ -27,3 +31,17 @@ def test_files_below_a_root_belong_to_a_scene(tmp_path):
         assert (folder, main) == (tmp_path, "scenes/a.usda")
     with pytest.raises(CommandError, match="no folder above"):
         below(tmp_path / "x.usda", inner)
+
+
+def test_submit_lists_the_warnings_and_makes_no_job(service: Service, tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_bytes(OBJ + b"# guessed\n")
+    with service.worker():
+        done = rayfarm("submit", tmp_path / "a.obj", "--server", service.url, "--strict", COLUMNS="200")
+        assert done.returncode == 1
+        assert (
+            "2 warnings, and --strict makes them errors:\n  2 materials were guessed.\n  The file x.png is missing."
+            in done.stderr
+        )
+        assert service.http.get("/api/jobs").json() == []
+        done = rayfarm("submit", tmp_path / "a.obj", "--server", service.url, "--size=16x16", "--spp=1", COLUMNS="200")
+        assert (done.returncode, done.stderr.count("note: ")) == (0, 2)

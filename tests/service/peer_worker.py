@@ -126,6 +126,7 @@ class PeerWorker:
         self.messages: list[int] = []  # how many batches each had
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
+        self.frame_warnings: list[str] = []
         self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
         self.frames: list[float] = []  # prepared
         self.shutters: list[dict[str, Any]] = []  # of those
@@ -372,7 +373,7 @@ class PeerWorker:
                     ref = BlobRef("", sha256, len(compiled), self._keep_shared())
                 view = {**(work.view or work.base_auto), "eye": [frame, 0.0, 5.0]}
                 views = [{**view, "eye": [frame + shift, 0.0, 5.0]} for shift in (-0.25, 0.25)] if work.shutter else []
-                info = FrameInfo(ref, view, {}, [], 0.01, views)
+                info = FrameInfo(ref, view, {}, self.frame_warnings, 0.01, views)
                 send({"type": "frame-prepared", **about, "frame": key, "info": asdict(info)})
             except ValueError as error:
                 send({"type": "frame-failed", **about, "frame": key, "error": str(error)})
@@ -409,7 +410,8 @@ class PeerWorker:
             cameras = [{"name": "front", "view": view}, {"name": "overview", "view": {**view, "fov": 60.0}}]
             counts, bounds = {"triangles": 12}, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]
             variants = ["beach", "night", "night"] if b"variants" in content else []
-            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], [], {}, 0.01, variants, blend=self.blend)
+            guessed = ["2 materials were guessed.", "The file x.png is missing."] if b"guessed" in content else []
+            info = SceneInfo(self.kind, ref, None, cameras, counts, bounds, [], guessed, {}, 0.01, variants, blend=self.blend)
             self.send({"type": "prepared", **about, "info": asdict(info)})
         except ValueError as error:
             self.send({"type": "prepare-failed", **about, "error": str(error)})

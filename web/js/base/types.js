@@ -40,6 +40,7 @@
  * @property {{sample_s: number, noise: number | null} | null} [measured] by its latest picture: seconds of a slot for a sample
  *     of a pixel, and the relative noise at one sample
  * @property {string[]} warnings
+ * @property {boolean} [strict] whether warnings fail it
  * @property {Record<string, any>} defaults settings that the scene file asks for
  *
  * @typedef {{name: string, start: number, end: number}} Clip from when to when it moves, in seconds

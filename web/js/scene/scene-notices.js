@@ -26,8 +26,12 @@ export function stepWords(step) {
 export function failure(scene) {
   const add = addButton(scene, scene.error);
   add?.classList.add("primary");
+  // Of a strict scene the error is a list of its warnings.
+  const why = isRefused(scene)
+    ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
+    : [said(scene.error)];
   return [
-    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), said(scene.error))),
+    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), ...why)),
     h(
       "section",
       { class: "section row wraps for-submit" },
@@ -38,12 +42,21 @@ export function failure(scene) {
   ];
 }
 
+/** Whether a strict scene failed by its warnings. @param {Scene} scene */
+function isRefused(scene) {
+  return scene.strict && scene.warnings.length > 0 && /^strict makes /.test(scene.error ?? "");
+}
+
+/** @param {Scene} scene @param {string[]} some of its warnings */
+function warningList(scene, some) {
+  return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
+}
+
 /** What was left out of a scene or taken in another way. @param {Scene} scene */
 export function warnings(scene) {
   const sentences = scene.warnings.filter((sentence) => !UNLIT.test(sentence));
   const light = sentences.length < scene.warnings.length && h("p", { class: "quiet small scene-note" }, icon("sun"), t("The file has no light of its own, so a soft studio light stands in. Choose another under “Light”."));
   if (!sentences.length) return light;
-  const list = (/** @type {string[]} */ some) => h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
   const rest = sentences.slice(WARNINGS_SHOWN);
   const notice = h(
     "div",
@@ -52,8 +65,8 @@ export function warnings(scene) {
     h(
       "div",
       { class: "grow" },
-      list(sentences.slice(0, WARNINGS_SHOWN)),
-      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), list(rest)),
+      warningList(scene, sentences.slice(0, WARNINGS_SHOWN)),
+      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), warningList(scene, rest)),
     ),
     addButton(scene, sentences.join(" ")),
   );

@@ -1,0 +1,113 @@
+"""Strict uploads: a scene with warnings fails and lists them, and is another scene than the same files without `strict`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rayfarm.client import Client, ClientError
+from tests.service.conftest import OBJ, Service, until
+
+GUESSED = OBJ + b"# guessed\n"
+ERROR = "strict makes the scene's 2 warnings errors: 2 materials were guessed. The file x.png is missing."
+WARNINGS = ["2 materials were guessed.", "The file x.png is missing."]
+
+
+def sent(service: Service, content: bytes = GUESSED, query: str = "", **fields: str) -> dict[str, Any]:
+    files = {"files": ("scene.obj", content)}
+    answer = service.http.post(f"/api/scenes{query}", data=fields, files=files)
+    assert answer.status_code == 201, answer.text
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def prepared(service: Service, scene: dict[str, Any]) -> dict[str, Any]:
+    until(lambda: service.scene(scene["id"])["status"] != "preparing", "the scene is prepared")
+    return service.scene(scene["id"])
+
+
+def job(service: Service, scene: str, **request: Any) -> Any:
+    return service.http.post("/api/jobs", json={"scene": scene, "width": 16, "height": 16, "spp": 1, **request})
+
+
+def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
+    with service.worker():
+        strict, lenient = sent(service, strict="true"), sent(service)
+        assert (strict["strict"], lenient["strict"]) == (True, False)
+        assert strict["id"] != lenient["id"]
+        refused = prepared(service, strict)
+        assert (refused["status"], refused["error"], refused["warnings"]) == ("failed", ERROR, WARNINGS)
+        taken = prepared(service, lenient)
+        assert (taken["status"], taken["error"], taken["warnings"]) == ("ready", None, WARNINGS)
+        answer = job(service, strict["id"])
+        assert (answer.status_code, answer.json()["detail"]) == (409, f"The scene cannot be rendered: {ERROR}")
+        again = sent(service, strict="true")
+        assert again["id"] == strict["id"]
+        assert prepared(service, again)["warnings"] == WARNINGS, "once, although it was prepared again"
+        added = service.http.post("/api/scenes", data={"base": strict["id"]}, files={"files": ("x.mtl", b"newmtl a")}).json()
+        assert added["strict"], "a strict scene with more files is strict too"
+
+
+def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
+    with service.worker():
+        scene = sent(service, OBJ, query="?strict=true")
+        assert scene["strict"]
+        assert prepared(service, scene)["status"] == "ready"
+        made = job(service, scene["id"], strict=True).json()
+        service.wait_for(made["id"], "finished")
+        lit = job(service, scene["id"], environment={"preset": "studio"}).json()
+        service.wait_for(lit["id"], "finished")
+
+
+def test_a_job_that_waits_for_a_strict_scene_fails_with_its_warnings(service: Service) -> None:
+    scene = sent(service, strict="1")
+    plain, lit = (job(service, scene["id"], **more).json()["id"] for more in ({}, {"environment": {"preset": "studio"}}))
+    with service.worker():
+        for id in (plain, lit):
+            service.wait_for(id, "failed")
+            assert service.job(id)["error"] == ERROR
+
+
+def test_a_strict_job_of_a_lenient_scene(service: Service) -> None:
+    scene = sent(service)
+    waits = job(service, scene["id"], strict=True).json()["id"]
+    with service.worker():
+        service.wait_for(waits, "failed")
+        assert service.job(waits)["error"] == ERROR
+        answer = job(service, scene["id"], strict=True)
+        assert (answer.status_code, answer.json()["detail"]) == (422, ERROR)
+        assert job(service, scene["id"]).status_code == 201
+
+
+def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
+    with service.worker() as worker:
+        worker.frame_warnings = ["1 light was dropped."]
+        scene = sent(service, OBJ)
+        prepared(service, scene)
+        ids = [job(service, scene["id"], frames="0-1", strict=strict).json()["id"] for strict in (True, False)]
+        service.wait_for(ids[0], "failed")
+        frames = service.http.get(f"/api/jobs/{ids[0]}").json()["frames"]
+        assert {frame["error"] for frame in frames} == {"strict makes the scene's 1 warning an error: 1 light was dropped."}
+        service.wait_for(ids[1], "finished")
+
+
+@pytest.mark.parametrize("value", ["yes", "2"])
+def test_what_is_neither_true_nor_false_is_refused(service: Service, value: str) -> None:
+    answer = service.http.post("/api/scenes", data={"strict": value}, files={"files": ("a.obj", OBJ)})
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == f"strict is {value!r}; true and false are possible."
+
+
+def test_the_client_and_the_description_of_the_api_have_it(service: Service, tmp_path: Path) -> None:
+    (tmp_path / "scene.obj").write_bytes(GUESSED)
+    with Client(service.url) as farm, service.worker():
+        scene = farm.upload(tmp_path / "scene.obj", strict=True)
+        assert scene.strict
+        with pytest.raises(ClientError, match="2 materials were guessed"):
+            farm.wait_for_scene(scene.id)
+    described = service.http.get("/openapi.json").json()["paths"]["/api/scenes"]["post"]
+    form = described["requestBody"]["content"]["multipart/form-data"]["schema"]["properties"]
+    assert form["strict"]["type"] == "boolean"
+    assert any(each["name"] == "strict" and each["in"] == "query" for each in described["parameters"])
