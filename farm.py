@@ -2,6 +2,9 @@
 """The one command: `python3 farm.py up` installs Rayfarm into .venv (once) and starts the farm.
 
     python3 farm.py up                     the farm and its page; a second start takes seconds
+    python3 farm.py install [--no-kernels|--all-kernels]
+                                           installs only, and compiles the kernels for most scenes, so that the first picture
+                                           waits for nothing; or none of them, or also those for motion blur and media
     python3 farm.py render|submit|info ... any other command of `rayfarm`
     python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds the rest
                                            of each grid, installations and comparisons; more arguments go to pytest
@@ -34,6 +37,7 @@ FOR_BENCHMARKS = ("docs", "test")
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
+FIRST_KERNELS = "plain,full"  # of renderer/arrays/has.py: for scenes in which nothing moves and light scatters on surfaces alone
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
 EMBREE = ROOT / ".venv-embree"
 EMBREEX = "embreex>=4.4,<5"
@@ -57,6 +61,8 @@ def main():
         return run_peers(install(FOR_TESTS), rest)
     if command == "bench":
         return run_benchmarks(rest)
+    if command == "install":
+        return install_alone(rest)
     install()
     program = str(VENV / "bin" / "rayfarm")
     return os.execve(program, [program, *arguments], dict(os.environ, RAYFARM_PROGRAM="python3 farm.py"))
@@ -114,6 +120,21 @@ def install(extras=()):
     stamp.write_text(" ".join([state(), *extras]) + "\n")
     say(f"installed after {time.monotonic() - begun:.0f} s")
     return python
+
+
+def install_alone(arguments):
+    """The command `install`: what every other command installs when it is first run, and kernels."""
+    wanted = {"--no-kernels": None, "--all-kernels": [], "": ["--kernels", FIRST_KERNELS]}
+    if len(arguments) > 1 or "".join(arguments) not in wanted:
+        fail("install takes --no-kernels or --all-kernels, not " + " ".join(arguments))
+    python, options = install(), wanted["".join(arguments)]
+    if options is None:
+        return 0
+    say("getting the kernels ready (once for each state of the sources; a minute or more) ...")
+    done = subprocess.call([str(python), "-m", "renderer.precompile", *options], cwd=str(ROOT), stdout=sys.stderr)
+    if done != 0:
+        say("the kernels are not ready: they are compiled when a picture first wants them. The last words are above.")
+    return done
 
 
 def state():

@@ -1,7 +1,8 @@
-"""`python -m renderer.precompile FOLDER`: compiles the kernels for pictures, for an image of containers.
+"""`python -m renderer.precompile`: compiles the kernels for pictures into the cache, as an installation or an image does.
 
-Editions are compiled side by side, one process for each, as far as there are cores and memory. FOLDER/kernels
-gets only the files that the kernels are loaded from (each kernel's `.done` lists them): an eighth of what compiling leaves.
+Editions are compiled side by side, one process for each, as far as there are cores and memory. A folder that is named gets only
+the files that the kernels are loaded from (each kernel's `.done` lists them), under FOLDER/kernels: an eighth of what compiling
+leaves.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from renderer import jit
 from renderer.beside import Helpers
 from renderer.preparing import prepare
 from renderer.render import EDITIONS, kernel_name, warm_up
-from renderer.shipped_kernels import copy_loaded
+from renderer.shipped_kernels import copy_loaded, take_shipped
 from renderer.threads import cores
 
 __all__ = ["main"]
@@ -40,15 +41,9 @@ def _beside(job: str, *options: str) -> None:
     subprocess.run([sys.executable, "-m", "renderer.precompile", "--job", job, *options], check=True)
 
 
-def _timed(job: str) -> None:
-    begin = time.perf_counter()
-    _beside(job)
-    print(f"{job}: {time.perf_counter() - begin:.0f} s", flush=True)
-
-
-def _jobs() -> list[str]:
-    """The longest first."""
-    return [*sorted(EDITIONS, key=lambda name: sum(map(bool, EDITIONS[name])), reverse=True), PREPARING]
+def _jobs(editions: list[str]) -> list[str]:
+    """Returns the editions and what prepares scenes, the longest first."""
+    return [*sorted(editions, key=lambda name: sum(map(bool, EDITIONS[name])), reverse=True), PREPARING]
 
 
 def _at_a_time(count: int) -> int:
@@ -56,17 +51,39 @@ def _at_a_time(count: int) -> int:
     return max(1, min(count, cores(), memory // MEMORY))
 
 
-def _compile_all(jobs: list[str]) -> None:
-    if all(jit.is_kept(kernel_name(edition=name)) for name in EDITIONS):
-        return
-    with ThreadPoolExecutor(_at_a_time(len(jobs))) as pool:
-        list(pool.map(_timed, jobs))
+def _compile_all(jobs: list[str], begin: float) -> None:
+    """Compiles them, and prints a line after each: how many of them are ready, and after how long."""
+    count = _at_a_time(len(jobs))
+    print(f"compiling {len(jobs)} kernels, {count} at a time ({', '.join(jobs)})", flush=True)
+    with ThreadPoolExecutor(count) as pool:
+        waiting = {pool.submit(_beside, job): job for job in jobs}
+        try:
+            for ready, each in enumerate(as_completed(waiting), 1):
+                each.result()
+                print(f"{ready} of {len(jobs)} after {time.perf_counter() - begin:.0f} s: {waiting[each]}", flush=True)
+        except BaseException:  # Ctrl-C among them: begin no other
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _editions(text: str) -> list[str]:
+    names = text.split(",")
+    if unknown := [name for name in names if name not in EDITIONS]:
+        raise argparse.ArgumentTypeError(f"there is no kernel {', '.join(unknown)}; known are {', '.join(EDITIONS)}")
+    return names
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
     """Compiles, then loads each edition once more, which completes its list, then copies. Raises CalledProcessError."""
-    parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for an image.")
+    parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for pictures.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
+    parser.add_argument(
+        "--kernels",
+        type=_editions,
+        default=list(EDITIONS),
+        metavar="NAME,...",
+        help=f"of {', '.join(EDITIONS)}; by default all of them",
+    )
     parser.add_argument("--if-avx512", action="store_true", help="do nothing on a processor without AVX-512")
     parser.add_argument("--job", help=argparse.SUPPRESS)
     parser.add_argument("--prepares", action="store_true", help=argparse.SUPPRESS)
@@ -80,8 +97,11 @@ def main(arguments: Iterable[str] | None = None) -> None:
         print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
         return
     begin = time.perf_counter()
-    _compile_all(_jobs())
-    for name in EDITIONS:
+    if not all(jit.is_kept(kernel_name(edition=name)) for name in options.kernels):
+        take_shipped(jit.cache_folder())
+    if missing := [name for name in options.kernels if not jit.is_kept(kernel_name(edition=name))]:
+        _compile_all(_jobs(missing), begin)
+    for name in options.kernels:
         _beside(name, "--prepares")
     print(f"{jit.kind()}: kernels ready after {time.perf_counter() - begin:.0f} s")
     if options.folder is not None:

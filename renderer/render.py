@@ -31,6 +31,7 @@ from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
 from renderer.scene.lights import chosen_by
 from renderer.scene.origin import fixed_place, seen_from
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
+from renderer.shipped_kernels import take_shipped
 from renderer.threads import cores
 
 __all__ = [
@@ -237,8 +238,10 @@ def warm_up(
     prepares: bool = True,
 ) -> float:
     """Compiles the kernel for these settings (None: for pictures) and the scenes of this edition (renderer.arrays.edition), or
-    loads it: the seconds that took. prepares: so too those that prepare scenes: with the plain kernel, for which a worker that
-    starts is waited for, only what every scene wants, until this machine has the others, which come with every other kernel.
+    loads it, where the machine or the installation has it: the seconds that took.
+
+    prepares: so too those that prepare scenes: with the plain kernel, for which a worker that starts is waited for, only what
+    every scene wants, until this machine has the others, which come with every other kernel.
 
     fetch: called with the kernel's name before anything is compiled that this machine has not compiled yet, to bring it from
     elsewhere. helpers: from `helpers_for`, where they were made before. A parent that does this before it forks shares the
@@ -246,6 +249,8 @@ def warm_up(
     """
     begin = time.perf_counter()
     name = kernel_name(settings, edition)
+    if not jit.is_kept(name):
+        take_shipped(jit.cache_folder())
     nothing = only(example(), edition)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     with (

@@ -1,4 +1,4 @@
-"""Kernels that come with an image: what a worker's own cache lacks of them is copied there when it starts.
+"""Kernels that come with an image or a wheel: what a cache lacks of them is copied there before anything is compiled.
 
 So the cache may lie on a volume that outlives the image, and everything else can be read-only.
 """
@@ -10,23 +10,27 @@ import os
 from pathlib import Path
 
 from renderer.places import make_private, read_private
+from renderer.sources import ROOT
 
 __all__ = ["FOLDER", "copy_loaded", "take_shipped"]
 
 FOLDER = "RAYFARM_KERNELS"  # names a folder with one folder for each state of the sources, as the cache has
+IN_WHEEL = ROOT / "kernels"  # such a folder, where hatch_build.py has put one into the wheel
 LISTS = "*.done"
 
 log = logging.getLogger(__name__)
 
 
 def take_shipped(cache: Path) -> None:
-    """Copies what $RAYFARM_KERNELS has for this cache folder of kernels; warns where that fails, and they are compiled."""
-    if not (shipped := os.environ.get(FOLDER, "")):
-        return
+    """Copies what the installation has for this cache folder of kernels; warns where that fails, and they are compiled.
+
+    They lie in $RAYFARM_KERNELS, else in the wheel that Rayfarm was installed from.
+    """
+    shipped = Path(os.environ.get(FOLDER, "") or IN_WHEEL)
     try:
-        copy_loaded(Path(shipped) / cache.name, cache)
+        copy_loaded(shipped / cache.name, cache)
     except OSError as error:
-        log.warning("the kernels that come with this image cannot be copied to %s and are compiled: %s", cache, error)
+        log.warning("the kernels in %s cannot be copied to %s and are compiled: %s", shipped, cache, error)
 
 
 def copy_loaded(source: Path, to: Path) -> int:

@@ -47,6 +47,15 @@ def test_help_installs_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["farm.py"]
 
 
+def test_an_unknown_word_after_install_installs_nothing(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "farm.py", tmp_path)
+    command = [sys.executable, tmp_path / "farm.py", "install", "--kernels"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "install takes --no-kernels or --all-kernels, not --kernels" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["farm.py"]
+
+
 def test_a_python_too_old_gets_a_sentence() -> None:
     """It has to parse before it can say so, and finds no other Python on this path."""
     source = (ROOT / "farm.py").read_text()

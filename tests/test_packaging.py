@@ -71,7 +71,8 @@ def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
     assert {"service/web/index.html", "service/docs_page/index.html", "renderer/scene/schema.json"} <= files
     assert any(name.endswith(".npy") for name in files)
     assert not [name for name in files if name.startswith("service/scenes/") and name.endswith(".py")]
-    assert not [name for name in files if "__pycache__" in name or "node_modules" in name]
+    assert not [name for name in files if "__pycache__" in name or "node_modules" in name or name.startswith("renderer/kernels/")]
+    assert wheel.name.endswith("-py3-none-any.whl")
 
 
 def test_the_wheel_says_what_it_is(wheel: Path) -> None:
@@ -81,6 +82,25 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
         assert b"Apache License" in archive.read(f"{info}/licenses/LICENSE")
     assert f"Version: {renderer.__version__}\n" in said
     assert "License-Expression: Apache-2.0\n" in said
+
+
+def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is then for this Python and this system; a folder without kernels is refused."""
+    compiled = tmp_path / "compiled" / "kernels" / "abc"
+    compiled.mkdir(parents=True)
+    monkeypatch.setenv("RAYFARM_WHEEL_KERNELS", str(tmp_path / "compiled"))
+    refused = subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "--target=wheel", "--directory", str(tmp_path / "none")],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert refused.returncode != 0
+    assert "which has no kernels; make them by: python -m renderer.precompile" in refused.stderr
+    (compiled / "plain.done").write_text("a.code\n")
+    (compiled / "a.code").write_bytes(b"code")
+    made = wheel_in(built(ROOT, tmp_path / "wheel", "wheel"))
+    assert {"renderer/kernels/abc/plain.done", "renderer/kernels/abc/a.code"} <= content(made)
+    assert f"cp{sys.version_info[0]}{sys.version_info[1]}-" in made.name
+    assert not made.name.endswith("-any.whl")
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from renderer import jit, precompile, render
 from renderer.shipped_kernels import FOLDER, copy_loaded, take_shipped
 
 
@@ -39,6 +40,49 @@ def test_what_the_lists_name_is_copied_once(shipped: Path, tmp_path: Path) -> No
 def test_nothing_is_taken_of_another_state_of_the_sources(shipped: Path, tmp_path: Path) -> None:
     take_shipped(tmp_path / "cache" / "def")
     assert not (tmp_path / "cache").exists()
+
+
+def test_those_of_the_wheel_are_taken_where_none_are_named(
+    shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(FOLDER)
+    monkeypatch.setattr("renderer.shipped_kernels.IN_WHEEL", shipped.parent)
+    take_shipped(tmp_path / "cache" / "abc")
+    assert (tmp_path / "cache" / "abc" / "plain.done").exists()
+
+
+def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By `rayfarm render` too, which is no worker."""
+    taken: list[Path] = []
+
+    def stop(cache: Path) -> None:
+        taken.append(cache)
+        raise InterruptedError
+
+    monkeypatch.setattr(render, "take_shipped", stop)
+    monkeypatch.setattr(render.jit, "is_kept", lambda name: False)
+    with pytest.raises(InterruptedError):
+        render.warm_up()
+    assert taken == [jit.cache_folder()]
+
+
+def test_an_unknown_kernel_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        precompile.main(["--kernels", "plain,fast"])
+    assert "there is no kernel fast; known are plain, full," in capsys.readouterr().err
+
+
+def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    ran: list[tuple[str, ...]] = []
+    monkeypatch.setattr(precompile, "_beside", lambda *job: ran.append(job))
+    monkeypatch.setattr(precompile.jit, "is_kept", lambda name: False)
+    monkeypatch.setattr(precompile, "take_shipped", lambda cache: None)
+    precompile.main(["--kernels", "plain,full"])
+    assert sorted(ran) == [("full",), ("full", "--prepares"), ("plain",), ("plain", "--prepares"), ("preparing",)]
+    first, *lines, last = capsys.readouterr().out.splitlines()
+    assert first.startswith("compiling 3 kernels, ")
+    assert [line.partition(" after")[0] for line in lines] == ["1 of 3", "2 of 3", "3 of 3"]
+    assert "kernels ready after" in last
 
 
 def test_a_file_that_others_may_have_written_is_left_out(shipped: Path, tmp_path: Path) -> None:
