@@ -6,8 +6,10 @@
                                            installs only, and compiles the kernels for most scenes, so that the first picture
                                            waits for nothing; or none of them, or also those for motion blur and media
     python3 farm.py render|submit|info ... any other command of `rayfarm`
-    python3 farm.py test [--long] [...]    installs what the tests need and runs all checks, in some minutes; --long adds the rest
-                                           of each grid, installations and comparisons; more arguments go to pytest
+    python3 farm.py test [--long] [...]    installs what the tests need and runs all tests and checks; --long adds exhaustive
+                                           statistics, installations and comparisons; with more arguments, those go to pytest,
+                                           and the checks are left out
+    python3 farm.py check                  the checks alone: style, types and imports
     python3 farm.py sheets [name ...]      the picture sheets of docs/, rendered again
     python3 farm.py film                   our shot as a film, by the farm that runs here
     python3 farm.py page-pictures          pictures of the page while that farm renders
@@ -25,6 +27,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -53,6 +56,8 @@ def main():
     command, rest = arguments[0], arguments[1:]
     if command == "test":
         return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)
+    if command == "check":
+        return run_checks(install(FOR_TESTS))
     if command in PICTURES:
         folder, extras = PICTURES[command]
         program = str(ROOT / folder / (command.replace("-", "_") + ".py"))
@@ -214,23 +219,73 @@ def apt_install(package):
 
 
 def run_tests(python, arguments):
-    """All tests; the linter, the types and the import contracts are among them. pytest's closing line comes last."""
+    """All tests, with the checks and the compiling of kernels beside them. pytest's closing line comes last."""
     need_chromium()
     need_postgresql()
     need_typescript()
-    if "--long" in arguments:
-        arguments = [a for a in arguments if a != "--long"]
-    else:
-        arguments = ["-m", "not long", *arguments]
-    # Half of them for what fills a processor, half for what mostly waits: tests/spreading.py.
-    processes = 2 * min(max(os.cpu_count() or 1, 2), 4)
+    is_long = "--long" in arguments
+    arguments = [a for a in arguments if a != "--long"]
+    beside = [] if arguments else [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python)]
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
-    # Four thousand tests of real processes, on a machine that has other work too: one that fails is run once more, and is named
-    # at the end. To pass only then is a fault of the test or of the code (CONTRIBUTING.md); pytest by itself runs nothing twice.
-    again = ["--reruns", "1", "-rfERs"]
-    command = [str(python), "-m", "pytest", "-n", str(processes), *again, *arguments]
-    return subprocess.call(command, cwd=str(ROOT), env=environment)
+    # One more than there are processors: a third of the tests mostly wait.
+    processes = min(max(os.cpu_count() or 1, 2), 8) + 1
+    command = [
+        str(python),
+        "-m",
+        "pytest",
+        "-n",
+        str(processes),
+        "--dist",
+        "loadfile",
+        "--no-loadscope-reorder",
+        *([] if is_long else ["-m", "not long"]),
+    ]
+    failed = subprocess.call([*command, *arguments], cwd=str(ROOT), env=environment)
+    return max([failed, *(each.result() for each in beside)])
+
+
+def run_checks(python):
+    """The checks alone: style, types and imports."""
+    need_typescript()
+    return max([each.result() for each in start_checks(python)])
+
+
+def start_checks(python):
+    """Starts what is checked without running anything. Each check keeps a cache in the clone."""
+    imports = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"
+    checks = [
+        Beside("mypy", [str(python), "-m", "mypy"]),
+        Beside("ruff check", [str(python), "-m", "ruff", "check", "."]),
+        Beside("ruff format", [str(python), "-m", "ruff", "format", "--check", "."]),
+        Beside("import contracts", [str(python), "-c", imports]),
+    ]
+    compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
+    if compiler.exists():
+        checks.append(Beside("types of web/", [str(compiler), "--project", str(ROOT / "web")]))
+    elif os.environ.get("CI"):
+        fail("TypeScript is not installed; where $CI is set the types of web/ must be checked.")
+    return checks
+
+
+class Beside:
+    """A process that runs beside the tests. Its output is shown only where it fails."""
+
+    def __init__(self, name, command):
+        self.name = name
+        self.output = tempfile.TemporaryFile()  # noqa: SIM115 - `result` closes it
+        self.process = subprocess.Popen(
+            command, cwd=str(ROOT), stdin=subprocess.DEVNULL, stdout=self.output, stderr=subprocess.STDOUT
+        )
+
+    def result(self):
+        """Waits for its end; 1 where it failed, else 0."""
+        code = self.process.wait()
+        if code != 0:
+            self.output.seek(0)
+            say("{} failed:\n{}".format(self.name, self.output.read().decode(errors="replace")))
+        self.output.close()
+        return int(code != 0)
 
 
 def run_peers(python, arguments):
@@ -320,7 +375,7 @@ def need_postgresql():
 
 
 def need_typescript():
-    """A test checks the types of web/ with TypeScript's compiler."""
+    """The types of web/ are checked by TypeScript's compiler."""
     package = ROOT / "web" / "package.json"
     npm = shutil.which("npm")
     if npm is None:

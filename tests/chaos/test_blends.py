@@ -16,7 +16,7 @@ import pytest
 from tests.helpers import ROOT, Farm, farm_of, stop_farm, wait_until
 from tests.peers.blender import python_with_bpy
 
-pytestmark = [pytest.mark.farm, pytest.mark.long, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 
 MAKE = """
 import sys, bpy

@@ -21,8 +21,6 @@ from tests.chaos.ending import ends_by
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
-pytestmark = pytest.mark.farm
-
 WIDTH, HEIGHT, SPP, DEPTH = 96, 80, 320, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 

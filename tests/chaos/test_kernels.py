@@ -16,8 +16,6 @@ from worker.machine.children import spawn_guard
 
 PLAIN = "render_pool-plain"
 
-pytestmark = pytest.mark.farm
-
 
 @pytest.mark.long
 def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from tests.chaos.test_digest import alone, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from worker.machine.children import spawn_guard
 
-pytestmark = [pytest.mark.farm, pytest.mark.long]
+pytestmark = pytest.mark.long
 
 LIAR = "faulty"
 SPP = 160

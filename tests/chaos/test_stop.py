@@ -10,7 +10,7 @@ import pytest
 from tests.chaos.ending import ends_by
 from tests.helpers import start_farm, stop_farm
 
-pytestmark = [pytest.mark.farm, pytest.mark.long]
+pytestmark = pytest.mark.long
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
@@ -40,15 +39,16 @@ KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # of a p
 
 
 @pytest.fixture(scope="session")
-def browser(shared: ExitStack) -> Browser:
+def browser() -> Iterator[Browser]:
     """The system's Chromium; the test is skipped where there is none."""
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
     expect.set_options(timeout=20_000)  # what is expected comes; on a machine that is busy with the other tests not within 5 s
-    chromium = shared.enter_context(sync_playwright()).chromium.launch(executable_path=path, args=FLAGS)
-    shared.callback(chromium.close)
-    return chromium
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        yield chromium
+        chromium.close()
 
 
 @dataclass
@@ -70,16 +70,16 @@ def site() -> Iterator[Site]:
 
 
 @pytest.fixture(scope="session")
-def profile(browser: Browser, site: Site, shared: ExitStack) -> BrowserContext:
+def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
     """What a browser keeps of the pages that it has seen: their modules, so that not every test fetches and compiles them all."""
     # Small and without animations: every frame is drawn by the CPU.
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
-    shared.callback(context.close)
     context.set_default_timeout(20_000)
     context.set_default_navigation_timeout(60_000)  # beside the other tests a browser's first page has taken more than 20 s
     context.add_init_script(SOON_CLEAR)
     context.new_page().goto(f"{site.url}/blank")  # stays, and with it the process that all pages share
-    return context
+    yield context
+    context.close()
 
 
 @pytest.fixture
@@ -114,16 +114,16 @@ def page(watched: Watched, site: Site) -> Page:
 
 
 @pytest.fixture(scope="session")
-def many(tmp_path_factory: pytest.TempPathFactory, shared: ExitStack) -> Service:
+def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A service with ten thousand jobs and without workers."""
     folder = tmp_path_factory.mktemp("many")
     server = running_redis(folder)
-    shared.enter_context(server)
-    data = folder / "data"
-    data.mkdir()
-    farm = Farm(Settings(data=data, redis_url=server.url, token="token"))
-    many_jobs(farm.sessions, 10_000)
-    farm.stop()
-    service = Service(data, server)
-    shared.callback(service.stop)
-    return service
+    with server:
+        data = folder / "data"
+        data.mkdir()
+        farm = Farm(Settings(data=data, redis_url=server.url, token="token"))
+        many_jobs(farm.sessions, 10_000)
+        farm.stop()
+        service = Service(data, server)
+        yield service
+        service.stop()

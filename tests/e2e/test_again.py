@@ -8,8 +8,6 @@ from playwright.sync_api import expect
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.long
 @pytest.mark.parametrize("module", ["shell/router", "views/workers"])

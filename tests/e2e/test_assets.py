@@ -16,8 +16,6 @@ from tests.e2e.conftest import Watched
 from tests.e2e.site import WEB
 from tests.service.conftest import until
 
-pytestmark = pytest.mark.browser
-
 
 class Served:
     """The page alone, served as the service does; `asked` has the paths that reached it."""

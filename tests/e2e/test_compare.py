@@ -37,8 +37,6 @@ def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.n
     return jobs, pictures
 
 
-@pytest.mark.browser
-@pytest.mark.farm
 def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     _, pictures = opened(farm, page, tmp_path)
@@ -50,8 +48,6 @@ def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watche
 
 
 @pytest.mark.long
-@pytest.mark.browser
-@pytest.mark.farm
 def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     jobs, pictures = opened(farm, page, tmp_path)
@@ -100,8 +96,6 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 
 @pytest.mark.long
-@pytest.mark.browser
-@pytest.mark.farm
 def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     """With a still, and with a shot of other frames, which shows the nearest that it has."""
     parts = [("files", ("turns.glb", turning().glb()))]
@@ -137,8 +131,6 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
 
 
 @pytest.mark.long
-@pytest.mark.browser
-@pytest.mark.farm
 def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: Farm, watched: Watched) -> None:
     page = watched.page
     small = {"spheres": [{"title": "Shallow beside deep", "both": {**SIZE, "spp": 1}, "left": {"max_depth": 1}, "right": {}}]}

@@ -15,8 +15,6 @@ from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
 from tests.helpers import Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 SIZE = {"width": 96, "height": 64}
 DROP = """([name, bytes]) => {
   const transfer = new DataTransfer();

@@ -17,8 +17,6 @@ from tests.e2e.screen import read_exr, rendered
 from tests.e2e.site import call
 from tests.helpers import Farm
 
-pytestmark = pytest.mark.browser
-
 NVIDIAS = 0.155813  # by flip-evaluator 1.7 of the two pictures below
 
 
@@ -47,7 +45,6 @@ def test_flip_is_the_papers(page: Page) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.farm
 def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     size = {"width": 96, "height": 64}

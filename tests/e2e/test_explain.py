@@ -17,8 +17,6 @@ from tests.e2e.screen import rendered
 from tests.e2e.site import call
 from tests.helpers import Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 PIXEL = (96, 64)
 
 

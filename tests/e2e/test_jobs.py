@@ -13,8 +13,6 @@ from tests.e2e.conftest import Watched
 from tests.e2e.site import Site, call
 from tests.service.conftest import Service, until
 
-pytestmark = pytest.mark.browser
-
 
 def rows(page: Page) -> Locator:
     return page.locator(".virtual-rows .job-row:not(.unknown)")

@@ -14,7 +14,7 @@ from tests.e2e.screen import rendered
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm, pytest.mark.long]
+pytestmark = pytest.mark.long
 
 MOST_STOPS = 80
 # What has the focus is on the screen, nothing lies over it, and something is drawn about it or a part of it.

@@ -13,8 +13,6 @@ from tests.e2e.screen import rendered
 from tests.e2e.site import Site, call
 from tests.helpers import ROOT, Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 HEADINGS = {
     "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
     "zh-CN": ("将场景拖到页面任意位置", "渲染", "保存", "作业", "zh-Hans"),

@@ -15,8 +15,6 @@ from playwright.sync_api import Page, expect
 from tests.e2e.conftest import Watched
 from tests.helpers import Farm, wait_until
 
-pytestmark = pytest.mark.farm
-
 SCENE = b"""
 shapes:
   - {type: sphere, center: [0, 0.5, 0], radius: 0.5}

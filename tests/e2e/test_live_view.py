@@ -19,8 +19,6 @@ from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 from tests.service.viewer import body_of, unpacked
 
-pytestmark = pytest.mark.browser
-
 VIEW = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0], "fov": 40}
 
 
@@ -140,7 +138,6 @@ def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
 
 
-@pytest.mark.farm
 def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
@@ -223,7 +220,6 @@ def farm_views(farm: Farm) -> str:
 
 
 @pytest.mark.long
-@pytest.mark.farm
 def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Browser) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     with farm.client() as client:

@@ -15,8 +15,6 @@ from tests.service.conftest import Service
 
 PASSWORD = "four quiet words here"
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:

@@ -16,8 +16,6 @@ from tests.service.conftest import Service, until
 from worker.protocol.contract import WorkerReport, order_key, worker_key
 from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
-pytestmark = pytest.mark.browser
-
 OLD = f"{2001:020x}"  # a job that is not among those that the page knows
 
 

@@ -15,8 +15,6 @@ from renderer.image import rgbe9995, tonemap
 from tests.e2e.site import HEIGHT, WIDTH, Site, call, packet, radiances
 from tests.grids import grid
 
-pytestmark = pytest.mark.browser
-
 
 def test_words_decode_as_python_packs_them(page: Page) -> None:
     words = np.random.default_rng(1).integers(0, 1 << 32, 500, dtype=np.uint32)

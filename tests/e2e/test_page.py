@@ -20,8 +20,6 @@ from tests.e2e.screen import assert_shows, read_exr
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 WIDTH, HEIGHT, SPP = 192, 120, 160  # a second or two, so that the page is there before the end
 
 

@@ -19,8 +19,6 @@ from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, r
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 SIZE = {"width": 192, "height": 128, "tile_size": 64}
 
 

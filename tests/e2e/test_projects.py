@@ -13,8 +13,6 @@ from tests.e2e.conftest import Watched
 from tests.e2e.test_login import service  # noqa: F401
 from tests.service.conftest import OBJ, Service, until
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.long
 def test_the_switch_is_there_for_members_and_chooses_what_is_shown(

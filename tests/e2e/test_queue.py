@@ -12,8 +12,6 @@ from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
 from worker.protocol.terms import Terms
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.long
 def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, watched: Watched) -> None:

@@ -12,8 +12,6 @@ from playwright.sync_api import Page, expect
 from tests.e2e.site import call
 from tests.e2e.test_settings_form import open_form, submitted
 
-pytestmark = pytest.mark.browser
-
 JOBS = [
     {"id": "j1", "name": "The set", "state": "running", "progress": 0.25, "created": 3},
     {"id": "j2", "name": "The hero", "state": "queued", "progress": 0, "created": 2},

@@ -9,8 +9,6 @@ from playwright.sync_api import Browser, Page
 
 from tests.e2e.site import Site, call
 
-pytestmark = pytest.mark.browser
-
 SAID = {
     # one that is as it stands, one with places, one that quotes another
     "Waits: all workers are paused.": "Wartet: Alle Worker sind angehalten.",

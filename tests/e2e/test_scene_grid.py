@@ -10,8 +10,6 @@ from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.site import call
 
-pytestmark = pytest.mark.browser
-
 SHOW = """
     const grid = m.sceneGrid();
     document.body.replaceChildren(grid.aside, grid.element);

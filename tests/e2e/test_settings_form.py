@@ -14,8 +14,6 @@ from renderer.declared import Declared, Setting, Shown, table
 from renderer.described import described
 from tests.e2e.site import call
 
-pytestmark = pytest.mark.browser
-
 SCENE = {
     "id": "abc",
     "name": "A scene",

@@ -21,8 +21,6 @@ from tests.e2e.site import WEB, call
 from tests.helpers import Farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
-pytestmark = pytest.mark.browser
-
 WIDTH, HEIGHT = 96, 64
 # Frames of 0 to 1999; what of a shot's job the page's modules read.
 MANY = {"shot": {"frames": "0-1999", "count": 2000, "fps": 24}, "frames": []}
@@ -57,7 +55,6 @@ def cell(page: Page, number: int | float) -> Any:
     return page.get_by_role("option", name=re.compile(rf"^Frame {number}\b"))
 
 
-@pytest.mark.farm
 def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = uploaded(farm, ("shot.glb", turning().glb()))
@@ -148,7 +145,6 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
 
 
 @pytest.mark.long
-@pytest.mark.farm
 def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Watched) -> None:
     page = watched.page
     files = [(f"smoke.{n}.obj", f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + n} 0\nf 1 2 3\n".encode()) for n in (0, 1, 3)]
@@ -180,7 +176,6 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
 
 
 @pytest.mark.long
-@pytest.mark.farm
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
     job = asked(farm, uploaded(farm, ("shot.glb", turning().glb())), frames="0-7", fps=16, spp=4)

@@ -14,8 +14,6 @@ from tests.e2e.site import call
 from tests.e2e.test_settings_form import SCENE, open_form, submitted
 from tests.grids import grid
 
-pytestmark = pytest.mark.browser
-
 MOVES = {
     **SCENE,
     "fps": 25.0,

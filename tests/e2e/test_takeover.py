@@ -13,8 +13,6 @@ from tests.service.conftest import TOKEN, until
 from tests.service.owning.test_two_services import Started, begun, told
 from tests.service.peer_worker import PeerWorker
 
-pytestmark = pytest.mark.browser
-
 
 @pytest.mark.long
 def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None:

@@ -14,8 +14,6 @@ from tests.e2e.conftest import Watched
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
-pytestmark = pytest.mark.browser
-
 FOV = 40
 # Sky above, floor below, and a wall in the middle that looks at the camera.
 SCENE = f"""
@@ -73,7 +71,6 @@ def scene(farm: Farm) -> str:
 
 
 @pytest.mark.long
-@pytest.mark.farm
 def test_light_is_turned_in_the_view_and_the_sun_put_into_it(farm: Farm, watched: Watched, scene: str) -> None:
     page = watched.page
     page.goto(f"{farm.url}/#/scenes/{scene}")

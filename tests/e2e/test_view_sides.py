@@ -18,7 +18,6 @@ from tests.helpers import Farm, wait_until
 SIZE = {"width": 96, "height": 64}
 
 
-@pytest.mark.browser
 def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
     watched.page.goto(f"{site.url}/blank")
     body = """
@@ -30,8 +29,6 @@ def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # typ
 
 
 @pytest.mark.long
-@pytest.mark.farm
-@pytest.mark.browser
 def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]

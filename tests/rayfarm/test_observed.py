@@ -14,8 +14,6 @@ import pytest
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.rayfarm.otlp_receiver import Receiver
 
-pytestmark = pytest.mark.farm
-
 CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 

@@ -28,8 +28,6 @@ from tests.rayfarm.program import rayfarm
 from tests.rayfarm.test_sequence import turning
 from tests.renderer.scene.builders import Gltf, shoe
 
-pytestmark = pytest.mark.farm
-
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 SMALL = ["--size=48x32", "--spp=16", "--max-depth=4"]
 

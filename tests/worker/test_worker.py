@@ -45,8 +45,6 @@ from worker.protocol.contract import (
 from worker.protocol.sums import unpack_sums
 from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
 
-pytestmark = pytest.mark.farm
-
 SCENE = """
 shapes:
   - {type: sphere, name: ball, center: [0, 0, 0], radius: 1, material: grey}

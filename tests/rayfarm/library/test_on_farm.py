@@ -9,8 +9,6 @@ import rayfarm
 from rayfarm.client import Client
 from tests.helpers import ROOT, Farm, wait_until
 
-pytestmark = pytest.mark.farm
-
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 SMALL = {"width": 48, "height": 32, "max_depth": 4}
 

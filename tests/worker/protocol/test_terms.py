@@ -15,8 +15,6 @@ from tests.worker.test_worker import batch_of, bench, info  # noqa: F401 - fixtu
 from worker.protocol.contract import RENDER_BATCH, SceneInfo, render_queue
 from worker.protocol.terms import Offer, Terms, needs_queue, offer_key, terms_key
 
-pytestmark = pytest.mark.farm
-
 
 def offer(bench: Bench) -> Offer:  # noqa: F811
     return Offer.from_bytes(bench.store.get(offer_key(bench.report().name)))  # type: ignore

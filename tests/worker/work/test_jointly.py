@@ -19,8 +19,6 @@ from worker.protocol.joint import RENDER_JOINTLY, JointBatch, Piece
 from worker.protocol.sums import PACKED, pack_sums, unpack_sums
 from worker.site.adding import joined
 
-pytestmark = pytest.mark.farm
-
 TILE = Tile(0, 0, 64, 64)
 
 
