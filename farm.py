@@ -378,8 +378,10 @@ def need_typescript():
     """The types of web/ are checked by TypeScript's compiler."""
     package = ROOT / "web" / "package.json"
     npm = shutil.which("npm")
+    if npm is None and may_install() and apt_install("nodejs") and apt_install("npm"):
+        npm = shutil.which("npm")
     if npm is None:
-        say("Node.js is not installed: the types of web/ are not checked. On Debian: apt install nodejs npm")
+        say("Node.js is not installed: the page's logic and types are not checked. On Debian: apt install nodejs npm")
         return
     compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
     copied = TYPESCRIPT / "package.json"

@@ -14,7 +14,6 @@ from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import rendered
-from tests.e2e.site import call
 from tests.helpers import Farm
 
 PIXEL = (96, 64)
@@ -71,27 +70,6 @@ def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watche
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     expect(panel).to_contain_text("followed again")
     assert watched.errors == []
-
-
-def test_lines_end_at_the_edge_and_behind_the_eye(page: Page) -> None:
-    """A line to what lies behind is the line that is seen: cut where it would pass beside the eye."""
-    room = {"left": 0, "top": 0, "right": 100, "bottom": 100}
-
-    def line(a: list[float], b: list[float]) -> dict | None:
-        found: dict | None = call(
-            page, "film/path-lines", "return m.lineBetween(...a)", [a, b, {"x": 0, "y": 0, "scale": 1}, room]
-        )
-        return found
-
-    assert line([10, 10, 1], [180, 100, 2]) == {"from": {"x": 10, "y": 10}, "to": {"x": 90, "y": 50}, "isCut": False}
-    out = line([10, 50, 1], [400, 50, 1])
-    assert out and out["to"] == {"x": 100, "y": 50} and out["isCut"]
-    behind = line([50, 50, 1], [0, -50, -1])  # it passes beside the eye on the right, though what it goes to is seen nowhere
-    assert behind and behind["isCut"]
-    assert behind["to"]["x"] == pytest.approx(100)
-    assert behind["to"]["y"] == pytest.approx(50)
-    assert line([10, 10, -1], [20, 20, -1]) is None
-    assert line([-10, -10, 1], [-20, 50, 1]) is None
 
 
 @pytest.mark.long

@@ -10,7 +10,6 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.screen import rendered
-from tests.e2e.site import Site, call
 from tests.helpers import ROOT, Farm
 
 HEADINGS = {
@@ -51,18 +50,6 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
     )
     left = english & {text.strip() for text in shown} - {NAME}
     assert not left
-
-
-@pytest.mark.parametrize(("locale", "shown"), [("de-DE", "1\u202f234\u202f567"), ("en-GB", "1,234,567"), ("zh-CN", "1,234,567")])
-def test_a_comma_does_not_part_thousands_where_it_begins_decimals(browser: Browser, site: Site, locale: str, shown: str) -> None:
-    context = browser.new_context(locale=locale)
-    try:
-        page = context.new_page()
-        page.goto(f"{site.url}/blank")
-        assert call(page, "base/format", "return m.count(a)", 1_234_567) == shown
-        assert call(page, "base/format", "return m.compact(a)", 1_234_567) == "1.23 M"
-    finally:
-        context.close()
 
 
 def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:

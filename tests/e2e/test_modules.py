@@ -12,48 +12,8 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from renderer.image import rgbe9995, tonemap
-from tests.e2e.site import HEIGHT, WIDTH, Site, call, packet, radiances
+from tests.e2e.site import HEIGHT, WIDTH, Site, call, radiances
 from tests.grids import grid
-
-
-def test_words_decode_as_python_packs_them(page: Page) -> None:
-    words = np.random.default_rng(1).integers(0, 1 << 32, 500, dtype=np.uint32)
-    decoded = call(page, "film/rgb9e5", "return a.map((word) => m.decode(word));", words.tolist())
-    np.testing.assert_array_equal(decoded, rgbe9995.unpack(words))
-    peaks = call(page, "film/rgb9e5", "return a.map((word) => m.peak(word));", words.tolist())
-    np.testing.assert_array_equal(peaks, rgbe9995.unpack(words).max(axis=1))
-
-
-def test_a_damaged_packet_is_refused(page: Page) -> None:
-    whole = list(packet(5, radiances(), 3))
-    body = "const tile = m.decodeTile(new Uint8Array(a).buffer); return [tile.seq, tile.w, tile.h, tile.spp];"
-    assert call(page, "news/tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
-    refused = "try { m.decodeTile(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
-    assert "came with" in call(page, "news/tile-packet", refused, whole[:-4])
-    assert "version 9" in call(page, "news/tile-packet", refused, [9, *whole[1:]])
-
-
-def test_files_that_are_refused_are_spoken_of_in_the_plural(page: Page) -> None:
-    body = "return m.notTaken(a.map((path) => ({ path })));"
-    assert call(page, "shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
-    assert call(page, "shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
-
-
-def test_zooming_keeps_the_pixel_under_the_cursor(page: Page) -> None:
-    body = """
-        const view = new m.Viewport();
-        view.setPicture(1280, 720);
-        view.resizeCanvas(1000, 800);
-        const found = [];
-        for (const factor of a) {
-            const before = (300 - view.x) / view.scale;
-            view.zoomTo(view.scale * factor, 300, 400);
-            found.push([before, (300 - view.x) / view.scale, view.scale]);
-        }
-        return found;"""
-    for before, after, scale in call(page, "film/viewport", body, [1.7, 3, 2.2, 0.4, 5, 0.1, 1.01]):
-        assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
-
 
 EXPOSURES = (-3.0, 0.0, 2.5)
 LOOKS = {
@@ -116,41 +76,6 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
     assert site.acks == [1, 2]
 
 
-def test_an_area_is_measured_as_numpy_does(page: Page) -> None:
-    film = rgbe9995.unpack(rgbe9995.pack(radiances()))
-    words = rgbe9995.pack(radiances()).ravel().tolist()
-    body = """
-        const { Film } = await import("/js/film/film.js");
-        const film = new Film(a.width, a.height, new Uint32Array(a.words));
-        film.samples.fill(1);
-        film.samples[10 * a.width + 12] = 0;
-        return a.rects.map((rect) => m.areaOf(film, rect));"""
-    rects = [{"x": 4, "y": 5, "w": 1, "h": 1}, {"x": 8, "y": 6, "w": 20, "h": 9}, {"x": 60, "y": 40, "w": 99, "h": 99}]
-    there = np.ones((HEIGHT, WIDTH), bool)
-    there[10, 12] = False
-    asked = {"width": WIDTH, "height": HEIGHT, "words": words, "rects": rects}
-    for rect, area in zip(rects, call(page, "film/area", body, asked), strict=True):
-        part = np.s_[rect["y"] : rect["y"] + rect["h"], rect["x"] : rect["x"] + rect["w"]]
-        light = film[part][there[part]].astype(float)
-        luminance = light @ [0.2126, 0.7152, 0.0722]
-        wanted = [*light.mean(0), luminance.mean(), luminance.min(), luminance.max(), luminance.std()]
-        assert area["pixels"] == len(light)
-        np.testing.assert_allclose(
-            [*area["rgb"], *(area[name] for name in ("luminance", "least", "most", "spread"))], wanted, rtol=1e-9
-        )
-    nothing = {"width": WIDTH, "height": HEIGHT, "words": words, "rects": [{"x": 12, "y": 10, "w": 1, "h": 1}]}
-    assert call(page, "film/area", body, nothing)[0]["pixels"] == 0
-
-
-def test_pins_go_through_the_url(page: Page) -> None:
-    body = "return a.map((text) => m.pinsText(m.pinsFrom(text)));"
-    kept = ["3,4", "3,4;10,12,20,5", "0,0,1,1"]
-    assert call(page, "job/pins", body, kept) == kept
-    assert call(page, "job/pins", body, ["3", "3,x", "-1,4", "1,2,3", "1,2,0,5", "1,2,3,-4", "", "1,2;what;5,6"]) == [
-        None
-    ] * 7 + ["1,2;5,6"]
-
-
 @pytest.mark.long
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
     """Tiles come meanwhile: areas are measured at once, and the question is not begun anew with each of them."""
@@ -180,49 +105,6 @@ def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
     assert before == [1, False]
     assert asked == 2, "the tile that came meanwhile"
     np.testing.assert_allclose(shown, [1, 2, 3, 1.8596, 0.5, 0.5, 0.5, 0.5], rtol=1e-3)
-
-
-@pytest.mark.long
-def test_how_long_an_upload_still_takes(page: Page) -> None:
-    """From the last seconds alone: it was fast at first."""
-    body = """
-        const pace = new m.Pace(1_000_000);
-        return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""
-    fast = [[0, 0], [100_000, 500], [400_000, 2000]]
-    slow = [[400_000 + 10_000 * s, 2000 + 1000 * s] for s in range(1, 11)]
-    found = call(page, "shell/upload-pace", body, fast + slow)
-    assert found[:2] == [None, None]
-    assert found[2] == {"speed": 200_000, "left": 3}
-    assert found[-1]["speed"] == pytest.approx(10_000) and found[-1]["left"] == pytest.approx(50)
-    assert call(page, "shell/upload-pace", body, [[0, 0], [5, 100], [5, 9000]])[-1] is None, "it stands still"
-
-
-def test_keys_of_one_letter_can_be_turned_off(page: Page) -> None:
-    body = """
-        const done = [];
-        const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
-        const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map(shortcut));
-        for (const act of [true, false, true]) {
-            m.letLettersAct(act);
-            for (const key of ["e", "?", "ArrowUp", "Escape"]) dispatchEvent(new KeyboardEvent("keydown", { key }));
-            done.push(m.lettersAct());
-        }
-        off();
-        return done;"""
-    all_of_them = ["E", "?", "ArrowUp", "Escape", True]
-    assert call(page, "shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
-
-
-@pytest.mark.long
-def test_a_time_is_as_short_as_it_can_be(page: Page) -> None:
-    times = call(page, "base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
-    assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
-
-
-@pytest.mark.long
-def test_the_size_of_a_scene_is_short_whatever_its_unit(page: Page) -> None:
-    extents = call(page, "base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
-    assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]
 
 
 def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) -> None:

@@ -131,19 +131,6 @@ def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watch
     assert watched.errors == []
 
 
-def test_the_tiles_in_hand_say_whose_they_are(page: Page) -> None:
-    workers = [
-        {"name": "b", "current": [{"job": "j", "frame": 0, "tile": [0, 0, 8, 8]}, {}]},
-        {
-            "name": "a",
-            "current": [{"job": "other"}, {"job": "j", "tile": [8, 0, 8, 8]}, {"job": "j", "frame": 3, "tile": [0, 8, 8, 8]}],
-        },
-    ]
-    found = call(page, "film/tile-outlines", "return m.outlinesOf(a, {job: 'j', frame: 0});", workers)
-    assert [(each["label"], each["x"]) for each in found] == [("b · 1", 0), ("a · 2", 8)]
-    assert found[0]["colour"] != found[1]["colour"]
-
-
 @pytest.mark.long
 def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
@@ -212,26 +199,6 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
     assert float(ticks.split("; ")[-1]) == pytest.approx(top, rel=1e-3)
     np.testing.assert_allclose(call(page, "film/colour-map", "return m.HEAT;"), aovs._HEAT, atol=1e-6)
     assert watched.errors == []
-
-
-def test_the_histogram_counts_the_films_pixels(page: Page) -> None:
-    random = np.random.default_rng(3)
-    film = np.exp2(random.uniform(-14, 8, (40, 50, 1)) + random.uniform(-1, 1, (40, 50, 3))).astype(np.float32)
-    body = """
-        const { Film } = await import("/js/film/film.js");
-        const film = new Film(50, 40, new Uint32Array(a.words));
-        film.samples.fill(1);
-        const { channels, ...rest } = m.histogramOf(film, a.exposure);
-        return { ...rest, channels: channels.map((c) => [...c]), lowest: m.LOWEST };"""
-    words = rgbe9995.pack(film)
-    found = call(page, "film/histogram", body, {"words": words.ravel().tolist(), "exposure": 1})
-    light = rgbe9995.unpack(words).astype(np.float64) * 2
-    values = np.concatenate([light, (light @ [0.2126, 0.7152, 0.0722])[..., None]], axis=2)
-    for c, counts in enumerate(found["channels"]):
-        bins = np.clip(np.floor((np.log2(values[..., c]) - found["lowest"]) * 4), -1, len(counts) - 1).astype(int)
-        wanted = np.bincount(bins[bins >= 0].ravel(), minlength=len(counts)) / bins.size
-        np.testing.assert_allclose(counts, wanted, atol=1.01 / bins.size)  # a value on an edge may round either way
-    assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000
 
 
 @pytest.mark.long

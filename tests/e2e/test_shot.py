@@ -277,18 +277,3 @@ def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> No
         return image.complete;"""
     assert call(page, "shot/thumbnails", body)
     assert asked == [503, 200]
-
-
-@pytest.mark.long
-def test_what_is_held_stays_within_its_bound(page: Page) -> None:
-    for size, count in (((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)):
-        body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"
-        plan = call(page, "shot/frame-memory", body, {"size": size, "count": count})
-        side = max(1, min(size[0] // plan["wanted"], size[1]))
-        assert (plan["width"], plan["height"]) == (size[0] // side, size[1] // side), "as the service makes it"
-        assert plan["fits"] * 4 * plan["width"] * plan["height"] <= 2**29
-        assert plan["width"] >= min(size[0], 80)
-        if count <= 250:
-            assert plan["fits"] >= count, "all of a usual shot"
-        if count == 96:
-            assert plan["width"] == size[0], "in full where there is room"

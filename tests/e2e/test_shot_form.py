@@ -8,8 +8,6 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from renderer.errors import SettingsError
-from renderer.frames import frames_text, parse_frames
 from tests.e2e.site import call
 from tests.e2e.test_settings_form import SCENE, open_form, submitted
 from tests.grids import grid
@@ -24,23 +22,6 @@ MOVES = {
     ],
 }
 STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
-
-
-TEXTS = ["0-99", "7", "1-250x5,300", "0-2x0.5", "12.5, 3-4", "5,5,4-6", "9-3", "3-", "", "a", "1-9x0", "0-100000"]
-
-
-def test_frames_are_what_the_renderer_takes_them_for(page: Page) -> None:
-    for text, got in zip(
-        TEXTS, call(page, "base/frame-numbers", "return a.map((text) => m.parseFrames(text));", TEXTS), strict=True
-    ):
-        try:
-            wanted = parse_frames(text)
-        except SettingsError:
-            assert isinstance(got, str), f"a sentence about {text!r}"
-        else:
-            assert got == wanted, text
-            again = call(page, "base/frame-numbers", "return m.framesText(a);", wanted)
-            assert again == frames_text(wanted), text
 
 
 @pytest.mark.long

@@ -6,12 +6,10 @@ import math
 from typing import Any
 
 import httpx
-import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 from tests.e2e.conftest import Watched
-from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
 FOV = 40
@@ -25,40 +23,6 @@ cameras:
   - {{eye: [0, 1, 6], target: [0, 1, 0], fov: {FOV}}}
 settings: {{width: 320, height: 320}}
 """
-
-
-def test_a_drag_turns_the_light_and_changes_its_strength(page: Page) -> None:
-    def dragged(across: float, up: float, rotation: float = 0, strength: float = 1) -> dict[str, float]:
-        before = {"rotation": rotation, "strength": strength}
-        body = "return m.dragged(a.before, a.moved, { width: 720, height: 400 });"
-        return dict(call(page, "scene/light-math", body, {"before": before, "moved": {"across": across, "up": up}}))
-
-    assert dragged(183, 10) == {"rotation": -90, "strength": 1}, "what lies behind follows; a hand that goes sideways trembles"
-    assert dragged(-363, 0, rotation=90) == {"rotation": -90, "strength": 1}, "around and around"
-    assert dragged(2, 116) == {"rotation": 0, "strength": 2}
-    assert dragged(0, -116, strength=0.5) == {"rotation": 0, "strength": 0.25}
-    assert dragged(0, 116, strength=0)["strength"] > 0, "out of darkness too"
-
-
-def test_the_sun_is_where_its_highlight_meets_the_eye(page: Page) -> None:
-    random = np.random.default_rng(5)
-    for _ in range(20):
-        sight, normal = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
-        scaled = [list(sight), list(float(random.uniform(-2, 2)) * normal)]
-        sun = call(page, "scene/light-math", "return m.sunFor({ direction: a[0], normal: a[1] });", scaled)
-        elevation, azimuth = math.radians(sun["elevation"]), math.radians(sun["azimuth"])
-        level = math.cos(elevation)
-        found = np.array([level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth)])
-        half = found - sight  # between the sun and the eye
-        mirrored = sight - 2 * (sight @ normal) * normal
-        assert sun["isRaised"] == (mirrored[1] < math.sin(math.radians(2)))
-        if not sun["isRaised"]:
-            assert abs(half @ normal) == pytest.approx(np.linalg.norm(half), abs=1e-6)
-        else:
-            assert sun["elevation"] == 2
-            assert found[0] * mirrored[2] == pytest.approx(found[2] * mirrored[0], abs=1e-6), "on that side"
-    sky = call(page, "scene/light-math", "return m.sunFor({ direction: [0.6, 0.8, 0], normal: null });")
-    assert (sky["azimuth"], sky["elevation"]) == pytest.approx((90, 53.13), abs=0.01)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,144 @@
+"""What the page says and reads: numbers, times, frame numbers, shortcuts, sentences of the service."""
+
+from __future__ import annotations
+
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.frames import frames_text, parse_frames
+from tests.page.node import Node
+
+
+def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
+    body = "return m.notTaken(a.map((path) => ({ path })));"
+    assert node.call("shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
+    assert node.call("shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
+
+
+def test_how_long_an_upload_still_takes(node: Node) -> None:
+    """From the last seconds alone: it was fast at first."""
+    body = """
+        const pace = new m.Pace(1_000_000);
+        return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""
+    fast = [[0, 0], [100_000, 500], [400_000, 2000]]
+    slow = [[400_000 + 10_000 * s, 2000 + 1000 * s] for s in range(1, 11)]
+    found = node.call("shell/upload-pace", body, fast + slow)
+    assert found[:2] == [None, None]
+    assert found[2] == {"speed": 200_000, "left": 3}
+    assert found[-1]["speed"] == pytest.approx(10_000) and found[-1]["left"] == pytest.approx(50)
+    assert node.call("shell/upload-pace", body, [[0, 0], [5, 100], [5, 9000]])[-1] is None, "it stands still"
+
+
+def test_keys_of_one_letter_can_be_turned_off(node: Node) -> None:
+    body = """
+        const done = [];
+        const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
+        const off = m.addShortcuts(["E", "?", "ArrowUp", "Escape"].map(shortcut));
+        for (const act of [true, false, true]) {
+            m.letLettersAct(act);
+            for (const key of ["e", "?", "ArrowUp", "Escape"]) dispatchEvent(new KeyboardEvent("keydown", { key }));
+            done.push(m.lettersAct());
+        }
+        off();
+        return done;"""
+    all_of_them = ["E", "?", "ArrowUp", "Escape", True]
+    assert node.call("shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
+
+
+def test_a_time_is_as_short_as_it_can_be(node: Node) -> None:
+    times = node.call("base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
+    assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
+
+
+def test_the_size_of_a_scene_is_short_whatever_its_unit(node: Node) -> None:
+    extents = node.call("base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
+    assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]
+
+
+@pytest.mark.parametrize(("locale", "shown"), [("de-DE", "1\u202f234\u202f567"), ("en-GB", "1,234,567"), ("zh-CN", "1,234,567")])
+def test_a_comma_does_not_part_thousands_where_it_begins_decimals(program: str, locale: str, shown: str) -> None:
+    with Node(program, locale) as node:
+        assert node.call("base/format", "return m.count(a)", 1_234_567) == shown
+        assert node.call("base/format", "return m.compact(a)", 1_234_567) == "1.23 M"
+
+
+TEXTS = ["0-99", "7", "1-250x5,300", "0-2x0.5", "12.5, 3-4", "5,5,4-6", "9-3", "3-", "", "a", "1-9x0", "0-100000"]
+
+
+def test_frames_are_what_the_renderer_takes_them_for(node: Node) -> None:
+    for text, got in zip(
+        TEXTS, node.call("base/frame-numbers", "return a.map((text) => m.parseFrames(text));", TEXTS), strict=True
+    ):
+        try:
+            wanted = parse_frames(text)
+        except SettingsError:
+            assert isinstance(got, str), f"a sentence about {text!r}"
+        else:
+            assert got == wanted, text
+            again = node.call("base/frame-numbers", "return m.framesText(a);", wanted)
+            assert again == frames_text(wanted), text
+
+
+SAID = {
+    # one that is as it stands, one with places, one that quotes another
+    "Waits: all workers are paused.": "Wartet: Alle Worker sind angehalten.",
+    "Waits for 3 jobs of a higher priority.": "Wartet auf 3 Jobs höherer Priorität.",
+    "Waits: the film of this job is missing.": "Wartet: Der Film dieses Jobs fehlt.",
+    "The picture's paths cannot be followed: the service is starting. Render it anew.": (
+        "Die Pfade des Bildes lassen sich nicht verfolgen: Der Dienst startet. Neu rendern."
+    ),
+    # several, of which one is in no catalogue; a name ends with its sentence
+    "There is no job 'none'. GET /api/jobs lists those that are there.": (
+        "Einen Job 'none' gibt es nicht. GET /api/jobs führt auf, was es gibt."
+    ),
+    "The upload is empty. Nobody knows it. Send it again.": "Der Upload ist leer. Nobody knows it. Noch einmal senden.",
+    # files by name, fields, halves, names that look like sentences
+    "a. B.glb: ends inside its header; the upload or download was cut, take it again": (
+        "a. B.glb: endet mitten im Kopf; Hoch- oder Herunterladen brach ab, noch einmal holen"
+    ),
+    "scene.mtl: its texture wood.png is not among the files; add it. Rendered in the base colour meanwhile.": (
+        "scene.mtl: die Textur wood.png ist nicht unter den Dateien; hinzufügen. Bis dahin in der Grundfarbe gerendert."
+    ),
+    "x: width x height is 9 pixels; at most 8 are rendered": "x: Breite x Höhe sind 9 Pixel; höchstens 8 werden gerendert",
+    "spp: needs is no such field.": "spp: needs is no such field.",
+    # what readers say of many things of a file, how often, and how much of each
+    "a.usd: Curves that are damaged are left out (2): /a, /b.": "a.usd: Beschädigte Kurven sind weggelassen (2): /a, /b.",
+    "Lights of the kind Portal are left out (4): /a, /b, /c and others.": (
+        "Lichter der Art Portal sind weggelassen (4): /a, /b, /c und andere."
+    ),
+    "a.pbrt, line 3: glass is as rough in both directions here (2 times)": (
+        "a.pbrt, line 3: glass ist hier in beiden Richtungen gleich rau (2-mal)"
+    ),
+    "Not taken over as it is in the FBX file: 2 volume lights, 1 further skins of a mesh.": (
+        "Nicht so übernommen, wie es in der FBX-Datei ist: 2 Volumenlichter, 1 weitere Skins eines Netzes."
+    ),
+    "Material oak: its texture oak.png is not among the files; add it. Rendered in the base colour meanwhile.": (
+        "Material oak: die Textur oak.png ist nicht unter den Dateien; hinzufügen. Bis dahin in der Grundfarbe gerendert."
+    ),
+    # what nobody knows stays
+    "Traceback (most recent call last): boom": "Traceback (most recent call last): boom",
+    "<b>x</b> {n}": "<b>x</b> {n}",
+    "": "",
+}
+
+
+def test_sentences_of_the_service_are_put_together_in_german(german: Node) -> None:
+    found = german.call("base/said", "return a.map((each) => m.said(each));", list(SAID))
+    assert dict(zip(SAID, found, strict=True)) == SAID
+
+
+def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
+    problem = '{"title": "Insufficient Storage", "detail": "The upload is empty. Send it again.", "status": 507}'
+    assert german.call("news/api", "return m.errorOf(507, a).message;", problem) == "Der Upload ist leer. Noch einmal senden."
+
+
+def test_long_texts_and_deep_quotes_take_no_time(german: Node) -> None:
+    """Patterns with several places, against texts that have their words many times: none goes back over what it has read."""
+    body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"
+    words = "The scene cannot be rendered: ", "a: ", "x; ", "No. ", "is (", " of the tile at "
+    assert german.call("base/said", body, [each * (3900 // len(each)) for each in words]) < 2000
+
+
+def test_on_an_english_page_they_stay(node: Node) -> None:
+    assert node.call("base/said", "return a.map((each) => m.said(each));", list(SAID)) == list(SAID)
+    assert node.call("base/said", "return m.said(null);") == ""

@@ -1,0 +1,146 @@
+"""The arithmetic of the live view: turning, its address, its packets, light by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.image import rgbe9995
+from renderer.settings import Tile
+from service.viewing.view_packet import EXACT, Shown, packet
+from tests.page.node import Node
+from tests.service.viewer import body_of, unpacked
+
+VIEW = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0], "fov": 40}
+
+
+def vector(view: dict[str, list[float]], name: str) -> np.ndarray:
+    return np.array(view[name])
+
+
+def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
+    distance = np.linalg.norm(vector(VIEW, "eye") - vector(VIEW, "target"))
+    for dx, dy in ((0.3, 0), (0, 0.4), (-2, -0.5), (0.1, 9)):
+        turned = node.call("scene/orbit", f"return m.orbit(a, {dx}, {dy});", VIEW)
+        assert turned["target"] == VIEW["target"]
+        offset = vector(turned, "eye") - vector(turned, "target")
+        assert np.linalg.norm(offset) == pytest.approx(distance)
+        assert abs(offset[1]) <= math.sin(math.radians(89.001)) * distance, "never along up"
+    back = node.call("scene/orbit", "return m.orbit(m.orbit(a, 0.7, 0.2), -0.7, -0.2);", VIEW)
+    np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
+
+
+def test_what_is_dragged_follows_the_hand(node: Node) -> None:
+    """Half a picture's height to the right and down: the old target is seen there."""
+    moved = node.call("scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
+    forward = vector(moved, "target") - vector(moved, "eye")
+    distance = np.linalg.norm(forward)
+    right = np.cross(forward, VIEW["up"])
+    right /= np.linalg.norm(right)
+    above = np.cross(right, forward / distance)
+    seen = vector(VIEW, "target") - vector(moved, "target")
+    height = 2 * distance * math.tan(math.radians(VIEW["fov"] / 2))  # type: ignore[operator]
+    np.testing.assert_allclose([seen @ right / height, seen @ above / height, seen @ forward], [0.5, -0.25, 0], atol=1e-9)
+
+
+def test_a_pixels_depth_along_the_line_of_sight(node: Node) -> None:
+    body = "return m.alongSight(a, { width: 300, height: 200 }, { x: 299, y: 0 }, 7);"
+    half = math.tan(math.radians(20))
+    direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
+    assert node.call("scene/orbit", body, VIEW) == pytest.approx(7 / np.linalg.norm(direction))
+    direction += np.array([2 * 0.5, 2 * 0.25, 0]) * half  # of a lens that is shifted right, and up
+    shifted = {**VIEW, "shift_x": 0.5, "shift_y": 0.25}
+    assert node.call("scene/orbit", body, shifted) == pytest.approx(7 / np.linalg.norm(direction))
+
+
+def test_flying_moves_eye_and_target_along_the_cameras_axes(node: Node) -> None:
+    moved = node.call("scene/orbit", "return m.fly(a, 0, 2, 3);", VIEW)
+    forward = vector(VIEW, "target") - vector(VIEW, "eye")
+    way = np.array([0, 2, 0]) + 3 * forward / np.linalg.norm(forward)
+    np.testing.assert_allclose(vector(moved, "eye") - vector(VIEW, "eye"), way, atol=1e-12)
+    np.testing.assert_allclose(vector(moved, "target") - vector(VIEW, "target"), way, atol=1e-12)
+
+
+def test_a_view_goes_through_the_url(node: Node) -> None:
+    whole = {**VIEW, "projection": "perspective"}
+    other = {**whole, "up": [0, 0, 1], "aperture": 0.02, "focus": 5.3, "projection": "orthographic", "height": 2.5, "near": 0.1}
+    shifted = {**whole, "shift_x": 0.25, "shift_y": -0.5}
+    body = "return a.map((view) => m.viewFromText(new URLSearchParams({ v: m.viewToText(view) }).get('v')));"
+    assert node.call("scene/view-url", body, [whole, other, shifted]) == [whole, other, shifted]
+    bad = [None, "", "1_2_3", "1_2_3*1_2_3*40", "1_2_x*0_0_0*40", "1_2_3*0_0_0*400", "1__3*0_0_0*40", "<script>"]
+    assert node.call("scene/view-url", "return a.map(m.viewFromText);", bad) == [None] * len(bad)
+
+
+def test_a_small_picture_is_made_large_smoothly(node: Node) -> None:
+    small = np.random.default_rng(3).uniform(0.1, 4.0, (3, 4, 3)).astype(np.float32)
+    body = """
+        const { Film } = await read("/js/film/film.js");
+        return [...m.enlarged(new Film(4, 3, new Uint32Array(a.words)), a.w, a.h).words];"""
+    words = rgbe9995.pack(small)
+    for w, h in ((4, 3), (13, 9)):
+        large = np.array(node.call("scene/enlarge", body, {"words": words.ravel().tolist(), "w": w, "h": h}), np.uint32)
+        y = np.clip((np.arange(h) + 0.5) * 3 / h - 0.5, 0, 2)
+        x = np.clip((np.arange(w) + 0.5) * 4 / w - 0.5, 0, 3)
+        hat_y = np.maximum(0, 1 - abs(y[:, None] - np.arange(3)))
+        hat_x = np.maximum(0, 1 - abs(x[:, None] - np.arange(4)))
+        expected = np.einsum("yi,xj,ijc->yxc", hat_y, hat_x, rgbe9995.unpack(words))
+        found = rgbe9995.unpack(large.reshape(h, w))
+        np.testing.assert_allclose(found, expected, atol=expected.max() * 2**-9)
+
+
+def test_a_picture_of_the_view_is_unpacked_as_it_was_packed(node: Node) -> None:
+    generator = np.random.default_rng(5)
+    rects = [Tile(0, 0, 9, 6), Tile(9, 0, 4, 6), Tile(0, 6, 9, 5), Tile(9, 6, 4, 5)]
+    means = [2.0 ** generator.uniform(-20, 14, (3, rect.h, rect.w)).astype(np.float32) for rect in rects]
+    tiles = [Shown(*each, number + 1, number % 2 == 1) for number, each in enumerate(zip(rects, means, strict=True))]
+    message = packet(tiles, (13, 11), (26, 22), 7, 9)
+    body = """
+        const { id, seq, width, height, tiles } = await m.decodeView(new Uint8Array(a).buffer);
+        return { about: [id, seq, width, height], tiles: tiles.map((each) => ({ ...each, words: [...each.words] })) };"""
+    found = node.call("scene/view-packet", body, list(message))
+    assert found["about"] == [7, 9, 13, 11]
+    heads = [(*tile.rect, tile.samples + tile.is_exact * EXACT) for tile in tiles]
+    for tile, told, expected in zip(tiles, found["tiles"], unpacked(heads, body_of(message)), strict=True):
+        assert [told[name] for name in ("x", "y", "w", "h", "spp", "isExact")] == [*tile.rect, tile.samples, tile.is_exact]
+        words = np.array(told["words"], np.uint32).reshape(expected.shape)
+        if tile.is_exact:
+            np.testing.assert_array_equal(words, expected)
+        else:
+            ours, theirs = rgbe9995.unpack(expected), rgbe9995.unpack(words)
+            assert (abs(theirs - ours) <= 2**-8 * ours.max(-1, keepdims=True)).all(), "but for how a half is rounded"
+
+
+def test_a_drag_turns_the_light_and_changes_its_strength(node: Node) -> None:
+    def dragged(across: float, up: float, rotation: float = 0, strength: float = 1) -> dict[str, float]:
+        before = {"rotation": rotation, "strength": strength}
+        body = "return m.dragged(a.before, a.moved, { width: 720, height: 400 });"
+        return dict(node.call("scene/light-math", body, {"before": before, "moved": {"across": across, "up": up}}))
+
+    assert dragged(183, 10) == {"rotation": -90, "strength": 1}, "what lies behind follows; a hand that goes sideways trembles"
+    assert dragged(-363, 0, rotation=90) == {"rotation": -90, "strength": 1}, "around and around"
+    assert dragged(2, 116) == {"rotation": 0, "strength": 2}
+    assert dragged(0, -116, strength=0.5) == {"rotation": 0, "strength": 0.25}
+    assert dragged(0, 116, strength=0)["strength"] > 0, "out of darkness too"
+
+
+def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
+    random = np.random.default_rng(5)
+    for _ in range(20):
+        sight, normal = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
+        scaled = [list(sight), list(float(random.uniform(-2, 2)) * normal)]
+        sun = node.call("scene/light-math", "return m.sunFor({ direction: a[0], normal: a[1] });", scaled)
+        elevation, azimuth = math.radians(sun["elevation"]), math.radians(sun["azimuth"])
+        level = math.cos(elevation)
+        found = np.array([level * math.sin(azimuth), math.sin(elevation), -level * math.cos(azimuth)])
+        half = found - sight  # between the sun and the eye
+        mirrored = sight - 2 * (sight @ normal) * normal
+        assert sun["isRaised"] == (mirrored[1] < math.sin(math.radians(2)))
+        if not sun["isRaised"]:
+            assert abs(half @ normal) == pytest.approx(np.linalg.norm(half), abs=1e-6)
+        else:
+            assert sun["elevation"] == 2
+            assert found[0] * mirrored[2] == pytest.approx(found[2] * mirrored[0], abs=1e-6), "on that side"
+    sky = node.call("scene/light-math", "return m.sunFor({ direction: [0.6, 0.8, 0], normal: null });")
+    assert (sky["azimuth"], sky["elevation"]) == pytest.approx((90, 53.13), abs=0.01)
