@@ -44,6 +44,7 @@ def test_bl_info_says_the_same(archive: zipfile.ZipFile) -> None:
     assert info["blender"] == (4, 2, 0)
 
 
+@pytest.mark.long
 def test_it_needs_nothing_that_blender_has_not(archive: zipfile.ZipFile) -> None:
     import sys
 

@@ -79,6 +79,7 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
     assert service.digest(job) == expected_digest(spp=64)
 
 
+@pytest.mark.long
 def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
     """The same picture in a new job; the old one keeps what it has, and can be taken up again instead."""
     old_kind = OLD["report"]["kind"]
@@ -110,6 +111,7 @@ def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Se
         assert service.wait_for(job, "finished")["kind"] == old_kind
 
 
+@pytest.mark.long
 def test_what_cannot_begin_anew_stays_as_it_was(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.05)
     job = service.submit(service.ready_scene(), spp=64)
@@ -122,6 +124,7 @@ def test_what_cannot_begin_anew_stays_as_it_was(service: Service, worker: PeerWo
     assert service.http.post("/api/jobs/gone/anew").status_code == 404
 
 
+@pytest.mark.long
 def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerWorker, store: redis.Redis) -> None:
     whole = json.loads(WorkerReport("newer", "host", 1, 2, "cpu", worker.kind, "starting", 0.0).to_bytes())
     store.set(worker_key("newer"), json.dumps(whole | {"gpus": [1], "region": "attic"}))

@@ -57,6 +57,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
     return body
 
 
+@pytest.mark.long
 def test_a_still_says_its_noise(service: Service, scene: str) -> None:
     """As docs/python.md ends a loop by it. It is that of the history, and it is written down."""
     job = service.submit(scene, spp=16)
@@ -258,6 +259,7 @@ def test_pictures_are_what_the_film_has(service: Service, job: str) -> None:
     problem(service.http.get(f"{url}/pixel?x=64&y=0"), 422)
 
 
+@pytest.mark.long
 def test_every_plane_of_the_film_can_be_looked_at_and_fetched(service: Service, job: str, tmp_path: Path) -> None:
     url = f"/api/jobs/{job}/frames/0"
     normal = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?aov=normal").content)))
@@ -303,6 +305,7 @@ def test_a_picture_that_did_not_change_is_not_sent_again(service: Service, job: 
     assert service.http.get(url, params={"exposure": 1}, headers={"If-None-Match": tag}).status_code == 200
 
 
+@pytest.mark.long
 def test_the_description_names_the_curves_that_are_known(service: Service, job: str) -> None:
     paths = service.http.get("/openapi.json").json()["paths"]
     parameters = paths["/api/jobs/{id}/frames/{n}/image.{extension}"]["get"]["parameters"]

@@ -15,6 +15,7 @@ from service.access import attempts
 from service.api.client_address import PASSED_ON
 from service.errors import CannotStart
 from service.settings import Settings
+from tests.grids import grid
 from tests.helpers import running_redis
 from tests.service.conftest import Service
 
@@ -55,6 +56,7 @@ def last_address(service: Service, headers: list[tuple[str, str]]) -> str:
     return str(max(audit, key=lambda line: line["at"])["from"])
 
 
+@pytest.mark.long
 def test_from_loopback_without_the_setting_nothing_is_believed(untrusting: Service) -> None:
     for field in FIELDS:
         assert last_address(untrusting, [(field, "203.0.113.9")]) == "127.0.0.1", field
@@ -87,6 +89,7 @@ def test_of_a_trusted_proxy_the_rightmost_untrusted_address_counts(
     assert last_address(trusting, fields) == address
 
 
+@pytest.mark.long
 def test_limits_count_by_the_address_behind_a_trusted_proxy(trusting: Service) -> None:
     answers = [
         failed_login(trusting, "berta", [("X-Forwarded-For", f"198.51.100.{n}, 203.0.113.20")])
@@ -105,7 +108,7 @@ def test_where_proxies_are_trusted_everybody_needs_a_login(trusting: Service) ->
     assert trusting.http.get("/api/jobs").status_code == 401
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8000", "localhost", "localhost:9", "[::1]", "[::1]:8000"])
+@grid("host", ["127.0.0.1", "127.0.0.1:8000", "localhost", "localhost:9", "[::1]", "[::1]:8000"])
 @pytest.mark.parametrize("path", ["/api/jobs", "/metrics", "/api/events", "/openapi.json"])
 def test_what_comes_through_a_proxy_needs_a_login_on_every_path(unasking: Service, host: str, path: str) -> None:
     answer = httpx.get(f"{unasking.url}{path}", headers={"Host": host, "X-Forwarded-For": "203.0.113.9"})
@@ -130,7 +133,7 @@ def test_http_1_0_as_nginx_sends_it_needs_a_login(unasking: Service) -> None:
             assert wire.recv(65536).split()[1] == status
 
 
-@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.nip.io", "localhost.evil.example", "10.0.0.1", "[::2]"])
+@grid("host", ["evil.example", "127.0.0.1.nip.io", "localhost.evil.example", "10.0.0.1", "[::2]"])
 def test_a_name_that_is_not_ours_reaches_no_path(unasking: Service, host: str) -> None:
     for path in ("/api/jobs", "/metrics", "/healthz", "/"):
         assert httpx.get(f"{unasking.url}{path}", headers={"Host": host}).status_code == 421, path

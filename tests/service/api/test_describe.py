@@ -54,6 +54,7 @@ def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> 
         assert service.http.get("/metrics").status_code == 200
 
 
+@pytest.mark.long
 def test_a_scene_of_another_release_does_not_hide_the_others(service: Service) -> None:
     good = service.ready_scene()
     for column, value in (("info", '{"counts": 7}'), ("info", "[]"), ("files", "{broken"), ("notes", "7"), ("status", "resting")):

@@ -32,6 +32,7 @@ def blobs(service: Service) -> int:
     return sum(each.is_file() for each in (service.options["data"] / "blobs").rglob("*"))
 
 
+@pytest.mark.long
 def test_presets_are_listed_with_their_pictures(both: tuple[Service, PeerWorker]) -> None:
     service, _ = both
     listed = service.http.get("/api/environments").json()
@@ -44,6 +45,7 @@ def test_presets_are_listed_with_their_pictures(both: tuple[Service, PeerWorker]
     assert service.http.delete("/api/environments/studio").status_code == 409
 
 
+@pytest.mark.long
 def test_an_image_is_looked_at_once_and_kept_once(both: tuple[Service, PeerWorker]) -> None:
     service, worker = both
     made = post(service, "folder/window.exr", IMAGE)

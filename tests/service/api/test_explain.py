@@ -55,6 +55,7 @@ def job(service: Service, worker: PeerWorker) -> str:
     return id
 
 
+@pytest.mark.long
 def test_a_worker_is_asked_with_the_jobs_own_settings_and_its_sum_held_against_the_film(
     service: Service, worker: PeerWorker, job: str
 ) -> None:
@@ -76,6 +77,7 @@ def _other(work: ExplainPixel) -> dict[str, Any]:
     return {**told, "sums": [told["sums"][0] + 1, *told["sums"][1:]]}
 
 
+@pytest.mark.long
 def test_what_cannot_be_is_said_in_a_sentence(
     service: Service, worker: PeerWorker, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -31,6 +31,7 @@ def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatc
             each.result()
 
 
+@pytest.mark.long
 def test_more_pictures_than_wait_in_line_are_told_to_come_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

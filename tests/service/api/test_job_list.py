@@ -56,6 +56,7 @@ def get(service: Service, path: str = "", **query: Any) -> Any:
     return service.http.get(f"/api/jobs{path}", params=query).raise_for_status().json()
 
 
+@pytest.mark.long
 def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_jobs_they_have(service: Service) -> None:
     with statements(service) as said:
         answer = service.http.get("/api/jobs", params={"limit": 1000, "offset": 500})
@@ -132,6 +133,7 @@ def test_orders(service: Service, sort: str, key: Any) -> None:
     assert [job["id"] for job in page] == get(service, "/ids", sort=sort)[:1000]
 
 
+@pytest.mark.long
 def test_many_are_changed_at_once_and_the_answer_says_how_they_were(service: Service) -> None:
     paused = get(service, "/ids", state="paused")[:3]
     finished = get(service, "/ids", state="finished")[:110]

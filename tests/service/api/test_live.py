@@ -79,6 +79,7 @@ def test_a_watcher_of_a_finished_job_gets_the_film(service: Service, worker: Pee
         assert watcher.spp[tile] == 8
 
 
+@pytest.mark.long
 def test_a_watcher_sees_the_picture_grow(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), spp=60)
@@ -117,6 +118,7 @@ def test_a_slow_watcher_gets_fewer_pictures_and_then_the_newest(service: Service
         assert len(watcher.history) <= unacknowledged + 12, "what changed meanwhile comes once"
 
 
+@pytest.mark.long
 def test_nonsense_from_a_watcher_is_left_out(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     with watch(service, job) as watcher:

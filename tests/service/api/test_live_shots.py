@@ -18,6 +18,7 @@ from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker, expected_sums
 
 
+@pytest.mark.long
 def test_a_watcher_is_told_of_every_frame_and_turns_to_another(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), frames="0-5", spp=4)

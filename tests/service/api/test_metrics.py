@@ -32,6 +32,7 @@ def test_every_number_that_alerts_and_dashboard_ask_for_is_told(service: Service
     assert asked <= told
 
 
+@pytest.mark.long
 def test_what_waits_for_the_first_worker_wants_a_slot_and_what_is_done_none(service: Service) -> None:
     assert numbers(service)["rayfarm_slots_wanted"] == 0
     job = service.submit(service.upload())

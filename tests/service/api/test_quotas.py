@@ -91,6 +91,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
         assert used(anna)["jobs"] == 0
 
 
+@pytest.mark.long
 def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "bea") as bea:
         scene = scene_of(bea)
@@ -197,6 +198,7 @@ def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
         assert (found["whose"], looked_at) == ("user:hugo", jobs[:1])
 
 
+@pytest.mark.long
 def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "frida") as frida:
         scene = scene_of(frida)

@@ -41,6 +41,7 @@ def blobs(service: Service) -> int:
     return sum(each.is_file() for each in (service.options["data"] / "blobs").rglob("*"))
 
 
+@pytest.mark.long
 def test_a_picture_is_kept_as_linear_light(service: Service) -> None:
     wanted = radiance()
     wanted[0, :5] = -1.0
@@ -107,6 +108,7 @@ def ended(*_: Any) -> dict[str, Any]:
     os._exit(1)
 
 
+@pytest.mark.long
 def test_what_a_reader_leaves_behind_goes_with_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary = service.options["data"] / "tmp"
     monkeypatch.setattr(references, "as_film", ended)

@@ -20,6 +20,7 @@ from schemathesis.specs.openapi.checks import content_type_conformance, response
 from service.errors import Unavailable
 from service.main import create_app
 from service.settings import Settings
+from tests.grids import grid
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
@@ -168,7 +169,7 @@ def operations() -> list[tuple[str, str]]:
     return [(path, method.upper()) for path, methods in paths.items() for method in methods if path != ENDLESS]
 
 
-@pytest.mark.parametrize(("path", "method"), operations())
+@grid(("path", "method"), operations(), ordinary={path for path, _ in operations()[::8]})
 def test_every_operation_answers_as_it_is_described(path: str, method: str, schema: Any, alive: Alive) -> None:
     assert tried(path, method, schema, alive, 2)
 

@@ -27,6 +27,7 @@ def shot(service: Service, worker: PeerWorker) -> str:
     return job
 
 
+@pytest.mark.long
 def test_a_zip_has_each_frame_under_its_number(service: Service, shot: str) -> None:
     answer = service.http.get(f"/api/jobs/{shot}/frames.zip?format=png").raise_for_status()
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
@@ -62,6 +63,7 @@ def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWor
         assert sorted(archive.namelist()) == NAMES
 
 
+@pytest.mark.long
 @grid("kind", ["mp4", "webm", "webp"], ordinary=("mp4",))
 def test_a_film_shows_the_frames_as_the_pictures_do(service: Service, shot: str, kind: str, tmp_path: Path) -> None:
     answer = service.http.get(f"/api/jobs/{shot}/movie.{kind}?exposure=0.5").raise_for_status()
@@ -96,6 +98,7 @@ def test_what_there_is_nothing_of_is_said(service: Service, worker: PeerWorker) 
     assert service.http.get("/api/jobs/nothing/movie.mp4").status_code == 404
 
 
+@pytest.mark.long
 def test_a_still_is_a_film_of_one_frame(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")

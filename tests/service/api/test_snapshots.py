@@ -44,6 +44,7 @@ def in_step(service: Service, worker: PeerWorker) -> list[str]:
     return jobs
 
 
+@pytest.mark.long
 def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, tmp_path: Path) -> None:
     with service.worker(several=False) as worker:
         jobs = in_step(service, worker)
@@ -102,6 +103,7 @@ def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> N
         assert kept(service, job)[1] == 8, "once it is no longer the picture itself"
 
 
+@pytest.mark.long
 def test_of_shots_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), width=16, height=16, spp=4, frames="0-1")
     service.wait_for(job, "finished")

@@ -24,6 +24,7 @@ def refused(answer: Any, status: int) -> str:
     return str(answer.json()["detail"])
 
 
+@pytest.mark.long
 def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) -> None:
     """By its name or its number; and under a sky as well."""
     scene = service.upload(OBJ + b"# variants\n")

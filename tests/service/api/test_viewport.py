@@ -54,6 +54,7 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
     assert blobs(service) == before
 
 
+@pytest.mark.long
 def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, noise=0.06, seed=3)  # evenly distributed samples: 0.577 / sqrt(n)
@@ -86,6 +87,7 @@ def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, wor
     assert sizes == sorted(sizes)
 
 
+@pytest.mark.long
 def test_a_newer_view_takes_the_place_of_an_older_one_at_once(service: Service, worker: PeerWorker) -> None:
     def slow(work: ViewParts, part: Part) -> None:
         time.sleep(0.02)
@@ -116,6 +118,7 @@ def test_a_slow_watcher_gets_fewer_pictures(service: Service, worker: PeerWorker
         viewer.wait(1, 64)
 
 
+@pytest.mark.long
 def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.connection.send("what?")
@@ -155,6 +158,7 @@ def test_a_failure_is_told_and_the_next_view_goes_on(service: Service, worker: P
         viewer.wait(2, 2)
 
 
+@pytest.mark.long
 def test_a_worker_that_vanishes_only_costs_its_part(service: Service) -> None:
     with service.worker(name="first") as first:
         scene = service.ready_scene()
@@ -296,6 +300,7 @@ def test_where_memory_is_full_a_view_waits_for_another_to_leave(
         other.wait(2, 2)
 
 
+@pytest.mark.long
 def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, view={"eye": [0, 0, 5], "target": [0, 0, 0], "aperture": 0.5, "focus": 3})
@@ -336,6 +341,7 @@ def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service:
         assert len(viewer.picked) == 1, "and no more than once"
 
 
+@pytest.mark.long
 def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_part = lambda work, part: time.sleep(0.02) if work.is_whole else None
     with look(service, service.ready_scene()) as viewer:
@@ -358,6 +364,7 @@ def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Ser
             clicking.join()
 
 
+@pytest.mark.long
 def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, worker: PeerWorker) -> None:
     worker.on_frame = lambda frame: b"compiled for frame %d" % frame if frame else None
     scene = service.ready_scene()

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from service.store.models import Frame, Job
+from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -15,7 +14,7 @@ FILES = (
 )
 
 
-@pytest.mark.parametrize("state", ["waits", "gone", "gone and noted", "cancelled"])
+@grid("state", ["waits", "gone", "gone and noted", "cancelled"], ordinary=("gone",))
 def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Service, worker: PeerWorker, state: str) -> None:
     scene = service.ready_scene()
     if state in ("waits", "cancelled"):

@@ -76,6 +76,7 @@ def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) 
     return service
 
 
+@pytest.mark.long
 def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) -> None:
     with told.worker():
         job = told.submit(told.ready_scene(), name="the night's")
@@ -140,6 +141,7 @@ def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(
     assert [message["data"]["id"] for message in receiver.messages][1:] == [job]
 
 
+@pytest.mark.long
 def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, receiver: Receiver) -> None:
     receiver.statuses = [500, 302, 204]
     job = told.submit(told.upload())
@@ -149,6 +151,7 @@ def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, rec
     assert len({sent["webhook-id"] for sent, _ in receiver.got}) == 1
 
 
+@pytest.mark.long
 @grid(("status", "attempts"), [(500, 8), (410, 1)], ordinary=(410,))
 def test_it_is_given_up_in_the_end(
     told: Service, receiver: Receiver, status: int, attempts: int, caplog: pytest.LogCaptureFixture
@@ -184,6 +187,7 @@ def test_a_trial_says_whether_messages_arrive(told: Service, receiver: Receiver)
     assert told.http.post("/api/hooks/1/test").status_code == 404
 
 
+@pytest.mark.long
 def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "the farm's own")
     program = tmp_path / "hook.sh"
@@ -252,6 +256,7 @@ def arrived(service: Service) -> list[int]:
     return [hook["arrived"] for hook in service.http.get("/api/hooks").json()]
 
 
+@pytest.mark.long
 def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receiver) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:  # connections come to be, and nobody ever reads from them
         hanging = f"http://127.0.0.1:{server.getsockname()[1]}/"

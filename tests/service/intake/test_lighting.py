@@ -44,6 +44,7 @@ def scene_of(service: Service, more: bytes) -> str:
     return scene
 
 
+@pytest.mark.long
 def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> None:
     scene = scene_of(service, b"# light\n")
     job, lit = rendered(service, scene, sky={"elevation": 30, "azimuth": -240}, strength=2)

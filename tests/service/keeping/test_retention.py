@@ -88,6 +88,7 @@ def test_old_films_go_and_are_rendered_again_to_the_same_bits(service: Service, 
     assert service.job(jobs[1])["error"] is None
 
 
+@pytest.mark.long
 def test_the_oldest_films_go_until_the_rest_fits(service: Service, jobs: list[str]) -> None:
     all_of_them = sum(service.farm.films.size(job) for job in jobs)
     one = service.farm.films.size(jobs[1])
@@ -136,6 +137,7 @@ def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str
     assert would_go(service, films_days=0) == [], "what is rendered stays"
 
 
+@pytest.mark.long
 def test_a_deletion_is_answered_at_once_and_says_how_far_it_is(
     service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

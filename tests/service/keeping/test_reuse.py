@@ -31,6 +31,7 @@ def samples_of(worker: PeerWorker, job: str) -> int:
     return sum(batch.count * batch.tile.w * batch.tile.h for batch in worker.batches if batch.job == job)
 
 
+@pytest.mark.long
 def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_first(service: Service) -> None:
     with service.worker() as worker:
         scene = service.ready_scene()
@@ -65,6 +66,7 @@ def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(servic
     assert service.digest(many) == service.digest(fresh) == expected_digest(spp=256)
 
 
+@pytest.mark.long
 def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, spp=16), "finished", LONG_S)

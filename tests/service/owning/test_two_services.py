@@ -115,6 +115,7 @@ def renders_on(service: Started, job: str) -> None:
     until(lambda: service.job(job)["samples"] > known, "it renders on", 60, lambda: service.job(job))
 
 
+@pytest.mark.long
 def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
     service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -38,6 +38,7 @@ def manifest(service: Service, scene: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(service: Service) -> None:
     with service.worker(name="plain", tags=()) as plain:
         scene = service.upload(BLEND, "shot.blend")

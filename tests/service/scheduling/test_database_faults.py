@@ -119,6 +119,7 @@ def answers_of(worker: PeerWorker, job: str) -> bool:
     return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
 
 
+@pytest.mark.long
 def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -260,6 +260,7 @@ def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
     assert failed["merge"] == failed["tile_planes"] == 2
 
 
+@pytest.mark.long
 def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -300,6 +301,7 @@ def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     assert not [line for line in caplog.messages if "fault" in line or "cannot go on" in line]
 
 
+@pytest.mark.long
 @grid("camera", ["²", "7" * 5000], ordinary=("²",))
 def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
     service: Service, worker: PeerWorker, camera: str

@@ -104,6 +104,7 @@ def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service,
     assert service.digest(job) == expected_digest(spp=has + 6)
 
 
+@pytest.mark.long
 def test_a_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None:
     go = threading.Event()
     worker.on_prepare = lambda scene: (go.wait(10), None)[1]
@@ -150,6 +151,7 @@ def test_pause_and_cancel_take_hold_within_a_second(service: Service, worker: Pe
     assert service.http.get(f"/api/jobs/{job}/frames/0/image.png").status_code == 200
 
 
+@pytest.mark.long
 def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.03)
     scene = service.ready_scene()
@@ -196,6 +198,7 @@ def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWo
         service.patch(job, state="cancelled")
 
 
+@pytest.mark.long
 def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, seconds=1.0)
@@ -205,6 +208,7 @@ def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: 
     assert all(pixel["samples"] >= 1 for pixel in pixels)
 
 
+@pytest.mark.long
 def test_noise_stops_tiles_by_their_own_films(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     jobs = [service.submit(scene, spp=256, noise=0.09, tile_size=16) for _ in range(2)]
@@ -241,6 +245,7 @@ def test_a_job_does_not_mix_kinds(service: Service) -> None:
         assert new.batches == []
 
 
+@pytest.mark.long
 def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")

@@ -53,6 +53,7 @@ def test_who_sends_what_is_no_batch_is_set_aside(service: Service, how: str) -> 
         assert "What bad sent of it cannot be used (damaged sums" in log
 
 
+@pytest.mark.long
 def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(service: Service, worker: PeerWorker) -> None:
     def lie(batch: RenderBatch) -> bool:
         event = {"type": "batch", **worker._about(batch), "seconds": 0.01, "bad": [], "bad_count": 0}
@@ -153,6 +154,7 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
     assert service.farm.blobs.exists(hashlib.sha256(upload).hexdigest())
 
 
+@pytest.mark.long
 def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(service: Service) -> None:
     """Nobody could take it back: who is found out must not have hidden behind others."""
     with service.worker(name="good") as good, service.worker(name="bad") as bad:

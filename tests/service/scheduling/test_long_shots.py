@@ -48,6 +48,7 @@ def scene(service: Service) -> str:
         return service.ready_scene()
 
 
+@pytest.mark.long
 def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +86,7 @@ def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
         assert not rows(service, job)
 
 
+@pytest.mark.long
 def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,6 +120,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
     assert {row[2] for row in rows(service, job)} == {8 * 16 * 16}
 
 
+@pytest.mark.long
 def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
     monkeypatch.setattr("service.keeping.deleting.AT_A_TIME", PARTS)

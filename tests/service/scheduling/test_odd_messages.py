@@ -114,6 +114,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
     assert all(each["why"] and each["where"].startswith("results") for each in listed)
 
 
+@pytest.mark.long
 def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
     """Its only frame would be given up, and the job never end."""
 
@@ -144,6 +145,7 @@ def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(s
         assert service.farm.engine.snapshot.counts["put_aside"] == 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("where", ["merge", "note"])
 def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
@@ -169,6 +171,7 @@ def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     assert service.farm.engine.snapshot.counts["put_aside"] >= 1
 
 
+@pytest.mark.long
 def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -186,6 +189,7 @@ def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
     assert service.farm.engine.snapshot.counts["put_aside"] == 1
 
 
+@pytest.mark.long
 def test_keys_of_another_type_are_repaired(service: Service, worker: PeerWorker) -> None:
     store = worker.redis
 
@@ -207,6 +211,7 @@ def test_keys_of_another_type_are_repaired(service: Service, worker: PeerWorker)
     assert service.http.get("/readyz").status_code == 200
 
 
+@pytest.mark.long
 def test_a_stream_at_its_last_id_is_begun_anew(service: Service, worker: PeerWorker) -> None:
     worker.redis.xadd(RESULTS, {"event": "{}"}, id="18446744073709551615-18446744073709551615")
     job = service.submit(service.ready_scene(), spp=4)

@@ -47,6 +47,7 @@ def test_a_redis_that_refuses_costs_only_time(
     until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("spoil", "said"), [(full, "Redis is full"), (read_only, "it is a replica of another")])
 def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
     service: Service, spoil: Callable[[redis.Redis, bool], None], said: str

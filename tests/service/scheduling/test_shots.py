@@ -99,6 +99,7 @@ def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: S
     assert [digest(service, job, n) for n in range(6)] == [expected(n, 8) for n in range(6)]
 
 
+@pytest.mark.long
 def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         if frame == 2:
@@ -335,6 +336,7 @@ def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker)
     assert all(0 < frame["noise"] < 0.5 for frame in frames_of(service, job).values())
 
 
+@pytest.mark.long
 def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
     done = service.wait_for(job, "finished", 40)

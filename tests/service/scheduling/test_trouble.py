@@ -84,6 +84,7 @@ def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_the
     assert "--sampler=independent" in bad[0]["reproduce"]
 
 
+@pytest.mark.long
 def test_a_worker_that_fails_where_others_do_not_is_set_aside_until_a_person_lets_it_go_on(service: Service) -> None:
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 

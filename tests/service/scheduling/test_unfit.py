@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.service.conftest import Service, until
 from worker.protocol.contract import own_prepare_queue
 
@@ -17,6 +19,7 @@ def test_another_worker_prepares_what_one_machine_cannot(service: Service) -> No
         assert sorted(large.prepared) == sorted(scenes)
 
 
+@pytest.mark.long
 def test_where_no_machine_can_the_error_names_each_with_its_lack(service: Service) -> None:
     with service.worker(name="alpha") as alpha, service.worker(name="beta", kind="another-kind") as beta:
         alpha.unfit, beta.unfit = LIMIT, FULL
@@ -44,6 +47,7 @@ def test_a_fault_that_passes_is_waited_for(service: Service) -> None:
         until(lambda: service.scene(id)["status"] == "ready", "it is prepared")
 
 
+@pytest.mark.long
 def test_another_worker_prepares_the_frames_that_one_machine_cannot(service: Service) -> None:
     with service.worker(name="alpha") as alpha, service.worker(name="beta") as beta:
         scene = service.ready_scene()

@@ -18,6 +18,7 @@ def submit_paused(service: Service, scene: str, **request: object) -> str:
     return job
 
 
+@pytest.mark.long
 def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     over = service.submit(scene, seed=3)

@@ -58,6 +58,7 @@ def put(blobs: BlobStore, *pieces: bytes) -> str:
     return writer.commit()
 
 
+@pytest.mark.long
 def test_credentials_may_lie_in_files(s3: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         (tmp_path / name).write_text("from a file\n")

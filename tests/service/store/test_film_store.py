@@ -47,6 +47,7 @@ def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) 
     assert (tmp_path / "films" / "job.sqlite").exists()
 
 
+@pytest.mark.long
 def test_few_of_many_films_that_are_rendered_have_open_files(
     films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,6 +41,7 @@ def at_once(*actions: Callable[[], None]) -> None:
         thread.join()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
     """`shared`: another scene that has one of the files."""
@@ -195,6 +196,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
     assert blobs.exists(sha256)
 
 
+@pytest.mark.long
 def test_many_blobs_that_go_keep_nobody_else_waiting(
     garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -43,6 +43,7 @@ def half_of_it(path: Path) -> None:
     database.close()
 
 
+@pytest.mark.long
 @grid(
     ("break_it", "sentence"),
     [

@@ -27,6 +27,7 @@ def finished(service: Service) -> str:
     return job
 
 
+@pytest.mark.long
 def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     digest, before = service.digest(job), raw(service, job).content

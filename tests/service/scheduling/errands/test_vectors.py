@@ -24,6 +24,7 @@ def layers(content: bytes, folder: Path) -> dict[str, np.ndarray]:
     return {name: found[..., i] for i, name in enumerate(picture.spec().channelnames)}
 
 
+@pytest.mark.long
 def test_they_come_as_layers_alone_and_in_a_zip_and_are_made_once(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
     scene = service.ready_scene()
     job = service.submit(scene, frames="3-4", turntable=2.0, camera=0)
@@ -54,6 +55,7 @@ def test_they_come_as_layers_alone_and_in_a_zip_and_are_made_once(service: Servi
     assert service.http.get(f"/api/jobs/{job}/frames/3/digest").json() == digest
 
 
+@pytest.mark.long
 def test_what_cannot_be_is_a_sentence(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     url = f"/api/jobs/{job}/frames/0/image"

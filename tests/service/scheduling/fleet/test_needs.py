@@ -53,6 +53,7 @@ def test_which_need_nobody_has(needs: list[str], offers: list[Any], sentence: st
     assert (sentence or "") in (found or "")
 
 
+@pytest.mark.long
 def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> None:
     with service.worker(name="old") as old, service.worker(name="plain", tags=()) as plain:
         scene = service.ready_scene()

@@ -17,6 +17,7 @@ from worker.protocol.contract import HEARTBEAT_TTL_S, worker_key
 from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 
+@pytest.mark.long
 def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=40)

@@ -115,6 +115,7 @@ def test_no_sentence_has_a_character_that_a_database_does_not_take() -> None:
     assert failed.error == "a\ufffdb"
 
 
+@pytest.mark.long
 def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker) -> None:
     def chatter(batch: RenderBatch) -> None:
         for event in NONSENSE:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import time
 
+import pytest
+
 from service.scheduling.jobs.history import MOST_EVENTS, MOST_POINTS, History
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
@@ -50,6 +52,7 @@ def test_what_cannot_be_made_out_begins_anew() -> None:
     assert History.of({"points": 3}).events == []
 
 
+@pytest.mark.long
 def test_a_job_tells_how_it_came_to_its_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), spp=64)

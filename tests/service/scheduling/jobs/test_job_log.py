@@ -58,6 +58,7 @@ def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
     assert logs.text("job").count(b"\n") == 1 and b"\x1b" not in logs.text("job") and len(logs.text("job")) < 1100
 
 
+@pytest.mark.long
 def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Service, worker: PeerWorker) -> None:
     failed: list[str] = []
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,6 +15,7 @@ from renderer.settings import Tile, tiles_of
 from service.errors import FilmWaits
 from service.scheduling.jobs.plan import ALONE_UNTIL, FramePlan, Range, first_check
 from service.store.coverage import Coverage
+from tests.grids import grid
 
 T = TypeVar("T")
 
@@ -236,7 +236,7 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
     return float(sums.mean() * 2 / coverage.total)
 
 
-@pytest.mark.parametrize("side", [1, 2, 4])
+@grid("side", [1, 2, 4], ordinary=(2,))
 def test_noise_ends_tiny_pictures_without_bias(side):
     """A single pixel was 28 % too dark where its noise was estimated at 32 samples."""
     dice = np.random.default_rng(7)

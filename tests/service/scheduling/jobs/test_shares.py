@@ -92,6 +92,7 @@ class Farm:
         return job.batch_s if self.guess_s is None else self.guess_s
 
 
+@pytest.mark.long
 def test_slot_seconds_are_as_the_weights_whatever_the_number_of_jobs_and_the_length_of_batches() -> None:
     jobs = [Claim("a", "user:anna", batch_s=2.0), *(Claim(f"b{i}", "user:ben", batch_s=0.1) for i in range(20))]
     jobs.append(Claim("c", "user:cleo", batch_s=0.7))

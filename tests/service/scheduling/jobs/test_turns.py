@@ -6,9 +6,12 @@ import random
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from service.scheduling.jobs.turns import Turns
 
 
+@pytest.mark.long
 def test_turns_are_those_of_a_look_at_all_frames() -> None:
     chance = random.Random(5)
     frames: dict[int, Any] = {

@@ -56,6 +56,7 @@ def slow(batch: RenderBatch) -> None:
     time.sleep(0.002)
 
 
+@pytest.mark.long
 def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_rendered_again(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
