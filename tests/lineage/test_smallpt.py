@@ -47,6 +47,7 @@ def test_every_pixel_agrees_with_the_plain_evaluation(reference_spp):
     assert abs(actual.mean() - expected.mean()) < 3 * total
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", [(1, 40, 110), (99, 45, 120), (50, 0, 130), (50, 45, 0)])
 def test_huge_walls_do_not_shadow_themselves(target):
     """Seen from a wall and no farther than 15 units, nothing is in the way: rings of false shadow would be."""

@@ -90,6 +90,7 @@ def test_roulette_at_a_constant_chance_keeps_the_mean(room, survival):
     )
 
 
+@pytest.mark.long
 def test_path_and_whitted_agree_where_only_direct_light_is():
     made = scene(
         [Material(base_color=gray(0.7)), emitter(6.0)],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 
 from renderer.jit import device, entry
 
@@ -41,6 +42,7 @@ def _both(whole, number):
     return whole.otherwise
 
 
+@pytest.mark.long
 def test_a_branch_on_a_field_that_is_none_is_left_out_also_in_functions_called() -> None:
     table = np.array([1.0, 5.0])
     assert _read(Whole(Parts(None, None), 3.0)) == 3

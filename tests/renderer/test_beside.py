@@ -69,6 +69,7 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
     return TellCalls.calls
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("edition", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
 def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, edition: str) -> None:
     warm_up(edition=edition)  # else all that is called would be compiled here

@@ -25,6 +25,7 @@ def test_the_example_scene_is_one() -> None:
     check(flat(example()))
 
 
+@pytest.mark.long
 def test_warming_up_the_media_kernels_reads_no_foreign_memory() -> None:
     rendered("behind", "pool", ["warm-up of media", "fog"])
 

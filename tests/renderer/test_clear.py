@@ -13,6 +13,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription, Sphere
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.builders import gray, square
 
 VIEW = View((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), fov=20.0)
@@ -55,7 +56,7 @@ def layers(count: int, **material: object) -> SceneDescription:
 
 
 @pytest.mark.parametrize("material", [GLASS, LAYERED], ids=["glass", "layered"])
-@pytest.mark.parametrize("count", [3, 4, 6])
+@grid("count", [3, 4, 6], ordinary=(6,))
 def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material: Material) -> None:
     assert mean(panes(count, material), 64) == pytest.approx(1.0, abs=1e-3)
 
@@ -87,6 +88,6 @@ def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:
 @pytest.mark.parametrize(
     "material", [{"alpha_mode": "blend"}, {"alpha_mode": "mask", "alpha_cutoff": 0.5}], ids=["blend", "mask"]
 )
-@pytest.mark.parametrize("count", [100, 300, 1000])
+@grid("count", [100, 300, 1000], ordinary=(300,))
 def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: int, material: dict[str, object]) -> None:
     assert mean(layers(count, **material), 4) == pytest.approx(LIT, rel=1e-3)

@@ -29,6 +29,7 @@ ALBEDO = 0.5
 # Whitted's rays and direct light end at the first diffuse surface; it emits 1/2 itself, and half of what comes in goes on.
 GLOW = {"path": 1.0, "direct": 0.75, "whitted": 0.75}
 LAMPLIGHT = {"path": 1.0, "direct": 0.5, "whitted": 0.5}
+INTEGRATORS = ["path", "direct", pytest.param("whitted", marks=pytest.mark.long)]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def _settings(camera: str, sampler: str, integrator: str, **more: object) -> Ren
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
-@pytest.mark.parametrize("integrator", GLOW)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_glowing_sphere(glowing, integrator, sampler, camera):
     sums = render_frame(glowing, _settings(camera, sampler, integrator), 64)
     assert_mean(sums, GLOW[integrator], slack=1e-4, tests=len(GLOW) * len(CAMERAS) * len(SAMPLERS))
@@ -56,12 +57,13 @@ def test_a_glowing_sphere(glowing, integrator, sampler, camera):
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
-@pytest.mark.parametrize("integrator", LAMPLIGHT)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
     sums = render_frame(lit, _settings(camera, sampler, integrator), 64)
     assert_mean(sums, LAMPLIGHT[integrator], slack=1e-4, tests=len(LAMPLIGHT) * len(CAMERAS) * len(SAMPLERS))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_ambient_occlusion(lit, sampler, camera):
@@ -91,7 +93,7 @@ def test_roulette_of_any_probability(survival):
     assert_mean(render_frame(darker, settings, 512), 1.0, slack=1e-4, tests=3)
 
 
-@pytest.mark.parametrize("integrator", GLOW)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_several_light_samples(glowing, integrator):
     settings = _settings("perspective", "sobol", integrator, light_samples=4)
     assert_mean(render_frame(glowing, settings, 64), GLOW[integrator], slack=1e-4, tests=len(GLOW))

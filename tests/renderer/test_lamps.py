@@ -34,7 +34,15 @@ def planes(sums: Sums) -> np.ndarray:
     return np.concatenate([sums[ALBEDO], sums[NORMAL], sums[DEPTH : DEPTH + 1], sums[OBJECT : OBJECT + 1]])
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}, {"integrator": "ao"}])
+@pytest.mark.parametrize(
+    "kernel",
+    [
+        {},
+        PATH,
+        pytest.param({"integrator": "whitted"}, marks=pytest.mark.long),
+        pytest.param({"integrator": "ao"}, marks=pytest.mark.long),
+    ],
+)
 def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
     """The first-hit planes are identical to those without the lamp."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
@@ -54,7 +62,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
     assert_mean(picture([WHITE, LAMP], FLOOR, ABOVE, view=below, max_depth=2, spp=256, **kernel), body, slack=2e-3)
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
+@pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
     """In a mirror, one lamp lies in front of another, and both in front of an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)

@@ -317,6 +317,7 @@ def test_filters_leave_no_seams(whole, name, sampler):
     assert len(digests) == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("spp", "gain"), [(4, 1.05), (16, 1.2), (64, 1.4)])
 def test_sobol_pictures_have_less_noise_than_independent_ones(spp, gain):
     spreads = {sampler: spread_and_estimate(sampler, spp, 16)[0] for sampler in ("sobol", "independent")}

@@ -103,6 +103,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(
     assert "compiled: Read-only file system" in caplog.text
 
 
+@pytest.mark.long
 def test_compiling_needs_no_folder_that_can_be_written(tmp_path: Path) -> None:
     """Numba's own locator writes a file to find out, and fails where it cannot."""
     program = (

@@ -31,7 +31,7 @@ def picture(material: Material, *lights: Light, spp: int = 16, view: View = DOWN
     return render_frame(scene([material], (FLOOR,), lights=lights), RenderSettings(48, 48, view, **asked), spp)
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
+@pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_its_disk(kernel: dict[str, object]) -> None:
     """The camera looks straight down: what it sees at an angle a to the axis is mirrored to the same angle."""
     found = mean(picture(MIRROR, SUN, **kernel), 24)[..., 0]
@@ -43,7 +43,7 @@ def test_a_mirror_shows_its_disk(kernel: dict[str, object]) -> None:
     assert not mean(picture(MIRROR, replace(SUN, seen="never"), **kernel), 24).any()
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
+@pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
     up = View((0.0, 2.0, 0.0), (0.0, 3.0, 0.0), up=(0, 0, -1), fov=10.0)
     np.testing.assert_allclose(
@@ -95,7 +95,7 @@ def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
     assert_mean(lit(None, light), 0.8 / math.pi * irradiance, slack=4e-3)
 
 
-@pytest.mark.parametrize("kernel", [{}, PATH, {"integrator": "whitted"}])
+@pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> None:
     """Of radius 0.8 at a distance of 3.0 from the camera by way of the mirror: tan of the half angle is their quotient."""
     made = scene([MIRROR, GLOW], (FLOOR,), (Sphere((0.0, 1.0, 0.0), 0.8, 1),))

@@ -51,6 +51,7 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
     assert ((values > 0).all(axis=1) | (values < 0).all(axis=1)).all(), "what mirrors has a stretch that does"
 
 
+@pytest.mark.long
 def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
     """Three quarters of a turn by four keys, with mirroring and scaling."""
     axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])

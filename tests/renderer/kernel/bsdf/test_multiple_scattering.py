@@ -34,6 +34,7 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
     assert abs(share - sum(ggx_albedo(cosine, alpha))) < 4 * np.sqrt(share * (1 - share) / RAYS) + 1e-3
 
 
+@pytest.mark.long
 @grid("alpha", FARTHEST, ordinary=(0.5,))
 def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
     """The model's lobe is diffuse, the walk's is biased forwards: bounds the difference."""

@@ -117,7 +117,7 @@ def test_glass_with_bent_normals_makes_no_light(roughness, least, of):
     assert least < found < 1.0 + 4 * error + 2e-3
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_a_low_poly_mirror_shows_the_world_up_to_its_rim(integrator):
     made, asked = lit(METALS["mirror"], coarse_ball)
     sums = render_frame(made, replace(asked, integrator=integrator, max_depth=4), 16)

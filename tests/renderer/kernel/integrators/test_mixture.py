@@ -37,7 +37,7 @@ def targets():
 
 
 @grid("point", POINTS, ordinary=((-0.6, 0.9, -0.4),))
-@pytest.mark.parametrize("primitive", range(4))
+@grid("primitive", range(4), ordinary=(0,))
 def test_directions_follow_their_density(targets, point, primitive):
     p = np.array(point, np.float32)
     u = np.random.default_rng(primitive).random((N, 2), np.float32)

@@ -47,6 +47,7 @@ def _agree(compiled, asked: RenderSettings, spp: int = 512) -> None:
     assert abs(two - one) < limit(len(SEEN) + 1) * error, f"{two} and {one} +- {error}"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == SEEN[0] else pytest.mark.long) for name in SEEN])
 def test_the_mean_is_that_of_one_branch(name: str) -> None:
     _agree(*made(name))
@@ -85,6 +86,7 @@ def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, i
     return float(np.var(pictures, axis=0).mean()), stats.rays
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["a sky's picture", "a room"])
 def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
     """For indirect light, and for light of the sky."""
@@ -126,6 +128,7 @@ def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
     assert kernel_options(settings(*VIEW), compiled).splitting == 2
 
 
+@pytest.mark.long
 def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
     """The lobe is wide only along the scratches, so light sampling must contribute its share under MIS."""
     metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)

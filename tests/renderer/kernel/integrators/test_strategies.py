@@ -179,7 +179,7 @@ def under_a_lamp(height, side=0.05):
     )
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_the_mistakes_are_made_as_their_names_say(integrator):
     """Under a small lamp in the height h: E = L A / h^2; attenuation divides by h^2 once more, the cutoff is at sqrt(1000)."""
     for height, mistake, factor in (

@@ -11,6 +11,8 @@ from renderer.scene.description import Light, Material, Sphere
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
 from tests.renderer.judge import assert_mean, limit, mean_and_error
 
+pytestmark = pytest.mark.long  # two more kernels to compile
+
 FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)
 WHITE = Material(base_color=gray(1.0))
 BELOW = ((0, 0.5, -2), (0, 0, 0), 0.01)

@@ -19,7 +19,7 @@ def cards(count, material, distance=1.0):
     return tuple(square((0, 0, 2 - 0.1 * distance * i), (9, 0, 0), (0, 9, 0), material) for i in range(count))
 
 
-@grid("integrator", ["path", "direct", "whitted"])
+@grid("integrator", ["path", "direct", "whitted"], ordinary=("path",))
 @pytest.mark.parametrize("count", [1, 4])
 def test_cards_before_a_light_let_the_rest_through(integrator, count):
     """Black cards of opacity a transmit (1 - a)**n of the light behind them; cards do not count as segments."""
@@ -60,9 +60,16 @@ def test_planes_are_those_of_the_first_thing_that_is_there():
     np.testing.assert_allclose(mean(a, 24, DEPTH), mean(b, 24, DEPTH), rtol=1e-5)
     np.testing.assert_allclose(mean(a, 24, NORMAL), mean(b, 24, NORMAL), atol=1e-6)
     assert (b[OBJECT] == 1).all()
-    for integrator in ("whitted", "ao"):
-        other = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, integrator=integrator), 4)
-        np.testing.assert_allclose(mean(other, 24, DEPTH), mean(a, 24, DEPTH), rtol=1e-5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("integrator", ["whitted", "ao"])
+def test_other_integrators_see_through_clear_cards(integrator):
+    card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
+    wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
+    view = settings((0, 0, 4), (0, 0, 0), 30, integrator=integrator)
+    a, b = (render_frame(scene([emitter(1.0, 0.3), card], meshes), view, 4) for meshes in ((wall,), (wall, *cards(3, 1))))
+    np.testing.assert_allclose(mean(a, 24, DEPTH), mean(b, 24, DEPTH), rtol=1e-5)
 
 
 @grid("sampling", ["mis", "light", "bsdf", "uniform"], ordinary=("mis",))
@@ -81,7 +88,7 @@ def test_invisible_shells_change_nothing(sampling):
     )
 
 
-@pytest.mark.parametrize("integrator", ["path", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 @pytest.mark.parametrize("distance", [0.1, 0.5])
 def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
     """Index 1: without reflection all light passes once: color ** (way / distance)."""
@@ -95,7 +102,7 @@ def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
     np.testing.assert_allclose(mean(sums, 24).mean((0, 1)), expected, rtol=1e-4)
 
 
-@pytest.mark.parametrize("integrator", ["path", "direct", "whitted"])
+@pytest.mark.parametrize("integrator", ["path", "direct", pytest.param("whitted", marks=pytest.mark.long)])
 def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
     unlit = Material(kind="unlit", base_color=(0.2, 0.5, 0.8))
     made = scene(

@@ -229,6 +229,7 @@ def test_light_may_add_up_to_more_than_white():
     np.testing.assert_allclose(mean(sums, 24), 2 * 3.4, rtol=1e-5)
 
 
+@pytest.mark.long
 def test_a_wall_shows_its_stack():
     """The albedo of each pixel is the layered texture, computed at the point it sees."""
     layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
@@ -246,7 +247,7 @@ def test_a_wall_shows_its_stack():
 
 
 @grid("sampling", ["mis", "light", "bsdf"], ordinary=("mis",))
-@pytest.mark.parametrize("kind", ["square", "square with others", "sphere"])
+@grid("kind", ["square", "square with others", "sphere"], ordinary=("square with others",))
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
     """A dark emitter whose only light is a layer with a hole: irradiance on a floor by a sum over the emitter's points.
