@@ -6,14 +6,13 @@ import gc
 import os
 import signal
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import hypothesis
 import pytest
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
-from tests.kernels import few_variants, get_ready, ready_first
+from tests.kernels import get_ready, ready_first
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start would ignore it too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -56,14 +55,11 @@ def pytest_sessionfinish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Renders with few variants of the kernels, each compiled by one process. The service has none."""
+    """Has each kernel compiled by one process. The service has none."""
     if all("service" in item.path.parts for item in request.session.items):
         yield
         return
-    with ExitStack() as ends:
-        ends.enter_context(ready_first())
-        if is_ordinary(request.config):
-            ends.enter_context(few_variants())
+    with ready_first(is_ordinary(request.config)):
         yield
 
 

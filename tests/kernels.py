@@ -1,25 +1,24 @@
-"""Compiles the kernels that the ordinary tests render with (`python -m tests.kernels`), in processes beside the tests.
+"""Compiles the kernels that the ordinary tests render with (`python -m tests.kernels`), in a process beside the tests.
 
-Two variants serve scenes that stand still, `plain` and `full`; scenes that move or have media all take `moving-media`, the
-one variant that has everything (`few_variants`). The tests of `--long` compile the others when they come to them.
+They are the variants `plain` and `full`, and the kernel for one path at a time. What needs another one (motion, media, Whitted's
+rays, occlusion) is marked `long`.
 """
 
 from __future__ import annotations
 
 import gc
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from worker.machine.children import die_with_parent
+import pytest
 
 if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene
     from renderer.settings import RenderSettings
 
-__all__ = ["few_variants", "get_ready", "ready_first"]
+__all__ = ["get_ready", "ready_first"]
 
 
 def get_ready(edition: str, **settings: Any) -> None:
@@ -33,17 +32,23 @@ def get_ready(edition: str, **settings: Any) -> None:
 
 
 @contextmanager
-def ready_first() -> Iterator[None]:
-    """Has every render in this process get its kernel ready first: one process compiles it, the others wait and load it."""
+def ready_first(is_ordinary: bool) -> Iterator[None]:
+    """Has every render in this process get its kernel ready first: one process compiles it, the others wait and load it.
+
+    is_ordinary: whether a kernel that `main` does not compile fails the test.
+    """
     from renderer import render
     from renderer.arrays.has import EDITIONS
     from renderer.beside import Helpers
+    from renderer.render import FULL, PLAIN
 
     prepared = render._prepared
 
     def ready(scene: CompiledScene, settings: RenderSettings) -> Any:
         made = prepared(scene, settings)
         edition = next(name for name, has in EDITIONS.items() if has == made.has)
+        if is_ordinary and (edition not in (PLAIN, FULL) or settings.integrator in ("whitted", "ao")):
+            pytest.fail("this would compile one more kernel: mark it `long`")
         if not render.is_warm(settings, edition):
             render.warm_up(settings, edition, helpers=Helpers(edition, wanted=False))
         return made
@@ -55,40 +60,14 @@ def ready_first() -> Iterator[None]:
         render._prepared = prepared
 
 
-@contextmanager
-def few_variants() -> Iterator[None]:
-    """Has scenes that move or have media rendered by the variant that has both."""
-    from renderer import render
-
-    chosen = render.edition_of
-
-    def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
-        edition = chosen(scene, camera_moves)
-        return render.MOVING_MEDIA if edition in (render.MOVING, render.MEDIA) else edition
-
-    render.edition_of = edition_of
-    try:
-        yield
-    finally:
-        render.edition_of = chosen
-
-
 def main() -> None:
-    """Compiles what farms begin with; then, side by side, all else."""
-    from renderer.render import FULL, MOVING_MEDIA, PLAIN
+    """Compiles what farms begin with first."""
+    from renderer.render import FULL, PLAIN
 
     gc.disable()  # a twelfth of the time, and what compiles has next to none
     get_ready(PLAIN)
-    parent = os.getpid()
-    child = os.fork()
-    if child == 0:
-        die_with_parent(parent)
-        get_ready(MOVING_MEDIA)
-        os._exit(0)
     get_ready(FULL)
     get_ready(FULL, sampling="light")  # one path at a time
-    if os.waitpid(child, 0)[1] != 0:
-        raise SystemExit(f"the kernel of {MOVING_MEDIA} does not compile")
 
 
 if __name__ == "__main__":

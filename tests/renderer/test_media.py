@@ -25,6 +25,8 @@ NARROW = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), projection="orthographic", heigh
 BALL = (Sphere((0.0, 0.0, 0.0), 1.0, 0),)
 BLACK_SKY = Environment(gray(0.0))
 
+pytestmark = pytest.mark.long  # one more kernel to compile
+
 
 def interface(**medium: Any) -> Material:
     return Material(kind="interface", **medium)
@@ -204,7 +206,6 @@ def test_subsurface_looks_as_bright_as_the_colour_that_it_is_given(name: str) ->
     assert_colors(film(described([body], meshes=(slab(1e3, 1e4),)), spp=256), body.base_color, tests=4, slack=slack)
 
 
-@pytest.mark.long
 def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
     """A varnished body is as bright with it as without: what goes inside comes out, whatever the share."""
     skin = {"kind": "metallic_roughness", "base_color": COLORED, "roughness": 0.5, "clearcoat": 0.5, "clearcoat_roughness": 0.2}
@@ -252,7 +253,6 @@ def test_a_path_in_fog_is_told_vertex_by_vertex() -> None:
 
 
 @pytest.mark.parametrize("integrator", ["whitted", "ao"])
-@pytest.mark.long
 def test_integrators_that_know_nothing_of_media_take_them_for_nothing(integrator: str) -> None:
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     kinds = interface(sigma_s=gray(2.0)), interface()

@@ -65,8 +65,10 @@ def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
         raise trouble("it is away")
 
     worker.cache = SimpleNamespace(path=path)
-    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
-    monkeypatch.setattr(slot, "PATIENCE_S", 1.05)
+    clock = [0.0]
+    passing = SimpleNamespace(monotonic=lambda: clock[0], sleep=lambda seconds: clock.append(clock.pop() + seconds))
+    monkeypatch.setattr("worker.exchange.patience.time", passing)
+    monkeypatch.setattr(slot, "PATIENCE_S", 5.0)
     event = slot.render(worker, BATCH, lambda is_so: None).event
     assert (event["type"], event["batch"], event["worker"]) == ("batch-returned", "b", "w")
     assert "it is away" in event["error"]

@@ -62,6 +62,7 @@ def test_the_features_ask_for_all_editions() -> None:
         assert edition_of(scene, len(settings.views) > 0) == edition, name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MOVING + MEDIA)
 def test_what_moves_and_what_scatters_is_seen(name: str) -> None:
     assert render_frame(*made(name), 1)[COLOR].any()
