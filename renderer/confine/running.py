@@ -5,6 +5,7 @@ A reader's messages are JSON and are treated as untrusted; what it wrote is for 
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import itertools
 import json
@@ -77,6 +78,12 @@ class _Launcher:
         assert len(data) < MOST_REQUEST
         socket.send_fds(self.socket, [data], list(descriptors))
 
+    def close(self) -> None:
+        """Closes this process's ends. The launcher ends when the last of its callers has."""
+        self.socket.close()
+        if self._words is not None:
+            self._words.close()
+
     def why(self) -> str:
         """The end of what it wrote on its standard error."""
         if self._words is None:
@@ -96,6 +103,12 @@ def begin_launcher(preload: Sequence[str] = ()) -> None:
     with _lock:
         if _current is None:
             _current = _Launcher(preload)
+
+
+@atexit.register
+def _close_current() -> None:
+    if _current is not None:
+        _current.close()
 
 
 def _give_up(launcher: _Launcher) -> None:

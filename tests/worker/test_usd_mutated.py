@@ -11,7 +11,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-TRIES = 4
+TRIES = 2
 
 
 @pytest.fixture(scope="module")

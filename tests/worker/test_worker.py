@@ -262,6 +262,7 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
     assert event["reproduce"].startswith("rayfarm render SCENE -o batch.exr --size=")
 
 
+@pytest.mark.long
 def test_a_service_that_is_away_is_no_fault_of_the_scene(bench: Bench, info: SceneInfo, tmp_path: Path) -> None:
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
@@ -284,6 +285,7 @@ def denoised(bench: Bench, work: DenoiseFrame) -> dict[str, Any]:
     return bench.next("denoised", "denoise-failed").event
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_a_frame_is_denoised_from_the_films_means(bench: Bench) -> None:
     assert bench.report().denoises  # type: ignore[union-attr]

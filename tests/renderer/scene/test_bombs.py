@@ -164,6 +164,7 @@ def test_usd_arcs_that_double_are_counted_before_they_are_composed(tmp_path, arc
         read_usd(tmp_path / "a.usda")
 
 
+@pytest.mark.long
 def test_a_usd_polygon_of_very_many_corners_is_cut_soon(tmp_path):
     count = 6000
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)

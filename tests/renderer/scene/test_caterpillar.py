@@ -44,6 +44,7 @@ def made():
         return runpy.run_path(str(SCENES / "caterpillar.py"))
 
 
+@pytest.mark.long
 def test_the_files_are_those_of_the_script(made):
     files = made["files"]()
     assert {path.name for path in FOLDER.iterdir()} == set(files)

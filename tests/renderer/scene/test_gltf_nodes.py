@@ -115,6 +115,7 @@ def test_what_a_file_hides_is_not_shown(scene):
     assert len(scene("a.glb", g.glb()).instances) == 1
 
 
+@pytest.mark.long
 def test_a_chain_of_many_nodes_is_read(scene):
     """Each a little beside the one above it; only a node that hangs below two, or below itself, is damage."""
     g = Gltf()

@@ -89,6 +89,7 @@ def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Re
         reducing.kill()
 
 
+@pytest.mark.long
 def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = Reducing(store, service, "token", tmp_path)
     try:
@@ -180,6 +181,7 @@ def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
     assert not SiteLink(redis_url).send(result)
 
 
+@pytest.mark.long
 @grid(
     ("token", "reduces", "said"),
     [("wrong", True, "does not know this token"), ("token", False, "older release")],

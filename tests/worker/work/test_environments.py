@@ -48,6 +48,7 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return show
 
 
+@pytest.mark.long
 def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
     event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
     assert (event["type"], event["work"]) == ("environment-shown", "work"), event

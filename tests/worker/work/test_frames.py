@@ -175,6 +175,7 @@ class Service(Link):
         return BlobRef("", hashlib.sha256(self.stored[-1]).hexdigest(), len(self.stored[-1]))
 
 
+@pytest.mark.long
 def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     upload = tmp_path / "upload"
     upload.mkdir()

@@ -54,6 +54,7 @@ def ranges(results: list[Result]) -> list[tuple[int, int]]:
     return sorted((each.event["first"], each.event["count"]) for each in results)
 
 
+@pytest.mark.long
 def test_the_slots_of_a_worker_send_one_result_of_which_no_bit_differs(bench: Bench, info: SceneInfo) -> None:
     bench.render(joint(info, "alone", [12]).whole)
     alone = bench.next("batch", "batch-failed")

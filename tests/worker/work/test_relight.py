@@ -57,6 +57,7 @@ def prepared(worker: Any, manifest: Manifest) -> SceneInfo:
     return prepare.prepare_scene(worker, manifest, lambda step, part: None)
 
 
+@pytest.mark.long
 @grid("light", ["sky:20,40", "window.exr"], ordinary=("sky:20,40",))
 def test_only_the_light_is_made_and_stored(worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = worker.link.put("scene.yaml", SCENE)
