@@ -1,9 +1,15 @@
-"""Care for the farm's Redis: ends scripts that block it, removes keys of the wrong type, and names known security flaws."""
+"""Care for the farm's Redis: ends scripts that block it, removes floods and keys of the wrong type, names known security flaws.
+
+All that Redis holds is rebuilt from the database, the films and the workers' next reports, so any key may be removed.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import logging
+import re
+from collections import Counter
+from collections.abc import Iterator
 
 import redis
 from redis.lock import Lock
@@ -28,6 +34,13 @@ TYPES: tuple[tuple[bytes, bytes], ...] = (
 )
 MATCHES = ("rayfarm[:.]*", "_kombu.binding*", "unacked*")
 EVERY = 6  # rounds between two looks at all keys
+FULL = 0.5  # share of Redis's memory, or of its connections, above which floods are looked for
+MOST_OF_MEMORY = 0.125  # share of the memory for the keys of one kind but results, which the service bounds itself
+MOST_OF_CLIENTS = 0.25  # share of the connections for one worker's user
+KIND = re.compile(rb"rayfarm:[a-z-]+|rayfarm\.|_kombu|unacked")
+RESULTS = b"rayfarm:results"
+WORKER_USER = "rayfarm-"
+AT_ONCE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
@@ -53,7 +66,9 @@ class RedisCare:
         self._said = ""
 
     def look(self) -> None:
-        """Load what older workers run, look for wrong keys, and warn of flaws. Raises redis.RedisError."""
+        """End floods, load what older workers run, look for wrong keys, and warn of flaws. Raises redis.RedisError."""
+        self._end_floods_of_connections()
+        self._make_room()
         self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may load none
         if self._rounds % EVERY == 0:
             self._warn()
@@ -73,9 +88,61 @@ class RedisCare:
             log.warning("%s", flaw)
         self._said = flaw or ""
 
-    def _repair(self) -> None:
+    def _end_floods_of_connections(self) -> None:
+        """Closes the connections of workers' users that take up most of those that Redis allows."""
+        clients = self._redis.info("clients")
+        most = int(clients.get("maxclients") or 0)
+        if not most or int(clients["connected_clients"]) < FULL * most:
+            return
+        users = Counter(str(client.get("user", "")) for client in self._redis.client_list())
+        for user, count in users.items():
+            if user.startswith(WORKER_USER) and count > MOST_OF_CLIENTS * most:
+                log.warning("the Redis user %s of a worker's token has %d connections, which are closed", user, count)
+                self._redis.execute_command("CLIENT", "KILL", "USER", user)
+
+    def _make_room(self) -> None:
+        """Removes the largest keys of each kind that takes up more memory than a farm needs, if Redis is half full."""
+        memory = self._redis.info("memory")
+        limit = int(memory.get("maxmemory") or 0)
+        if not limit or int(memory["used_memory"]) < FULL * limit:
+            return
+        kinds: dict[bytes, list[tuple[int, bytes]]] = {}
+        for names in self._names():
+            with self._redis.pipeline(transaction=False) as sizes:
+                for name in names:
+                    sizes.memory_usage(name)
+                for name, size in zip(names, sizes.execute(), strict=True):
+                    if size is not None and name != RESULTS and (kind := KIND.match(name)):
+                        kinds.setdefault(kind[0], []).append((size, name))
+        for kind, known in kinds.items():
+            over = sum(size for size, _ in known) - MOST_OF_MEMORY * limit
+            gone: list[bytes] = []
+            for size, name in sorted(known, reverse=True):
+                if over <= 0:
+                    break
+                over -= size
+                gone.append(name)
+            for at in range(0, len(gone), AT_ONCE):
+                self._redis.unlink(*gone[at : at + AT_ONCE])
+            if gone:
+                log.warning(
+                    "Redis is half full, mostly of keys %s*: %d are removed, as %.200r", kind.decode(), len(gone), gone[0]
+                )
+
+    def _names(self) -> Iterator[list[bytes]]:
+        """The farm's keys, some at a time."""
         for pattern in MATCHES:
-            names = list(self._redis.scan_iter(pattern, count=1000))
+            names: list[bytes] = []
+            for name in self._redis.scan_iter(pattern, count=AT_ONCE):
+                names.append(name)
+                if len(names) >= AT_ONCE:
+                    yield names
+                    names = []
+            if names:
+                yield names
+
+    def _repair(self) -> None:
+        for names in self._names():
             with self._redis.pipeline(transaction=False) as types:
                 for name in names:
                     types.type(name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from unittest.mock import MagicMock
@@ -187,3 +188,50 @@ def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
         store.rpush("rayfarm:worker:mistaken", b"text")
         RedisCare(store).look()
         assert not store.exists("rayfarm.render.mistaken", "rayfarm:worker:mistaken")
+
+
+def test_a_worker_that_fills_redis_does_not_stop_the_farm(service: Service) -> None:
+    """The keys may be large or many, of reports or of queues; what the others store stays."""
+    with redis.Redis.from_url(service.options["redis_url"]) as store, joined(service, made(service)["secret"]) as worker:
+        before = store.config_get("maxmemory")["maxmemory"]
+        store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))
+        try:
+            store.set("rayfarm:terms:kept", b"x" * 1000)
+            with pytest.raises(redis.OutOfMemoryError):
+                for number in range(100_000):
+                    worker.set(f"rayfarm:log:{number}", b"x" * (100_000 if number % 2 else 1000))
+                    worker.lpush("rayfarm.render.flood", b"x" * 10_000)
+            with pytest.raises(redis.OutOfMemoryError):
+                store.set("rayfarm:order:some", b"x" * 100_000)
+            until(lambda: bool(_stored(store)), "there is room again")
+            assert store.get("rayfarm:terms:kept") == b"x" * 1000
+        finally:
+            store.config_set("maxmemory", before)
+            store.delete("rayfarm:terms:kept", "rayfarm:order:some")
+
+
+def _stored(store: redis.Redis) -> bool:
+    try:
+        return bool(store.set("rayfarm:order:some", b"x" * 100_000))
+    except redis.OutOfMemoryError:
+        return False
+
+
+def test_a_worker_that_opens_all_connections_loses_them(service: Service) -> None:
+    with redis.Redis.from_url(service.options["redis_url"]) as store:
+        before = store.config_get("maxclients")["maxclients"]
+        store.config_set("maxclients", 60)
+        with joined(service, made(service)["secret"]) as worker:
+            pool, held = worker.connection_pool, []
+            try:
+                with contextlib.suppress(redis.ConnectionError):  # refused, or closed already
+                    for _ in range(60):
+                        held.append(pool.get_connection())
+                        held[-1].send_command("PING")
+                        held[-1].read_response()
+                assert len(held) > 15
+                until(lambda: int(store.info("clients")["connected_clients"]) < 30, "they are closed")
+            finally:
+                store.config_set("maxclients", before)
+                for connection in held:
+                    connection.disconnect()
