@@ -36,6 +36,7 @@ MACHINE_CODE = (
     "film.py",
     "luminance.py",
     "threads.py",
+    "trigonometry.py",
     "arrays",
     "bvh",
     "kernel",

@@ -19,7 +19,7 @@ from renderer import jit
 from renderer.arrays.edition import only
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
-from renderer.kernel.camera import axes_of, camera_frame
+from renderer.kernel.camera import axes_of, camera_frame, extent_at_one
 from renderer.kernel.vectors import see_places
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import seen_from
@@ -102,7 +102,7 @@ def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
             pixel = view.height / height
             across, down = near * x / pixel, near * -y / pixel  # what is infinitely far stays where it is
         else:
-            pixel = 2.0 * math.tan(math.radians(view.fov) / 2.0) / height
+            pixel = extent_at_one(view) / height
             behind = z <= 0
             z = np.where(behind, np.nan, z)
             across, down = x / z / pixel, -y / z / pixel

@@ -17,6 +17,7 @@ from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings, View
+from renderer.trigonometry import sin_cos
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import as_wide3, nil
 
@@ -97,10 +98,22 @@ def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
     """Returns the unit vectors right, up and back, and the eye: the columns of the camera's transform."""
     eye = np.array(view.eye, np.float64)
     sight = np.array(view.target, np.float64) - eye
-    forward = sight / math.sqrt(float(sight @ sight))
+    forward = sight / _length(sight)
     right = np.cross(forward, np.array(view.up, np.float64))
-    right = right / math.sqrt(float(right @ right))
+    right = right / _length(right)
     return right, np.cross(right, forward), -forward, eye
+
+
+def _length(vector: npt.NDArray[np.float64]) -> float:
+    """Returns a vector's length, with the same bits on every host, which `@` does not give."""
+    x, y, z = vector.tolist()
+    return math.sqrt((x * x + y * y) + z * z)
+
+
+def extent_at_one(view: View) -> float:
+    """Returns the height, at distance 1, of what a perspective view shows."""
+    sine, cosine = sin_cos(math.radians(view.fov) / 2.0)
+    return 2.0 * sine / cosine
 
 
 def _lens(view: View, settings: RenderSettings) -> tuple[float, float, float, float, float, float]:
@@ -109,10 +122,10 @@ def _lens(view: View, settings: RenderSettings) -> tuple[float, float, float, fl
     The pixel size is at distance 1, or in scene units for an orthographic view.
     """
     width, height = settings.width, settings.height
-    extent = view.height if view.projection == "orthographic" else 2.0 * math.tan(math.radians(view.fov) / 2.0)
+    extent = view.height if view.projection == "orthographic" else extent_at_one(view)
     aperture = view.aperture if view.projection == "perspective" else 0.0
     sight = np.array(view.target, np.float64) - np.array(view.eye, np.float64)
-    focus = math.sqrt(float(sight @ sight)) if view.focus is None else view.focus
+    focus = _length(sight) if view.focus is None else view.focus
     return extent / height, aperture, focus, view.near, *view.middle(width, height)
 
 

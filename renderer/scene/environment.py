@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.arrays.scene import CompiledScene
 from renderer.luminance import luminance
@@ -14,6 +17,7 @@ from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative
 from renderer.scene.readers.linear import linear
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
+from renderer.trigonometry import sin_cos
 
 __all__ = [
     "EnvironmentTables",
@@ -25,6 +29,8 @@ __all__ = [
     "search_tables",
     "tabulate_environment",
 ]
+
+F64 = npt.NDArray[np.float64]
 
 _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
@@ -42,8 +48,14 @@ class EnvironmentTables(NamedTuple):
 
     def frame(self, chance: float) -> F32:
         """CompiledScene's environment_frame, if the environment is chosen over the lights with that probability."""
-        rotation = (np.cos(self.rotation), np.sin(self.rotation))
-        return np.array([*rotation, self.mean, chance, *self.sun], np.float32)
+        sine, cosine = sin_cos(self.rotation)
+        return np.array([cosine, sine, self.mean, chance, *self.sun], np.float32)
+
+
+@functools.lru_cache(4)
+def _solid_angles(height: int) -> F64:
+    """The solid angles of a picture's rows, over 2 pi: (height,)."""
+    return -np.diff([sin_cos(k * math.pi / height)[1] for k in range(height + 1)])
 
 
 def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
@@ -62,8 +74,7 @@ def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
     color = np.array(source.color, np.float64) * source.strength
     radiance = _radiance(description, source, color)
     bright = luminance(radiance.astype(np.float64))
-    height = len(bright)
-    solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))  # of a row, over 2 pi
+    solid_angle = _solid_angles(len(bright))
     mean = float((bright.mean(axis=1) * solid_angle).sum() / 2)
     mean_square = float((np.square(bright).mean(axis=1) * solid_angle).sum() / 2)
     contrast = max(1 - mean * mean / mean_square, 0.0) if mean_square > 0 else 0.0
@@ -91,10 +102,10 @@ def _radiance(description: SceneDescription, source: Environment, color: np.ndar
 def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
     """The tables of the sky before whose image the sun stands."""
     x, y, z = sun.direction
-    cosine, sine = np.cos(tables.rotation), np.sin(tables.rotation)
+    sine, cosine = sin_cos(tables.rotation)
     direction = (x * cosine + z * sine, y, z * cosine - x * sine)
     radiance = np.minimum(sun.radiance * color, _MAX_RADIANCE)
-    one_minus_cos = 2 * np.sin(sun.half_angle / 2) ** 2
+    one_minus_cos = 2 * sin_cos(sun.half_angle / 2)[0] ** 2
     from_sun = float(luminance(radiance)) * one_minus_cos / 2  # averaged over all directions
     mean = tables.mean + from_sun
     if mean <= 0:
@@ -119,7 +130,7 @@ def relit(
         environment = scene.environment * factor
         frame[2] *= factor
         frame[8:11] *= factor
-        cosine, sine = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
+        sine, cosine = map(np.float64, sin_cos(math.radians(rotation)))
         frame[0], frame[1] = frame[0] * cosine - frame[1] * sine, frame[1] * cosine + frame[0] * sine
         frame[4], frame[6] = frame[4] * cosine + frame[6] * sine, frame[6] * cosine - frame[4] * sine
     else:
@@ -146,8 +157,7 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
         return scene
     padded = np.pad(np.pad(bright, ((1, 1), (0, 0)), "edge"), ((0, 0), (1, 1)), "wrap")
     weight = np.max([padded[y : y + height, x : x + width] for y in range(3) for x in range(3)], axis=0)
-    solid_angle = -np.diff(np.cos(np.arange(height + 1) * np.pi / height))
-    return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * solid_angle), cumulative(weight)))
+    return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * _solid_angles(height)), cumulative(weight)))
 
 
 def left_to_surfaces(scene: CompiledScene) -> CompiledScene:

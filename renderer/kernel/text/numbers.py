@@ -13,6 +13,8 @@ Bytes = npt.NDArray[np.uint8]
 
 _PLUS, _MINUS, _DOT = 43, 45, 46
 _DIGITS = 18  # that fit an int64; further digits are below float64's precision
+_POWERS = np.array([*(float(f"1e{k}") for k in range(309)), np.inf])  # of ten; the C library's differ between hosts
+_LAST_POWER = len(_POWERS) - 1
 
 
 @device
@@ -55,9 +57,9 @@ def read_number(text: Bytes, i: int) -> tuple[float, int]:
             i = at
     value = np.float64(mantissa)
     if exponent < -300:  # in two steps, since 10^-exponent would overflow
-        value = value / 1e300 / 10.0 ** np.float64(-exponent - 300)
+        value = value / 1e300 / _POWERS[min(-exponent - 300, _LAST_POWER)]
     elif exponent < 0:
-        value /= 10.0 ** np.float64(-exponent)
+        value /= _POWERS[-exponent]
     elif mantissa > 0:
-        value *= 10.0 ** np.float64(exponent)
+        value *= _POWERS[min(exponent, _LAST_POWER)]
     return (-value if negative else value), i

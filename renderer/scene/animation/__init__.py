@@ -7,7 +7,6 @@ clips.py          what a person is told of a file's animations
 curves.py         keys and what lies between them
 orbit.py          a camera that goes around
 shutter.py        from when to when a frame's shutter is open
-trigonometry.py   sines and angles with the same bits on every host
 """
 
 from renderer.scene.animation.clips import Clip

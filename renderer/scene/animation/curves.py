@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.animation.trigonometry import angle_between, sin_cos
+from renderer.trigonometry import angle_between, sin_cos
 
 __all__ = ["Curve", "Easing", "eased", "slerp", "smooth"]
 

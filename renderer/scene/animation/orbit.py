@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from renderer.scene.animation.moment import Moment
 from renderer.scene.animation.shutter import Shutter
-from renderer.scene.animation.trigonometry import sin_cos
 from renderer.settings import MOST_KEYS, Vec3, View
+from renderer.trigonometry import sin_cos
 
 __all__ = ["orbit", "orbit_over"]
 

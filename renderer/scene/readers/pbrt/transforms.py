@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from renderer.scene.animation.curves import slerp
-from renderer.scene.animation.trigonometry import sin_cos
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.pbrt.notes import Place
+from renderer.trigonometry import sin_cos
 
 __all__ = ["Ctm", "between", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
 

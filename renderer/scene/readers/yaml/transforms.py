@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from renderer.scene.animation.trigonometry import sin_cos
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.trigonometry import sin_cos
 
 __all__ = ["Matrix", "joined", "matrix", "uniform_scale"]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from renderer.scene.animation.curves import Curve, eased, slerp, smooth
-from renderer.scene.animation.trigonometry import angle_between, sin_cos
+from renderer.trigonometry import angle_between, sin_cos
 
 TIMES = np.array([1.0, 2.0, 4.0])
 VALUES = np.array([[0.0, 10.0], [4.0, 10.0], [8.0, 30.0]])

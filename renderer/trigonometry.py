@@ -1,7 +1,8 @@
 """Sines, cosines and angles with the same bits on every host.
 
-The C library's and numpy's depend on the processor, in the last bit; what moves is prepared by many machines. Sines are worked
-out in whole numbers here, and angles by additions, products and roots of floats, each of which IEEE 754 rounds by itself.
+The C library's and numpy's depend on the processor, in the last bit; cameras, environments and what moves are prepared by many
+machines. Sines are worked out in whole numbers here, and angles by additions, products and roots of floats, each of which
+IEEE 754 rounds by itself.
 """
 
 from __future__ import annotations
