@@ -10,6 +10,8 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
 
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
@@ -22,6 +24,14 @@ os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
 # Handed out in this order: first what needs no kernel, while these are compiled, then what takes longest by itself.
 FIRST = ("test_", "service/", "worker/", "renderer/scene/", "chaos/", "rayfarm/", "e2e/")
+
+# The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser.
+SHARE_A_FARM = (
+    "tests/e2e/",
+    "tests/rayfarm/test_with_farm.py",
+    "tests/rayfarm/library/test_on_farm.py",
+    "tests/chaos/test_kernels",
+)
 
 # How long an example takes says more about the machine than about the code. Most properties that do not hold fail early.
 hypothesis.settings.register_profile("long", deadline=None)
@@ -38,6 +48,18 @@ def pytest_configure(config: pytest.Config) -> None:
     """Before any test is collected: its settings are taken then."""
     if is_ordinary(config):
         hypothesis.settings.load_profile("ordinary")
+
+
+class ByFile(LoadFileScheduling):
+    """xdist's `loadfile`, with the files that share a farm as one. (Its `loadgroup` does not work with pytest 9.1 and later.)"""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByFile:
+    return ByFile(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

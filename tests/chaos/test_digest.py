@@ -21,7 +21,7 @@ from tests.chaos.ending import ends_by
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.rayfarm.test_sequence import turning
 
-WIDTH, HEIGHT, SPP, DEPTH = 96, 80, 320, 5
+WIDTH, HEIGHT, SPP, DEPTH = 80, 64, 256, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 
@@ -72,7 +72,8 @@ def half_way(farm: Farm, job: str) -> None:
         assert client.job(job).progress < 0.9, "the job was too quick to be disturbed"
 
 
-@pytest.mark.parametrize("tile_size", [16, pytest.param(64, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("tile_size", [16, 64])
 def test_the_size_of_tiles_does_not_matter(chaos_farm: Farm, soon: str, tile_size: int) -> None:
     assert finish(chaos_farm, submit(chaos_farm, SPP // 5, tile_size=tile_size)) == soon
 

@@ -21,6 +21,7 @@ def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched:
     page.wait_for_function("sessionStorage.getItem('rayfarm.again') === null")
 
 
+@pytest.mark.long
 def test_a_view_whose_modules_are_gone_says_why_and_the_page_can_be_loaded_again(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(many.url)

@@ -107,6 +107,7 @@ def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
     np.testing.assert_allclose(shown, [1, 2, 3, 1.8596, 0.5, 0.5, 0.5, 0.5], rtol=1e-3)
 
 
+@pytest.mark.long
 def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) -> None:
     found = call(
         page,

@@ -20,6 +20,7 @@ def scene(i: int, name: str) -> dict[str, Any]:
     return {"id": f"s{i}", "name": name, "status": "ready", "created": -i, "counts": {}, "cameras": [], "warnings": []}
 
 
+@pytest.mark.long
 def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
     older = scene(200, "Bridge at dawn")
     page.route("**/api/scenes?*", lambda route: answer(route, [older] if "bridge" in route.request.url else [older, *latest]))

@@ -60,6 +60,7 @@ class Sparkling(settings.RenderSettings):
     ] = 0.0
 
 
+@pytest.mark.long
 def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
     open_form(page, table(Sparkling))
     field = page.get_by_label("Sparkle")
@@ -111,6 +112,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
     assert "filter" not in submitted(page)
 
 
+@pytest.mark.long
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
     """The value that switches something off, a choice, a noise level and a camera among them; the sides are named by phrases."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
@@ -247,6 +249,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     settings.View.from_json(asked["view"])
 
 
+@pytest.mark.long
 def test_a_second_press_before_the_answer_asks_for_nothing(page: Page) -> None:
     body = """
         let asked = 0;

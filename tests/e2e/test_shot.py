@@ -197,6 +197,7 @@ def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, s
         context.close()
 
 
+@pytest.mark.long
 def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> None:
     body = """
         document.head.innerHTML += '<link rel="stylesheet" href="/css/tokens.css"><link rel="stylesheet" href="/css/shot.css">';

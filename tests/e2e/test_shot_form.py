@@ -47,6 +47,7 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
 
 
+@pytest.mark.long
 @grid(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)], ordinary=[MOVES])
 def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
     open_form(page, scene=scene, as_shot=True)
@@ -92,6 +93,7 @@ def test_what_does_not_move_is_turned_about(page: Page) -> None:
     assert submitted(page) == {**STILL, "frames": "0-47", "fps": 24, "turntable": 2, "order": "in-turn"}
 
 
+@pytest.mark.long
 def test_frames_that_cannot_be_are_said_beside_their_field(page: Page) -> None:
     open_form(page, scene=MOVES)
     page.get_by_text("Shot", exact=True).click()

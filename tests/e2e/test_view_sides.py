@@ -18,6 +18,7 @@ from tests.helpers import Farm, wait_until
 SIZE = {"width": 96, "height": 64}
 
 
+@pytest.mark.long
 def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
     watched.page.goto(f"{site.url}/blank")
     body = """

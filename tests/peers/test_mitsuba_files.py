@@ -97,6 +97,7 @@ def write_files(folder: Path) -> None:
     (folder / "painted.xml").write_text(PAINTED)
 
 
+@pytest.mark.long
 @grid("name", SHAPES, ordinary=("files of meshes, textures, instances, lights without a body",))
 def test_the_same_picture_of_a_file(name: str, tmp_path: Path) -> None:
     mi = pytest.importorskip("mitsuba")

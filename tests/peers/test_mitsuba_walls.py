@@ -68,6 +68,7 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
     np.testing.assert_allclose(theirs, scattered_once(degrees, alpha), rtol=5e-3)
 
 
+@pytest.mark.long
 @grid("alpha, degrees", [(0.1, 60), (0.2, 0), (0.3, 60)], ordinary=[0.3])
 def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_the_first_of_them(
     alpha: float, degrees: float, tmp_path: Path

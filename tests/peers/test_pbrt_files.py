@@ -143,6 +143,7 @@ SCENES = {
 }
 
 
+@pytest.mark.long
 @grid("name", SCENES, ordinary=("a box, textured, glass and metal",))
 def test_the_same_picture_of_a_scene_in_both_formats(name: str, tmp_path: Path) -> None:
     mi = pytest.importorskip("mitsuba")

@@ -205,6 +205,7 @@ def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
         assert len(list(container.decode(video=0))) == 6
 
 
+@pytest.mark.long
 def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(farm: Farm, tmp_path: Path) -> None:
     for number in (0, 1, 3):
         (tmp_path / f"smoke.{number}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + number} 0\nf 1 2 3\n")
@@ -229,6 +230,7 @@ def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
         assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
 
 
+@pytest.mark.long
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
     code, _, err = here("submit", tmp_path / "noise.glb", "--server", farm.url)
@@ -261,6 +263,7 @@ def test_a_wrong_token_is_a_sentence(farm: Farm) -> None:
     assert "does not know this token" in err
 
 
+@pytest.mark.long
 def test_the_client_passes_on_the_services_sentence(farm: Farm) -> None:
     with farm.client() as client:
         with pytest.raises(ClientError) as missing:

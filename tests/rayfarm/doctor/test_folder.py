@@ -50,6 +50,7 @@ def flip(path: Path) -> None:
     path.write_bytes(data)
 
 
+@pytest.mark.long
 def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Path) -> None:
     found = look(stored, deep=True)
     assert {each.level for each in found if each.about != "Room"} == {"fine"}

@@ -22,6 +22,7 @@ def test_a_farms_picture_is_that_of_this_process(farm: Farm) -> None:
         np.testing.assert_array_equal(there[name], here[name], err_msg=name)
 
 
+@pytest.mark.long
 def test_it_comes_as_it_grows_and_leaving_it_cancels_the_job(farm: Farm) -> None:
     with Client(farm.url) as client:
         before = {job.id for job in client.jobs()}
