@@ -17,8 +17,6 @@ from tests.helpers import ROOT, running_redis
 from tests.service.conftest import TOKEN, Service, until
 from worker.machine.children import spawn_guard
 
-pytestmark = [pytest.mark.browser, pytest.mark.farm]
-
 # A worker whose release is the first argument; its kind begins with that.
 WORKER = "import renderer, runpy, sys; renderer.__version__ = sys.argv.pop(1); runpy.run_module('worker', run_name='__main__')"
 SPP = 16384
@@ -53,6 +51,7 @@ def worker_of(release: str, service: Service, folder: Path) -> Iterator[None]:
         process.wait(60)
 
 
+@pytest.mark.long
 def test_a_job_that_an_upgrade_left_half_done_begins_anew_with_a_button(tmp_path: Path, watched: Watched) -> None:
     page = watched.page
     redis = running_redis(tmp_path)
