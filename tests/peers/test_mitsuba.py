@@ -28,7 +28,7 @@ def mi():
     return mitsuba
 
 
-@grid("name", SCENES, ordinary=("mirror_and_glass", "textured_light", "instances"))
+@grid("name", SCENES, ordinary=("mirror_and_glass",))
 def test_the_same_picture(name, mi, tmp_path):
     judge(mi, SCENES[name](), SPP, tmp_path)
 

@@ -14,6 +14,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, chosen
+from tests.grids import grid
 from tests.peers.compare import assert_same_picture
 
 BATCHES = 16
@@ -49,7 +50,7 @@ LIGHTS = {
 }
 
 
-@pytest.mark.parametrize("name", LIGHTS)
+@grid("name", LIGHTS, ordinary=("spot",))
 def test_the_same_light_is_thrown(name: str, tmp_path: Path) -> None:
     """A picture without symmetry, wider than high."""
     mi = pytest.importorskip("mitsuba")

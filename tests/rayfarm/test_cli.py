@@ -34,12 +34,14 @@ def read(path: Path) -> tuple[np.ndarray, list[str]]:
         file.close()
 
 
+@pytest.mark.long
 def test_help_names_every_command() -> None:
     done = started("--help")
     assert done.returncode == 0
     assert all(command in done.stdout for command in COMMANDS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_teaches_by_example(command: str) -> None:
     done = rayfarm(command, "--help")
@@ -84,6 +86,7 @@ def test_only_the_command_that_is_typed_is_imported(
     assert cli._asked_for() == imported
 
 
+@pytest.mark.long
 @grid("suffix", ["png", "jpg", "exr", "hdr"], ordinary=("exr",))
 def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
     picture = tmp_path / f"cornell.{suffix}"
@@ -120,6 +123,7 @@ def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(
     assert {"load_s", "build_s", "compile_s", "render_s", "samples_per_s", "peak_memory_bytes"} <= set(stats)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
     common = ["render", str(CORNELL), "--size=48x48", "--spp=4"]
@@ -133,6 +137,7 @@ def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
     assert np.abs(np.diff(clean[..., 0])).mean() < np.abs(np.diff(raw[..., 0])).mean()
 
 
+@pytest.mark.long
 def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
     """What a failed batch's command does: the sum of the parts is the picture."""
     common = ["render", str(CORNELL), "--size=32x32"]
@@ -146,6 +151,7 @@ def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -
     assert not parts[0][:8].any()
 
 
+@pytest.mark.long
 def test_without_a_bvh_it_is_the_same_picture(tmp_path: Path) -> None:
     for name, more in (("tree", []), ("brute", ["--no-bvh"])):
         done = rayfarm("render", CORNELL, "-o", tmp_path / f"{name}.exr", "--size=32x32", "--spp=2", *more)
@@ -168,6 +174,7 @@ def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
     assert "Take a smaller --size" in rayfarm("bench", "bvh", "--patience=0.0001", "--scene", CORNELL).stderr
 
 
+@pytest.mark.long
 def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) -> None:
     common = ["render", str(CORNELL), "--size=16x16"]
     done = rayfarm(*common, "-o", tmp_path / "one.exr", "--tile=5,9,1,1", "--first=3", "--spp=1")
@@ -196,7 +203,7 @@ def test_info_is_for_people_and_programs() -> None:
     assert summary["cameras"][0]["name"] == "front"
 
 
-@pytest.mark.parametrize(
+@grid(
     ("arguments", "code", "sentence"),
     [
         (["render", "missing.glb", "-o", "out.png"], 1, "There is no file missing.glb"),

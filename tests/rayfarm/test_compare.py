@@ -22,6 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.long
 def test_it_says_how_far_they_agree(folder: Path) -> None:
     pytest.importorskip("mitsuba")
     done = rayfarm("compare", folder / "scene.xml", "--spp=16", "-o", folder / "both.png", "--most=0.03")
@@ -49,6 +50,7 @@ def test_what_is_wrong_is_said(arguments: list[str], sentence: str, folder: Path
     assert sentence in " ".join(done.stderr.split())
 
 
+@pytest.mark.long
 def test_with_pbrt_on_the_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that stands in for pbrt: it is given what pbrt takes, and its picture is compared."""
     (folder / "scene.pbrt").write_text(world('LightSource "infinite" Shape "sphere"'))

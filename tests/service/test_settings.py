@@ -14,6 +14,7 @@ import pytest
 from service.errors import CannotStart
 from service.main import create_app
 from service.settings import Settings
+from tests.grids import grid
 
 
 @pytest.mark.parametrize(
@@ -61,7 +62,7 @@ def test_the_page_is_named_as_people_reach_it(given: dict[str, Any], url: str, t
     assert Settings(data=tmp_path, **given).page_url == url
 
 
-@pytest.mark.parametrize("name", Settings.model_fields)
+@grid("name", Settings.model_fields)
 def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The environment's value counts where both are given."""
     values = {

@@ -200,6 +200,7 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
     assert not left
 
 
+@pytest.mark.long
 def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
     """It may be older or newer, and have most of the slots: then jobs are begun with its kind."""
 

@@ -34,6 +34,7 @@ def test_it_comes_as_it_grows_and_leaving_it_cancels_the_job(farm: Farm) -> None
         wait_until(lambda: client.job(job.id).state == "cancelled", 60, "the job is cancelled")
 
 
+@pytest.mark.long
 def test_what_fails_is_said_by_the_widget() -> None:
     widget = rayfarm.show({"shapes": [{"type": "spher"}]})
     with pytest.raises(rayfarm.RayfarmError, match="spher"):

@@ -59,6 +59,7 @@ def test_arrays_and_pixels_are_where_they_should_be() -> None:
     assert image["object"][0, 0] == 0
 
 
+@pytest.mark.long
 def test_passes_end_in_the_picture_and_leaving_them_ends_them() -> None:
     images = list(rayfarm.progressive(CORNELL, spp=8, **SMALL))
     assert [image.is_final for image in images] == [False] * (len(images) - 1) + [True]

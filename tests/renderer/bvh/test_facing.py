@@ -7,6 +7,7 @@ import pytest
 
 from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
+from tests.grids import grid
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 
 RAYS = 4000
@@ -28,9 +29,9 @@ def _place(turned: bool, at: tuple[float, float, float], scale: float) -> np.nda
     return np.column_stack([scale * np.sign(np.linalg.det(matrix)) * matrix, at])
 
 
-@pytest.mark.parametrize("space", ["world", "instance", "scaled", "both"])
+@grid("space", ["world", "instance", "scaled", "both"])
 @pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (2.0, 1.0, -3.0)])
+@grid("at", [(0.0, 0.0, 0.0), (2.0, 1.0, -3.0)], ordinary=((2.0, 1.0, -3.0),))
 @pytest.mark.parametrize(("front", "back"), [((1, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 0), (4, 1)), ((3, 0), (7, 1))])
 @pytest.mark.parametrize("swapped", [False, True])
 def test_of_faces_back_to_back_the_one_that_faces_the_ray_is_met(space, turned, at, front, back, swapped):

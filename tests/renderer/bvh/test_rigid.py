@@ -69,6 +69,7 @@ def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
     np.testing.assert_allclose(back, np.linalg.inv(whole)[:, :3], atol=1e-9)
 
 
+@pytest.mark.long
 def test_what_flies_and_spins_goes_straight_where_its_middle_does():
     def at(share):
         return placed(about((0, 0, 1), 2 * math.pi * share), (4 * share, 0, 1))

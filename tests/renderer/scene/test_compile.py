@@ -195,6 +195,7 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
     assert chance == 1  # nothing else shines
 
 
+@pytest.mark.long
 def test_what_the_tables_leave_out_bsdf_sampling_finds():
     """A studio's light on a ball, by tables of all luminance and by ours, which leave out what lies below the mean."""
     ours = compile_scene(described(ellipsoid(), studio_for_accents=True))

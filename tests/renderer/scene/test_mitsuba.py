@@ -525,6 +525,7 @@ def test_surroundings_are_turned_about_any_axis(tmp_path: Path) -> None:
 UPRIGHT = '<transform name="to_world"><rotate x="1" angle="-90"/></transform>'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("place, up", [(UPRIGHT, (0, 1, 0)), ("", (0, 0, 1))])
 def test_a_sky_and_its_sun_are_as_bright_as_mitsubas(tmp_path: Path, place: str, up: tuple[int, int, int]) -> None:
     """What a level plane gets of either, of the sun at 60 degrees, by Mitsuba 3.9. Its own up is +Z; below, it is black."""
@@ -551,6 +552,7 @@ def test_a_sky_and_its_sun_are_as_bright_as_mitsubas(tmp_path: Path, place: str,
     assert (light.angle, light.seen) == (pytest.approx(0.5358), "always")
 
 
+@pytest.mark.long
 def test_a_sky_or_its_sun_may_be_dark(tmp_path: Path) -> None:
     sun = '<vector name="sun_direction" x="0" y="1" z="1"/>'
     sky = scene_of(tmp_path, f'<emitter type="sunsky">{sun}<float name="sun_scale" value="0"/></emitter>' + BALL.format(""))

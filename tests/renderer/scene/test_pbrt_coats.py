@@ -78,6 +78,7 @@ def walked(reflectance, ior, alpha):
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("ior", "alpha"), [(1.5, math.sqrt(0.1)), (1.5, math.sqrt(0.3)), (1.33, 0.1), (2.0, 0.55)])
 def test_paint_under_rough_varnish_is_as_dark_as_the_walk_makes_it(ior, alpha):
     coat = coat_of(ior, round(alpha, 4), THICKNESS, 10)

@@ -3,6 +3,7 @@
 import io
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from renderer.film import mean
@@ -31,6 +32,7 @@ def bumps() -> bytes:
     return out.getvalue()
 
 
+@pytest.mark.long
 def test_a_mirrored_camera_shows_the_same_turned_about(scene):
     pictures = []
     for head in (HEAD, "Scale -1 1 1 " + HEAD):

@@ -17,6 +17,7 @@ def tables(name):
     return tabulate_environment(description)
 
 
+@pytest.mark.long
 @grid("name", PRESETS)
 def test_every_preset_exposes_a_scene_about_as_white_light_would(name):
     found = tables(name)

@@ -146,6 +146,7 @@ def test_the_wrap_is_a_column_as_any_other():
     np.testing.assert_allclose(image[:, 1023], image[:, 513], rtol=1e-4)  # as far from the sun on its other side
 
 
+@pytest.mark.long
 def test_a_finer_grid_gives_the_same_sky(monkeypatch):
     coarse = image_of_sky(Sky(10))[:256]
     monkeypatch.setattr("renderer.scene.sky._ELEVATIONS", 160)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import PIL.Image
+import pytest
 
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
@@ -44,6 +45,7 @@ def sliding_glb() -> bytes:
     return clip(g, "slide", (path, "pointer", [0, 1], [(0, 0), (4, 2)], "LINEAR")).glb()
 
 
+@pytest.mark.long
 @grid("name", ["sheet.yaml", "sheet.glb"], ordinary=("sheet.glb",))
 def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(SLIDING_YAML.encode() if name.endswith("yaml") else sliding_glb())

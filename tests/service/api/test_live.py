@@ -158,6 +158,7 @@ def test_watchers_do_not_hold_up_the_end_of_the_service(service: Service, worker
     service.start()
 
 
+@pytest.mark.long
 def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWorker) -> None:
     events: list[tuple[str, dict[str, Any]]] = []
     opened, done = threading.Event(), threading.Event()

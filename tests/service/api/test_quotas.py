@@ -123,6 +123,7 @@ def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chie
         assert hal.delete(f"/api/jobs/{waits}").status_code == hal.delete(f"/api/jobs/{first}").status_code == 204
 
 
+@pytest.mark.long
 def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "cleo") as cleo:
         scene = scene_of(cleo, OBJ + b"# cleo")

@@ -35,6 +35,7 @@ def test_the_size_of_tiles_does_not_matter(service: Service, worker: PeerWorker,
     assert service.digest(job) == expected_digest()
 
 
+@pytest.mark.long
 def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=3)
     service.wait_for(job, "finished")

@@ -45,6 +45,7 @@ ORDERS = ("breadth-first",)
 OTHER_ORDERS = [pytest.param(order, marks=pytest.mark.long) for order in ("noisiest-first", "in-turn", "every-nth", "centre-out")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("order", [*ORDERS, *OTHER_ORDERS])
 def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker: PeerWorker, order: str) -> None:
     job = shoot(service, service.ready_scene(), "0-3,7.5", order=order)

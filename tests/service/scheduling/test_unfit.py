@@ -11,6 +11,7 @@ FULL = "this machine cannot use its files (No space left on device: /tmp)"
 LIMIT = "scene.obj cannot be read on this machine: its limit on address space (ulimit -v) of 1.0 GiB is too small. Raise it."
 
 
+@pytest.mark.long
 def test_another_worker_prepares_what_one_machine_cannot(service: Service) -> None:
     with service.worker(name="small") as small, service.worker(name="large", slots=1) as large:
         small.unfit = LIMIT

@@ -149,6 +149,7 @@ def test_a_bucket_is_chosen_by_its_address(tmp_path: Path) -> None:
             Settings(data=tmp_path, blobs=nonsense)
 
 
+@pytest.mark.long
 def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, blobs=s3)
     try:

@@ -58,6 +58,7 @@ def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
     assert (Subject(bare).eval(tilted(45), wi)[0][:, 0] * weight).sum() == pytest.approx(PAINT, rel=0.02)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
 def test_the_table_of_coats_is_what_makes_it(distribution):
     """Some nodes of the table."""

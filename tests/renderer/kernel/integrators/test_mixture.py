@@ -36,6 +36,7 @@ def targets():
     return scene([emitter(1.0), Material(base_color=gray(0.5))], meshes, (Sphere((1, 1, 1), 0.5, 1), Sphere((0, 0, 0), 0.6, 1)))
 
 
+@pytest.mark.long
 @grid("point", POINTS, ordinary=((-0.6, 0.9, -0.4),))
 @grid("primitive", range(4), ordinary=(0,))
 def test_directions_follow_their_density(targets, point, primitive):

@@ -121,6 +121,7 @@ def test_where_light_is_sent_on_in_single_directions_it_costs_nothing_and_change
     assert stats[0].rays == stats[1].rays
 
 
+@pytest.mark.long
 @grid("sampling", [name for name in SAMPLINGS if name != "mis"], ordinary=("light",))
 def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
     compiled = _sunny()
@@ -140,6 +141,7 @@ def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_
     assert abs(weighed - surfaces) < limit(1) * math.hypot(its_error, own_error)
 
 
+@pytest.mark.long
 def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None:
     """The single-path kernel supports splitting as well."""
     compiled, asked = made("a sky's picture")

@@ -41,6 +41,7 @@ def lit_room(request):
     return made, reference
 
 
+@pytest.mark.long
 @grid("sampling", ["light", "bsdf", "uniform"], ordinary=("light",))
 def test_each_strategy_alone_gives_the_mean_of_all(lit_room, sampling):
     made, (expected, error) = lit_room
