@@ -114,14 +114,3 @@ def test_what_the_table_of_additions_names_is_there() -> None:
             found = [path for each in near for path in ROOT.glob(each)]
             assert found, f"there is no {word}, which the row says to touch: {row}"
             folder = found[0].parent
-
-
-@pytest.mark.parametrize("package", [*PACKAGES, "blender"])
-def test_the_modules_that_a_package_lists_are_there(package: str) -> None:
-    """In the docstrings of packages: a line each, its name and what it is."""
-    gone = []
-    for path in (ROOT / package).rglob("__init__.py"):
-        doc = ast.get_docstring(ast.parse(path.read_text())) or ""
-        listed = re.findall(r"^ *([\w.-]+\.py|[\w-]+/) {2,}", doc, re.MULTILINE)
-        gone += [f"{path.relative_to(ROOT)} lists {name}" for name in listed if not (path.parent / name).exists()]
-    assert not gone

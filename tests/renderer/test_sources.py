@@ -69,7 +69,6 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
     assert kept_meaning([path], path / "nowhere", tmp_path) == "f" * 64
 
 
-@pytest.mark.long
 def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:
     """Whatever is decorated, and all of ours that it imports, is among MACHINE_CODE: else a change in it would go unseen."""
     hashed = set(files_of(MACHINE_CODE))
