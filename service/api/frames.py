@@ -1,5 +1,5 @@
 """/api/jobs/{id}/frames/{n}: the pictures, valid from the first sample on. A frame without samples answers 409 with a sentence;
-its film, which watchers begin with, is empty."""
+its film, which watchers begin with, is empty until the job ends."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from renderer.settings import Tile
 from service.api.describe_frames import frame_out, frames_json
 from service.api.file_names import named, picture_name
 from service.api.heads import headers_alone, is_head
-from service.api.lookup import Number, find_film, find_job, find_picture, no_frame
+from service.api.lookup import Number, find_film, find_job, find_picture, no_frame, without_samples
 from service.api.motion import motion_of
 from service.api.schemas import FrameOut, FrameState
 from service.api.visit import VisitDependency
@@ -36,7 +36,7 @@ from service.farm import Farm, FarmDependency
 from service.scheduling.errands.aside import MadeAside
 from service.store import bands
 from service.store.films import Film
-from service.store.models import Scene
+from service.store.models import FINAL, Scene
 from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureWish, memory, picture
 from worker.protocol.contract import SAMPLES_HEADER
@@ -252,8 +252,11 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """A frame's film, the version of its content, and its number of samples."""
-    film = find_film(id, n, farm)
-    return film, film.version(frame_key(n)), film.samples(frame_key(n))
+    film, job = find_film(id, n, farm), find_job(id, farm)
+    samples = film.samples(frame_key(n))
+    if not samples and job.state in FINAL:
+        raise without_samples(job, farm, n)
+    return film, film.version(frame_key(n)), samples
 
 
 def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import Path
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from renderer.frames import MAX_FRAME, frame_key, frame_text
@@ -12,7 +13,7 @@ from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
 from service.store.films import Film
-from service.store.models import FINAL, Job, Scene
+from service.store.models import FINAL, Frame, Job, Scene
 
 __all__ = [
     "Number",
@@ -72,13 +73,18 @@ def find_picture(id: str, n: float, farm: Farm) -> Film:
     """The film of a frame that has samples. Raises Conflict if it has none, and as `find_film`."""
     film = find_film(id, n, farm)
     if not film.samples(frame_key(n)):
-        raise without_samples(find_job(id, farm))
+        raise without_samples(find_job(id, farm), farm, n)
     return film
 
 
-def without_samples(job: Job) -> Conflict:
-    """The error for a frame without samples."""
-    if job.state == "finished":
+def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
+    """The error for frame n, or for all frames, without samples in the film."""
+    frames = select(func.max(Frame.samples), func.max(Frame.error)).where(Frame.job == job.id)
+    with farm.sessions() as session:
+        recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
+    if n is not None and error:
+        return Conflict(f"The frame has no picture. {error}")
+    if job.state == "finished" or (job.state in FINAL and recorded):
         return Conflict("The film of this job is gone. Set the job to running: its picture is then rendered again.")
     if job.state in FINAL:
         why = job.error or "It was cancelled before."

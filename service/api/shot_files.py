@@ -68,7 +68,7 @@ async def frames_zip(
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
         raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
     if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
-        raise without_samples(job)
+        raise without_samples(job, farm)
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
     if is_head(request):
         return headers_alone(headers, "application/zip")
@@ -102,7 +102,7 @@ async def get_movie(
         raise Conflict("No frame has samples yet. Try again in a moment.")
     film = await run_in_threadpool(_film, job, farm)
     if await run_in_threadpool(lambda: film.is_empty):
-        raise without_samples(job)
+        raise without_samples(job, farm)
     speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
     keys, content = list(shown), tuple(shown.items())
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}

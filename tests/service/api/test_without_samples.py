@@ -34,11 +34,15 @@ def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Servic
                 assert frame is not None
                 assert row is not None
                 frame.samples = 0
+    film = service.http.get(f"/api/jobs/{job}/frames/0/film")
+    assert film.status_code == (200 if state == "waits" else 409), "the page begins with it, and shows why there is none"
     for file in FILES:
         answer = service.http.get(f"/api/jobs/{job}/{file}")
         assert answer.status_code == 409, (file, answer.text[:200])
         assert answer.headers["content-type"].startswith("application/problem+json")
         said = answer.json()["detail"]
+        if file.startswith("frames/"):
+            assert ("The film of this job is" in said and "Set the job to running" in said) == state.startswith("gone")
         if file not in ("frames.zip?which=all", "movie.mp4"):
             assert {"waits": "no samples yet", "cancelled": "ended without"}.get(state, "") in said
         assert said.endswith(".")
