@@ -13,6 +13,7 @@ from typing import Any
 import redis
 
 from service.errors import Failed, TooLate, Unavailable
+from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
@@ -73,28 +74,38 @@ class Explaining:
         if not self._room.acquire(blocking=False):
             raise Unavailable("Other pixels are being explained. Try again in a moment.", 2.0)
         try:
-            for _ in range(ASKED_AT_MOST):
-                answer = self._asked(replace(work, message=secrets.token_hex(8)), kind)
-                if answer is not None:
+            unfit, queue, losses = Unfit(), view_queue(kind), 0
+            while losses < ASKED_AT_MOST:
+                answer = self._asked(replace(work, message=secrets.token_hex(8)), queue)
+                if isinstance(answer, dict):
                     return answer
+                losses += answer is None
+                if isinstance(answer, Fault):
+                    unfit.add(work.job, answer)
+                if work.job in unfit:
+                    able = [report for report in self._roster().ready() if report.kind == kind and report.explains]
+                    place = unfit.next(work.job, able)
+                    if place is None:
+                        raise Failed(unfit.sentence(work.job, "explain this pixel"))
+                    queue = place.queue
             raise Unavailable("The worker was lost while it followed the pixel's paths. Try again.", 2.0)
         except (redis.RedisError, QueueError) as error:
             raise away(error) from None
         finally:
             self._room.release()
 
-    def _asked(self, work: ExplainPixel, kind: str) -> dict[str, Any] | None:
-        """Sends one message and returns its answer; None if the worker was lost.
+    def _asked(self, work: ExplainPixel, queue: str) -> dict[str, Any] | Fault | None:
+        """Sends one message and returns its answer; the fault if the worker's machine cannot do it, None if the worker was lost.
 
         Raises redis.RedisError and QueueError as well.
         """
-        self._dispatcher.send_explain(work, kind)
+        self._dispatcher.send_explain(work, queue)
         holder: str | None = None
         is_compiling = False
         deadline = time.monotonic() + BEGIN_S
         while not self._stop.is_set():
             if time.monotonic() > deadline:
-                self._dispatcher.take_back(view_queue(kind), {work.message})
+                self._dispatcher.take_back(queue, {work.message})
                 if is_compiling:
                     raise Unavailable(f"{holder} makes the kernel for it ready: a minute or two, once. Ask again then.", 15.0)
                 late = f"{holder} did not answer in time." if holder else "No worker had time for it; all slots are busy."
@@ -114,6 +125,8 @@ class Explaining:
                     deadline = time.monotonic() + COMPILE_S
                 case "done":
                     return {**answer["explained"], "worker": holder}
+                case "returned" if answer.get("unfit") is True:
+                    return Fault(holder or "the worker", _why(answer), passing=False)
                 case "returned":
                     raise Unavailable(f"The pixel could not be explained: {_why(answer)}. Try again.", 2.0)
                 case _:

@@ -22,6 +22,7 @@ class PendingMessage:
     pieces: dict[int, Piece] = field(default_factory=dict)  # unanswered
     pick: tuple[int, int] | None = None  # unanswered
     is_frame: bool = False
+    queue: str = ""  # where it was sent
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     last_seen: float = field(default_factory=time.monotonic)  # time of the latest report
     has_started: bool = False

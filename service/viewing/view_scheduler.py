@@ -19,6 +19,7 @@ import redis
 
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
+from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import trouble_of
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
@@ -72,6 +73,7 @@ class ViewScheduler:
         self._out: dict[str, PendingMessage] = {}
         self._costs = SampleCosts()
         self._losses: Counter[str] = Counter()  # by session, since its view began
+        self._unfit = Unfit()  # by session
         self._orders: deque[Callable[[], None]] = deque()
         self._frames = PendingFrames()
         self._shared: set[str] = set()  # kinds of workers that have other work queued
@@ -149,6 +151,7 @@ class ViewScheduler:
             session.forget()
             self._lingers_until = time.monotonic() + (ANSWER_TIMEOUT_S if self._frames else LINGER_S)
             self._losses.pop(session.id, None)
+            self._unfit.forget(session.id)
             self._redis.delete(view_key(session.id))
             self._frame_cache.keep({each.request.scene for each in self._sessions.values() if each.request is not None})
 
@@ -201,6 +204,8 @@ class ViewScheduler:
             self._withdraw(session)
             self._views += 1
             self._losses.pop(session.id, None)
+            if session.request is not None and session.request.scene != session.wanted.scene:
+                self._unfit.forget(session.id)
             session.turn_to(session.wanted, self._views)
             self._redis.set(view_key(session.id), session.view, ex=KEY_TTL_S)
         if session.request is None or session.settings is not None or session.error is not None or session.is_paused:
@@ -254,7 +259,8 @@ class ViewScheduler:
 
     def _send(self, out: PendingMessage, work: ViewParts | ViewFrame) -> None:
         try:
-            self._dispatcher.send_view(work, out.kind)
+            out.queue = out.queue or view_queue(out.kind)
+            self._dispatcher.send_view(work, out.queue)
         except QueueError:
             out.requeue()
             raise
@@ -264,7 +270,15 @@ class ViewScheduler:
         is_out = any(out.is_frame and out.session is session for out in self._out.values())
         if session.request is None or session.request.frame_request is None or is_out:
             return
-        out = PendingMessage(session, session.view, kind, is_frame=True)
+        queue = ""
+        if session.id in self._unfit:
+            able = [report for report in self._roster().ready() if report.kind == kind and report.views]
+            place = self._unfit.next(session.id, able)
+            if place is None:
+                self._fail(session, self._unfit.sentence(session.id, "prepare this frame"))
+                return
+            queue = place.queue
+        out = PendingMessage(session, session.view, kind, is_frame=True, queue=queue)
         base = session.request.compiled[kind]
         work = session.request.frame_request.message(session.request.scene, base, session.id, out.id)
         self._frames.add(out.id, session.request.frame_request.cache_key(session.request.scene, base), session.request.scene)
@@ -286,8 +300,8 @@ class ViewScheduler:
         for out in gone:
             del self._out[out.id]
             out.requeue()
-        for kind in {out.kind for out in gone}:
-            self._frames.forget(self._dispatcher.take_back(view_queue(kind), {out.id for out in gone}))
+        for queue in {out.queue for out in gone}:
+            self._frames.forget(self._dispatcher.take_back(queue, {out.id for out in gone}))
 
     def _take_in(self) -> None:
         found: Any = None if self._ordered.is_set() else self._redis.blpop([VIEW_ANSWERS], timeout=IDLE_S)
@@ -325,7 +339,11 @@ class ViewScheduler:
                 self._end(out)
                 self._fail(session, str(answer.more.get("error", ""))[:2000])
             case "returned":
-                log.info("%s", answer.more.get("error"))
+                log.info("%s: %s", answer.worker, answer.more.get("error"))
+                if out.is_frame and answer.more.get("unfit") is True:
+                    self._unfit.add(session.id, Fault(answer.worker, str(answer.more.get("error", ""))[:2000], passing=False))
+                    self._end(out)
+                    return
                 self._lost(out, str(answer.more.get("error", ""))[:2000])
 
     def _hear_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
@@ -376,10 +394,11 @@ class ViewScheduler:
                 if session.view and not session.is_paused:
                     keys.set(view_key(session.id), session.view, ex=KEY_TTL_S)
             keys.execute()
-        waiting = {kind: bool(self._redis.llen(view_queue(kind))) for kind in {out.kind for out in self._out.values()}}
-        self._shared = {kind for kind in waiting if any(map(self._redis.llen, (prepare_queue(kind), render_queue(kind))))}
+        waiting = {queue: bool(self._redis.llen(queue)) for queue in {out.queue for out in self._out.values()}}
+        kinds = {out.kind for out in self._out.values()}
+        self._shared = {kind for kind in kinds if any(map(self._redis.llen, (prepare_queue(kind), render_queue(kind))))}
         for out in list(self._out.values()):
-            if out.id in in_hand or (not out.has_started and waiting[out.kind] and self._workers.slots(out.kind)):
+            if out.id in in_hand or (not out.has_started and waiting[out.queue] and self._workers.slots(out.kind)):
                 out.last_seen = now
             elif now - out.last_seen > LOST_S:
                 self._lost(out)

@@ -223,13 +223,13 @@ class PeerWorker:
                 continue
             if found is None:
                 continue
-            queue, message = found
+            _, message = found
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
             if "parts" in arguments:
                 self._view(ViewParts.from_json(arguments["parts"]))
             elif "pixel" in arguments:
                 self._explain(ExplainPixel.from_json(arguments["pixel"]))
-            elif queue == view_queue(self.kind).encode():
+            elif "watch" in arguments.get("frame", {}):
                 self._view_frame(ViewFrame.from_json(arguments["frame"]))
             elif "frames" in arguments:
                 self._prepare_frames(PrepareFrames(**arguments["frames"]))
@@ -237,9 +237,9 @@ class PeerWorker:
                 self._show(ShowEnvironment(**arguments["environment"]))
             elif "vectors" in arguments:
                 self._point(FrameVectors(**arguments["vectors"]))
-            elif queue.startswith(prepare_queue(self.kind).encode()):
+            elif "scene" in arguments:
                 self._prepare(arguments["scene"])
-            elif queue == denoise_queue(self.kind).encode():
+            elif "frame" in arguments:
                 self._denoise(DenoiseFrame(**arguments["frame"]))
             else:
                 id = json.loads(message)["headers"]["id"]
@@ -250,12 +250,21 @@ class PeerWorker:
 
     def _explain(self, work: ExplainPixel) -> None:
         self.explained.append(work)
-        for answer in self.on_explain(work):
+        unfit = [{"type": "begun"}, {"type": "returned", "error": self.unfit, "unfit": True}]
+        for answer in self.on_explain(work) if self.unfit is None else unfit:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
+
+    def _cannot(self, type: str, about: dict[str, Any]) -> bool:
+        """Whether its machine is unfit, which is then said."""
+        if self.unfit is not None:
+            self.send({"type": type, **about, "error": self.unfit, "unfit": True})
+        return self.unfit is not None
 
     def _denoise(self, work: DenoiseFrame) -> None:
         """A denoised picture is half the colour plus the albedo and the normal."""
         about = {"work": work.work, "worker": self.name}
+        if self._cannot("denoise-failed", about):
+            return
         try:
             means = self.http.get(f"/api/farm/films/{work.job}/{work.frame}").raise_for_status()
             self.on_denoise(work.job)
@@ -272,6 +281,8 @@ class PeerWorker:
     def _show(self, work: ShowEnvironment) -> None:
         """A picture of an environment is its bytes, backwards; one that is called broken lights nothing."""
         about = {"work": work.work, "worker": self.name}
+        if self._cannot("environment-failed", about):
+            return
         content = self.http.get(f"/api/farm/blobs/{work.sha256}").raise_for_status().content
         self.shown.append(work.path)
         if "broken" in work.path:
@@ -284,6 +295,8 @@ class PeerWorker:
     def _point(self, work: FrameVectors) -> None:
         """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""
         about = {"work": work.work, "worker": self.name}
+        if self._cannot("vectors-failed", about):
+            return
         try:
             if self.on_vectors(work.job):
                 return
@@ -340,10 +353,12 @@ class PeerWorker:
 
     def _view_frame(self, work: ViewFrame) -> None:
         self._tell(work, "begun")
-        names = {"frame-prepared": "frame", "frame-failed": "failed"}
+        names = {"frame-prepared": "frame", "frame-failed": "failed", "frames-returned": "returned"}
 
         def send(event: dict[str, Any]) -> None:
-            self._tell(work, names[event["type"]], **{name: event[name] for name in ("frame", "info", "error") if name in event})
+            self._tell(
+                work, names[event["type"]], **{name: event[name] for name in ("frame", "info", "error", "unfit") if name in event}
+            )
 
         self._prepare_frames(work.work, send)
         self._tell(work, "over")

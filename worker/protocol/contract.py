@@ -388,7 +388,8 @@ class Result:
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same without reproduce: a failure of the worker, not of the scene; to be handed out again
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service gave them)
-        vectors-made, environment-shown: the first three; denoise-, vectors-, environment-failed: work, worker, error (a sentence)
+        vectors-made, environment-shown: the first three
+        denoise-failed, vectors-failed, environment-failed: work, worker, error (a sentence), unfit: as of prepare-returned
         prepare-started  scene, kind, worker
         prepare-progress scene, kind, step (a phrase), fraction 0..1
         prepared         scene, kind, worker, info: SceneInfo

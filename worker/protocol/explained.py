@@ -9,7 +9,7 @@ The HTTP request waits for the answers on a Redis list of its own; no other stat
     compiling  the worker is compiling its kernel, which may take minutes: worker
     done       explained (worker.explain.told), worker
     failed     error (a sentence), worker
-    returned   a failure of the worker, error: to be sent again
+    returned   a failure of the worker, error: to be sent again; unfit: to another worker
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class ViewAnswer:
     frame      a frame is prepared: frame, info (FrameInfo)
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)
-    returned   a failure of the worker, error: to be handed out again
+    returned   a failure of the worker, error: to be handed out again; unfit: to another worker
     """
 
     type: str

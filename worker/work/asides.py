@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from worker.exchange.errors import WorkerError, WorkError
+from worker.exchange.errors import MachineError, UnfitError, WorkerError, WorkError, is_of_machine
 from worker.process import context
 from worker.process.context import WorkerContext
 from worker.protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
@@ -61,17 +61,25 @@ class Aside(Generic[Work]):
                 return {"type": self.made, "work": work.work, "worker": worker.name, **self.make(worker, work)}
             except WorkError as error:
                 sentence = str(error)
+            except (UnfitError, MachineError) as error:
+                return self._failure(worker, work.work, str(error), unfit=True)
             except WorkerError as error:
                 sentence = f"{worker.name} could not {self.task}: {error}"
             except OSError as error:
+                if is_of_machine(error):
+                    return self._failure(worker, work.work, f"this machine could not {self.task}: {error}", unfit=True)
                 sentence = f"{worker.name} has no room to {self.task}: {error}"
+            except MemoryError:
+                return self._failure(worker, work.work, f"there is too little memory to {self.task}", unfit=True)
             except Exception as error:
                 log.exception("could not %s", self.task)
                 sentence = f"{worker.name} could not {self.task} ({type(error).__name__}: {error})"
             return self._failure(worker, work.work, sentence)
 
-    def _failure(self, worker: WorkerContext, work: Any, error: str) -> dict[str, Any]:
-        return {"type": self.failed, "work": work, "worker": worker.name, "error": error}
+    def _failure(self, worker: WorkerContext, work: Any, error: str, unfit: bool = False) -> dict[str, Any]:
+        """unfit: the cause is this machine, so another worker may do it."""
+        event = {"type": self.failed, "work": work, "worker": worker.name, "error": error}
+        return {**event, "unfit": True} if unfit else event
 
 
 DENOISING = Aside(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")

@@ -15,7 +15,7 @@ from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel
 from renderer.render import edition_for, is_warm
 from renderer.replay import Lamp, Vertex
 from renderer.scene.compiled import CompiledScene
-from worker.exchange.errors import RefusedError, Trouble, UnfitError
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
 from worker.process.context import WorkerContext
@@ -57,8 +57,8 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
         say(worker, work.message, "done", explained=told(scene, found))
-    except UnfitError as error:
-        say(worker, work.message, "failed", error=f"{worker.name}: {error}")
+    except (UnfitError, MachineError) as error:
+        say(worker, work.message, "returned", error=str(error), unfit=True)
     except Trouble as error:
         say(worker, work.message, "returned", error=f"{worker.name} hands it back: {error}")
     except RefusedError as error:
@@ -66,7 +66,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
     except RayfarmError as error:
         say(worker, work.message, "failed", error=str(error))
     except MemoryError:
-        say(worker, work.message, "failed", error=f"{worker.name} has too little memory for this scene")
+        say(worker, work.message, "returned", error="there is too little memory for this scene", unfit=True)
     except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
         say(worker, work.message, "failed", error=f"{worker.name} could not follow it ({type(error).__name__}: {error})")

@@ -13,7 +13,7 @@ import redis
 from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
 from renderer.render import edition_for, is_warm, render_batch
-from worker.exchange.errors import RefusedError, Trouble, UnfitError
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
 from worker.process.context import WorkerContext
@@ -100,7 +100,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     except RayfarmError as error:
         answering.send("failed", error=str(error))
     except MemoryError:
-        answering.send("failed", error=f"{worker.name} has too little memory for this scene.")
+        answering.send("returned", error=f"{worker.name} has too little memory for this scene.")
     except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
         answering.send("failed", error=f"{worker.name} could not render the view ({type(error).__name__}: {error}).")
@@ -121,10 +121,12 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         manifest = patiently(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
         prepare_frames(worker, manifest, work.work, answer)
         answering.send("over")
+    except (UnfitError, MachineError) as error:
+        answering.send("returned", error=str(error), unfit=True)
+    except MemoryError:
+        answering.send("returned", error="there is too little memory for this frame", unfit=True)
     except (Trouble, RefusedError) as error:
         answering.send("returned", error=f"{worker.name} hands a frame back: {error}")
-    except UnfitError as error:
-        answering.send("failed", error=f"{worker.name}: {error}")
     except Exception as error:
         log.exception("a frame of a view failed")
         answering.send("failed", error=f"{worker.name} could not prepare the frame ({type(error).__name__}: {error}).")

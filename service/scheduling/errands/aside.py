@@ -1,5 +1,7 @@
 """Results that clients request and a worker makes: denoised frames, motion vectors, thumbnails of environments.
 
+A request that a machine cannot serve goes to another worker (unfit.py).
+
 A result is outdated as soon as its film grows. A request made while one is in progress receives that result, and the next
 request starts a new one. The results are blobs without a database reference, and are made again after a restart.
 """
@@ -16,12 +18,13 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.scheduling.handing_out.leases import Lease
 from service.store.blobs import BlobStore, is_sha256
-from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 
 __all__ = ["Aside", "LetGo", "MadeAside"]
 
@@ -74,6 +77,7 @@ class Aside(ABC, Generic[Wish]):
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
         self._lock = threading.Lock()
         self._wanted: dict[Key, _Wanted[Wish]] = {}
+        self._unfit = Unfit()
         self._made: dict[Key, MadeAside] = {}
 
     @abstractmethod
@@ -81,8 +85,16 @@ class Aside(ABC, Generic[Wish]):
         """The kind of workers that can make the result; None if there is none."""
 
     @abstractmethod
-    def _send(self, wish: Wish, kind: str) -> None:
-        """Sends a request, whose `work` is its lease's id, to workers of a kind. Raises QueueError."""
+    def _able(self) -> list[WorkerReport]:
+        """The ready workers that can make the result."""
+
+    @abstractmethod
+    def _send(self, wish: Wish, queue: str) -> None:
+        """Sends a request, whose `work` is its lease's id. Raises QueueError."""
+
+    def _queue(self, kind: str) -> str:
+        """The queue for workers of a kind."""
+        return prepare_queue(kind)
 
     @abstractmethod
     def _is_size(self, size: int, wish: Wish) -> bool:
@@ -125,25 +137,41 @@ class Aside(ABC, Generic[Wish]):
             if kind is None:
                 self._fail(key, self._nobody())
                 continue
+            queue = self._queue(kind)
+            owner = _owner(key)
+            if owner in self._unfit:
+                place = self._unfit.next(owner, self._able())
+                if place is None:
+                    self._fail(key, Failed(self._unfit.sentence(owner, f"make the {self._name}")))
+                    continue
+                kind, queue = place.kind, place.queue
             patience = self._patience_s + PATIENCE_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
             lease = Lease(key[0], kind, None, patience)
             try:
-                self._send(replace(wanted.wish, work=lease.id), kind)
+                self._send(replace(wanted.wish, work=lease.id), queue)
             except QueueError as error:
                 self._fail(key, away(error))
                 raise
             wanted.lease = lease
             wanted.sent += 1
 
-    def heard(self, work: str, made: MadeAside | None, error: str = "") -> None:
-        """Handles a worker's answer: the result, or None with an error message."""
+    def heard(self, work: str, made: MadeAside | None, error: str = "", unfit: Fault | None = None) -> None:
+        """Handles a worker's answer: the result, or None with an error message.
+
+        unfit: the fault of that worker's machine; the request then goes to another worker.
+        """
         with self._lock:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
             if key is not None and (lease := self._wanted[key].lease) is not None:
                 lease.has_arrived = True
         if key is None:
             return  # too late, or of an earlier life of the service
-        if made is None:
+        if made is None and unfit is not None:
+            with self._lock:
+                if (wanted := self._wanted.get(key)) is not None:
+                    self._unfit.add(_owner(key), unfit)
+                    wanted.lease, wanted.sent = None, 0
+        elif made is None:
             self._fail(key, self._failed(error))
         else:
             self._later(self._keep, key, work, made)
@@ -156,6 +184,7 @@ class Aside(ABC, Generic[Wish]):
             if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
                 return  # given up meanwhile, or its job is deleted
             del self._wanted[key]
+            self._unfit.forget(_owner(key))
             old = self._made.get(key)
             if is_there:
                 self._made[key] = made
@@ -231,5 +260,10 @@ class Aside(ABC, Generic[Wish]):
     def _fail(self, key: Key, error: FarmError) -> None:
         with self._lock:
             wanted = self._wanted.pop(key, None)
+            self._unfit.forget(_owner(key))
         if wanted is not None:
             wanted.answer.set_exception(error)
+
+
+def _owner(key: Key) -> str:
+    return f"{key[0]} {key[1]}"

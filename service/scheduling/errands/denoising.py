@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.errors import Unavailable
 from service.scheduling.errands.aside import Aside
-from worker.protocol.contract import DenoiseFrame
+from worker.protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 
 __all__ = ["Denoising"]
 
@@ -18,8 +18,14 @@ class Denoising(Aside[DenoiseFrame]):
     def _kind(self) -> str | None:
         return self._workers.roster.denoising_kind()
 
-    def _send(self, wish: DenoiseFrame, kind: str) -> None:
-        self._dispatcher.send_denoise(wish, kind)
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.denoises]
+
+    def _queue(self, kind: str) -> str:
+        return denoise_queue(kind)
+
+    def _send(self, wish: DenoiseFrame, queue: str) -> None:
+        self._dispatcher.send_denoise(wish, queue)
 
     def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
         return size == 3 * 4 * wish.width * wish.height

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.errors import FarmError, Invalid, Unavailable
 from service.scheduling.errands.aside import Aside
-from worker.protocol.contract import ShowEnvironment
+from worker.protocol.contract import ShowEnvironment, WorkerReport
 
 __all__ = ["Environments"]
 
@@ -21,8 +21,11 @@ class Environments(Aside[ShowEnvironment]):
     def _kind(self) -> str | None:
         return self._workers.roster.lighting_kind()
 
-    def _send(self, wish: ShowEnvironment, kind: str) -> None:
-        self._dispatcher.send_environment(wish, kind)
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.views]
+
+    def _send(self, wish: ShowEnvironment, queue: str) -> None:
+        self._dispatcher.send_environment(wish, queue)
 
     def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
         return 0 < size <= MOST_BYTES

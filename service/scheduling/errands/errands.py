@@ -7,6 +7,7 @@ from service.scheduling.errands.denoising import Denoising
 from service.scheduling.errands.environments import Environments
 from service.scheduling.errands.moments import Moments
 from service.scheduling.errands.preparing import Preparing
+from service.scheduling.errands.unfit import Fault
 from service.scheduling.errands.vectors import Vectors
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.handing_out.dispatch import Dispatcher
@@ -52,15 +53,15 @@ class Errands:
             case DenoiseDone():
                 self.denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
             case DenoiseFailed():
-                self.denoising.heard(message.work, None, message.error)
+                self.denoising.heard(message.work, None, message.error, _fault(message))
             case VectorsMade():
                 self.vectors.heard(message.work, MadeAside(message.sha256))
             case VectorsFailed():
-                self.vectors.heard(message.work, None, message.error)
+                self.vectors.heard(message.work, None, message.error, _fault(message))
             case EnvironmentShown():
                 self.environments.heard(message.work, MadeAside(message.sha256))
             case EnvironmentFailed():
-                self.environments.heard(message.work, None, message.error)
+                self.environments.heard(message.work, None, message.error, _fault(message))
 
     def forget(self, job: str) -> None:
         """Forgets the requests and results of a deleted job."""
@@ -71,3 +72,7 @@ class Errands:
         """Stops the threads that query the blob store."""
         for each in self._aside:
             each.close()
+
+
+def _fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed) -> Fault | None:
+    return Fault(message.worker, message.error, passing=False) if message.unfit else None

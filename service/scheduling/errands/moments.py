@@ -134,7 +134,7 @@ class Moments:
         for id, kind in self._unfit_kind.items():
             able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
             if id in jobs and able and not self.leases.of(id) and self._unfit.next(id, able) is None:
-                found.append((jobs[id], self._unfit.sentence(id, "this shot")))
+                found.append((jobs[id], self._unfit.sentence(id, "prepare this shot")))
         return found
 
     def _place(self, job: str, kind: str) -> Place | None:

@@ -102,7 +102,7 @@ class Preparing:
                 continue
             able = self._able(scene, kind, self._workers.roster.reports.values())
             if able and self._unfit.next(scene, able) is None:
-                found.append((scene, kind, self._unfit.sentence(scene, "this scene")))
+                found.append((scene, kind, self._unfit.sentence(scene, "prepare this scene")))
         return found
 
     def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:

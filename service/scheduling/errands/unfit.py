@@ -1,4 +1,4 @@
-"""Machines that cannot prepare a scene or frame because of their limits, memory or temporary folder.
+"""Machines that cannot do some work because of their limits, memory or temporary folder, whatever the scene.
 
 Work returned by such a machine goes to another worker's own queue. If none is left, the error message lists every fault.
 """
@@ -37,7 +37,7 @@ class Place:
 
 
 class Unfit:
-    """The machine faults, by owner: a scene or a job."""
+    """The machine faults, by owner: a scene, a job, or a client's request."""
 
     def __init__(self) -> None:
         self._faults: dict[str, dict[str, Fault]] = {}  # by owner and worker
@@ -46,7 +46,7 @@ class Unfit:
         return owner in self._faults
 
     def add(self, owner: str, fault: Fault) -> None:
-        """Records that a worker's machine cannot prepare the owner's scene or frames."""
+        """Records that a worker's machine cannot do the owner's work."""
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
     def forget(self, owner: str) -> None:
@@ -69,5 +69,5 @@ class Unfit:
         return Place(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def sentence(self, owner: str, what: str) -> str:
-        """Returns the error message that lists the faults of all machines tried. what: "this scene" or "this shot"."""
-        return f"No worker can prepare {what}. {' '.join(map(str, self._faults[owner].values()))}"
+        """Returns the error message that lists the faults of all machines tried. what: such as "prepare this scene"."""
+        return f"No worker can {what}. {' '.join(map(str, self._faults[owner].values()))}"

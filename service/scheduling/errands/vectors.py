@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.errors import Unavailable
 from service.scheduling.errands.aside import Aside
-from worker.protocol.contract import FrameVectors
+from worker.protocol.contract import FrameVectors, WorkerReport
 
 __all__ = ["Vectors"]
 
@@ -19,8 +19,11 @@ class Vectors(Aside[FrameVectors]):
     def _kind(self) -> str | None:
         return self._workers.roster.pointing_kind()
 
-    def _send(self, wish: FrameVectors, kind: str) -> None:
-        self._dispatcher.send_vectors(wish, kind)
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.vectors]
+
+    def _send(self, wish: FrameVectors, queue: str) -> None:
+        self._dispatcher.send_vectors(wish, queue)
 
     def _is_size(self, size: int, wish: FrameVectors) -> bool:
         return size == 4 * 4 * wish.width * wish.height

@@ -103,26 +103,26 @@ class Dispatcher:
         """Sends a request to prepare frames of a shot. Raises QueueError."""
         self._send(PREPARE_FRAMES, {"frames": asdict(work)}, queue, work.work, ("job", work.job))
 
-    def send_denoise(self, work: DenoiseFrame, kind: str) -> None:
+    def send_denoise(self, work: DenoiseFrame, queue: str) -> None:
         """Sends a request to denoise a frame. Raises QueueError."""
-        self._send(DENOISE, {"frame": asdict(work)}, denoise_queue(kind), work.work, ("job", work.job))
+        self._send(DENOISE, {"frame": asdict(work)}, queue, work.work, ("job", work.job))
 
-    def send_vectors(self, work: FrameVectors, kind: str) -> None:
+    def send_vectors(self, work: FrameVectors, queue: str) -> None:
         """Sends a request for a frame's motion vectors. Raises QueueError."""
-        self._send(VECTORS, {"vectors": asdict(work)}, prepare_queue(kind), work.work, ("job", work.job))
+        self._send(VECTORS, {"vectors": asdict(work)}, queue, work.work, ("job", work.job))
 
-    def send_view(self, work: ViewParts | ViewFrame, kind: str) -> None:
+    def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
         """Sends a request for parts of a view, or for the frames that it shows. Raises QueueError."""
         name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
-        self._send(name, {argument: work.to_json()}, view_queue(kind), work.message)
+        self._send(name, {argument: work.to_json()}, queue, work.message)
 
-    def send_environment(self, work: ShowEnvironment, kind: str) -> None:
+    def send_environment(self, work: ShowEnvironment, queue: str) -> None:
         """Sends a request for a thumbnail of an environment image. Raises QueueError."""
-        self._send(ENVIRONMENT, {"environment": asdict(work)}, prepare_queue(kind), work.work)
+        self._send(ENVIRONMENT, {"environment": asdict(work)}, queue, work.work)
 
-    def send_explain(self, work: ExplainPixel, kind: str) -> None:
-        """Sends a request to explain a pixel, ahead of all non-interactive work. Raises QueueError."""
-        self._send(EXPLAIN, {"pixel": work.to_json()}, view_queue(kind), work.message)
+    def send_explain(self, work: ExplainPixel, queue: str) -> None:
+        """Sends a request to explain a pixel. Raises QueueError."""
+        self._send(EXPLAIN, {"pixel": work.to_json()}, queue, work.message)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
         """Returns the messages of a queue that no worker has taken yet, by id. Raises redis.RedisError."""

@@ -162,6 +162,7 @@ class DenoiseFailed(_Denoise):
 
     type: Literal["denoise-failed"]
     error: Sentence
+    unfit: bool = False  # the machine is the cause: another worker may do it
 
 
 class _Vectors(_Denoise):
@@ -180,6 +181,7 @@ class VectorsFailed(_Vectors):
 
     type: Literal["vectors-failed"]
     error: Sentence
+    unfit: bool = False  # the machine is the cause: another worker may do it
 
 
 class EnvironmentShown(_Denoise):
@@ -194,6 +196,7 @@ class EnvironmentFailed(_Denoise):
 
     type: Literal["environment-failed"]
     error: Sentence
+    unfit: bool = False  # the machine is the cause: another worker may do it
 
 
 class _Prepare(BaseModel):

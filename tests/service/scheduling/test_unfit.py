@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from tests.service.api.test_environments import IMAGE
+from tests.service.api.test_explain import explained
 from tests.service.conftest import Service, until
+from tests.service.viewer import look
 from worker.protocol.contract import own_prepare_queue
 
 FULL = "this machine cannot use its files (No space left on device: /tmp)"
@@ -66,3 +69,52 @@ def test_another_worker_prepares_the_frames_that_one_machine_cannot(service: Ser
 
 def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
     assert own_prepare_queue("0.2.0-x", "alpha") == "rayfarm.prepare.0.2.0-x.of.alpha"
+
+
+def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(service: Service) -> None:
+    """Denoised pictures, motion vectors, thumbnails of environments and explained pixels."""
+    with service.worker(name="small", slots=1, denoises=True) as small:
+        scene = service.ready_scene()
+        job = service.submit(scene)
+        service.wait_for(job, "finished")
+        small.unfit = LIMIT
+        frame = f"/api/jobs/{job}/frames/0"
+        asked = (
+            (f"{frame}/image.exr?denoise=true", "make the denoised picture"),
+            (f"{frame}/image.exr?aov=motion", "make the motion vectors"),
+            (f"/api/jobs/{job}/explain?x=5&y=7", "explain this pixel"),
+        )
+        for url, what in asked:
+            answer = service.http.get(url)
+            assert answer.status_code == 502, (url, answer.text)
+            assert answer.json()["detail"] == f"No worker can {what}. small: {LIMIT}"
+        answer = service.http.post("/api/environments", files={"file": ("window.hdr", IMAGE)})
+        assert answer.status_code == 502, answer.text
+        assert f"small: {LIMIT}" in answer.json()["detail"]
+        with service.worker(name="large", slots=1, denoises=True) as large:
+            large.on_explain = explained
+            until(lambda: len(service.farm.engine.snapshot.roster.ready()) == 2, "both are there")
+            for url, _ in asked:
+                for _ in range(3):  # either is asked first
+                    answer = service.http.get(url)
+                    assert answer.status_code == 200, (url, answer.text)
+            assert service.http.post("/api/environments", files={"file": ("window.hdr", IMAGE)}).status_code == 201
+            assert large.denoised and large.vectors and large.shown and large.explained
+
+
+def test_another_worker_prepares_the_frame_of_a_view_where_one_machine_cannot(service: Service) -> None:
+    with service.worker(name="small", slots=1) as small, service.worker(name="large", slots=1) as large:
+        scene = service.ready_scene()
+        until(lambda: len(service.farm.engine.snapshot.roster.ready()) == 2, "both are there")
+        small.unfit = LIMIT
+        with look(service, scene) as viewer:
+            for id in range(3):
+                viewer.show(id, frame=id + 1, spp=2)
+                viewer.wait(id, 2)
+            assert large.frames == [1.0, 2.0, 3.0]
+            large.unfit = FULL
+            viewer.show(3, frame=7, spp=2)
+            until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
+            sentence = viewer.errors[-1]["detail"]
+    assert "No worker can prepare this frame." in sentence
+    assert f"small: {LIMIT}" in sentence and f"large: {FULL}." in sentence
