@@ -20,8 +20,9 @@ ANYWHERE = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 NAMES = ("valkey-server", "redis-server")
 PATIENCE_S = 10.0
-LEAST_BUFFERS = 256 << 20  # bytes; the service reads results 64 MiB at a time
-LARGEST_VALUE = 256 << 20  # bytes of one value, and of a result's sums: four times those of a tile of 640 x 640
+LEAST_BUFFERS = 256 << 20  # bytes of unread output or unfinished input
+LARGEST_ANSWER = 192 << 20  # bytes; the service reads results about 64 MiB at a time
+LARGEST_VALUE = 128 << 20  # bytes of one value, and of a result's sums: twice those of a tile of 640 x 640
 IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count as idle
 
 
@@ -86,7 +87,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         "protected-mode yes",
         "maxmemory-policy noeviction",
         f"maxmemory {most}",
-        f"client-output-buffer-limit normal {2 * buffers} {buffers} 60",
+        f"client-output-buffer-limit normal {LARGEST_ANSWER} {LARGEST_ANSWER // 2} 60",
         f"client-output-buffer-limit pubsub {32 << 20} {8 << 20} 60",
         f"client-query-buffer-limit {buffers}",
         f"proto-max-bulk-len {LARGEST_VALUE}",

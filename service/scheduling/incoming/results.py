@@ -22,8 +22,12 @@ log = logging.getLogger(__name__)
 AT_MOST = 256  # entries a read: bounds the time until the next look at the queue
 BYTES = 64 << 20  # a read, about: bounds memory
 
+LARGEST = 80 << 20  # bytes of an entry: the sums of a tile of 640 x 640 take 64 MiB
+
 FIRST_READ = 64  # entries, before their size is known
+CUT_OFF_TWICE = 2  # connections that end while one entry is read: before it is taken to be why
 SMOOTHING = 0.3
+CURSOR, READER = "cursor", "engine"  # a consumer group that exists for a moment, to learn an entry's id without its content
 FUTURE_MS = 7 * 86_400_000  # an id further ahead than clocks go wrong was chosen; at the largest, Redis takes no more entries
 
 Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
@@ -56,11 +60,26 @@ class Results:
         self._at_most = FIRST_READ
         self.size = 0.0  # bytes of a result, over the latest
         self.was_full = False  # whether the latest read found all that it could take: more may wait
+        self._cut_off = 0  # consecutive reads of one entry during which the connection ended
 
     def read(self, block_ms: int) -> list[Entry]:
-        """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError."""
-        after = f"{self._read_to[0]}-{self._read_to[1]}"
-        answer: Any = self._redis.xread({RESULTS: after}, count=self._at_most, block=block_ms)
+        """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError.
+
+        Redis ends the connection where an answer is longer than its limit for clients' output: then fewer are read at a time. An
+        entry that is longer by itself is one without fields, with a fault.
+        """
+        after = _text(self._read_to)
+        try:
+            answer: Any = self._redis.xread({RESULTS: after}, count=self._at_most, block=block_ms)
+        except redis.ConnectionError:
+            if self._at_most > 1:
+                self._at_most //= 2
+                raise
+            self._cut_off += 1
+            if self._cut_off < CUT_OFF_TWICE or (id := self._next_id()) is None:
+                raise
+            answer = {RESULTS: [(id, {})]}
+        self._cut_off = 0
         self._guard()
         streams = list(answer.values()) if isinstance(answer, dict) else [entries for _, entries in answer or []]
         entries: list[Entry] = []
@@ -79,12 +98,31 @@ class Results:
         return entries
 
     def end(self) -> Position:
-        """The position of the latest entry. Raises redis.RedisError."""
+        """The position of the latest entry. Raises redis.RedisError.
+
+        XINFO STREAM would answer with the first and the last entry too, which may be large.
+        """
+        with self._redis.pipeline() as pipe:
+            pipe.xgroup_destroy(RESULTS, CURSOR)
+            pipe.xgroup_create(RESULTS, CURSOR, "$")
+            pipe.xinfo_groups(RESULTS)
+            pipe.xgroup_destroy(RESULTS, CURSOR)
+            try:
+                groups: Any = pipe.execute()[2]
+            except redis.ResponseError:  # there is no stream
+                return BEGINNING
+        return max((_position(group["last-delivered-id"]) for group in groups), default=BEGINNING)
+
+    def _next_id(self) -> bytes | None:
+        """Returns the id of the next entry without reading it; None if there is none. Raises redis.RedisError."""
+        self._redis.xgroup_create(RESULTS, CURSOR, _text(self._read_to))
         try:
-            about: Any = self._redis.xinfo_stream(RESULTS)
-        except redis.ResponseError:  # there is no stream
-            return BEGINNING
-        return _position(about["last-generated-id"])
+            with contextlib.suppress(redis.ConnectionError):  # it is noted as delivered although its content is cut off
+                self._redis.xreadgroup(CURSOR, READER, {RESULTS: ">"}, count=1)
+            pending: Any = self._redis.xpending_range(RESULTS, CURSOR, "-", "+", 1)
+            return pending[0]["message_id"] if pending else None
+        finally:
+            self._redis.xgroup_destroy(RESULTS, CURSOR)
 
     def has_read(self, position: Position) -> bool:
         """Whether all up to there was read."""
@@ -134,12 +172,20 @@ class Results:
             self._redis.xdel(RESULTS, *[entry.id for entry in entries])
 
 
+def _text(position: Position) -> str:
+    return f"{position[0]}-{position[1]}"
+
+
 def _position(id: bytes | str) -> Position:
     milliseconds, _, number = (id.decode() if isinstance(id, bytes) else id).partition("-")
     return int(milliseconds), int(number)
 
 
 def _entry(id: bytes, fields: Any) -> Entry:
+    size = sum(len(name) + len(value) for name, value in fields.items())
+    if not fields or size > LARGEST:
+        found = f"{size:,} bytes" if fields else "more than Redis sends at once"
+        return Entry(id, None, f"the entry is too large: {found}; at most {LARGEST:,} are taken", {})
     try:
         return Entry(id, Result.from_fields(fields), "", fields)
     except Exception as error:  # whatever is in it, the entries behind it are read

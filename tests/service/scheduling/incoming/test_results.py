@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 import pytest
 import redis
 
-from service.scheduling.incoming.results import Results
+from service.scheduling.incoming import results as results_module
+from service.scheduling.incoming.results import Entry, Results
 from worker.protocol.contract import RESULTS, Result
 
 
@@ -50,3 +52,67 @@ def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
     results.delete(entries + results.read(10))
     assert results.has_read(end)
     assert (results.length(), results.end()) == (0, end)
+
+
+@pytest.fixture
+def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
+    """A Redis that ends a connection whose answer is longer than 2 MiB, as the farm's own does at 192 MiB."""
+    name = "client-output-buffer-limit"
+    before = connection.config_get(name)[name]
+    connection.config_set(name, "normal 2097152 0 0")
+    yield connection
+    connection.config_set(name, before)
+
+
+def patiently(results: Results) -> list[Entry]:
+    """Reads what there is; a connection that ended is opened again."""
+    for _ in range(20):
+        try:
+            return results.read(10)
+        except redis.ConnectionError:
+            continue
+    raise AssertionError("the connection always ends")
+
+
+def test_an_entry_that_is_longer_than_an_answer_may_be_is_put_aside_unread(limited: redis.Redis) -> None:
+    results = Results(limited)
+    append(limited, 0)
+    large = limited.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(3 << 20)})
+    for number in (2, 3):
+        append(limited, number)
+    entries = [entry for _ in range(4) for entry in patiently(results)]
+    assert [entry.result and entry.result.event["number"] for entry in entries] == [0, None, 2, 3]
+    assert entries[1].id == large
+    assert "too large" in entries[1].fault
+    assert limited.xinfo_groups(RESULTS) == []
+    results.delete(entries)
+    assert results.length() == 0
+
+
+def test_fewer_entries_are_read_where_many_would_make_too_long_an_answer(limited: redis.Redis) -> None:
+    results = Results(limited)
+    for number in range(12):
+        limited.xadd(RESULTS, {"event": json.dumps({"number": number}), "sums": bytes(400 << 10)})
+    found: list[int] = []
+    while len(found) < 12:
+        found += [entry.result.event["number"] for entry in patiently(results) if entry.result is not None]
+    assert found == list(range(12))
+
+
+def test_the_end_is_known_without_reading_the_last_entry(limited: redis.Redis) -> None:
+    results = Results(limited)
+    id = limited.xadd(RESULTS, {"sums": bytes(3 << 20)}, id="5-1")
+    assert id == b"5-1"
+    assert results.end() == (5, 1)
+    assert not results.has_read((5, 1))
+
+
+def test_a_large_entry_is_put_aside(connection: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(results_module, "LARGEST", 1000)
+    results = Results(connection)
+    connection.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(2000)})
+    append(connection, 2)
+    large, small = results.read(10)
+    assert large.result is None
+    assert "2,0" in large.fault and "1,000" in large.fault
+    assert small.result is not None
