@@ -30,7 +30,7 @@ SERVED_PAUSE_S = 0.2  # after a part that has served
 LOOK_EVERY_S = 0.05  # seconds between checks whether a new part serves
 PEACE_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
 SPARE_AFTER_S = 3.0  # seconds of serving before the first spare, since a starting farm needs the CPU
-SPARE_LATEST_S = 60.0  # seconds of serving after which a spare starts even if other parts are not ready
+SPARE_LATEST_S = 10.0  # seconds of serving after which a spare starts even if other parts are not ready: it takes a second of CPU
 SPARE_AGAIN_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
@@ -58,6 +58,7 @@ class Part:
     restart_at: float | None = None
     has_served: bool = False
     looked: float = 0.0
+    ends: int = 0  # unexpected ones
     has_spare: bool = False
     at_peace: Callable[[], bool] | None = None
     spare: subprocess.Popen[bytes] | None = None
@@ -123,15 +124,15 @@ class Supervisor:
     def _keep_spare(self, part: Part, now: float) -> None:
         """Starts a spare process if there is none and the part has been serving for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
-        pause = SPARE_AGAIN_S if part.spare_started else SPARE_AFTER_S
-        is_time = now - part.started > pause and now - part.spare_started > SPARE_AFTER_S
+        pause = SPARE_AGAIN_S if part.ends else SPARE_AFTER_S
+        is_time = now - part.started > pause and (not part.spare_started or now - part.spare_started > SPARE_AFTER_S)
         if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
             part.spare_started = now
             with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_AFTER_S
                 part.spare = self._spawn(part)
 
     def _is_peace(self, part: Part, now: float) -> bool:
-        if part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
+        if part.ends or part.spare_started or part.at_peace is None or now - part.started > SPARE_LATEST_S:
             return True
         if now - part.looked < PEACE_EVERY_S:
             return False
@@ -156,6 +157,7 @@ class Supervisor:
             elif part.restart_at is None:
                 code = part.process.returncode if part.process else None
                 self._end_group(part)
+                part.ends += 1
                 if code in part.fatal_codes:
                     return part
                 pause = self._pause(part, code, now - part.started)

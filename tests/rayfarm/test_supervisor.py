@@ -181,6 +181,21 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     assert not any(map(_runs, pids))
 
 
+def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_serves(
+    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the other parts do: the same fault may strike again while they start."""
+    monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
+    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, at_peace=lambda: False)
+    supervisor.start(part)
+    wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
+    assert part.spare is None, "others are starting"
+    first = part.process
+    assert first is not None
+    first.kill()
+    wait_until(lambda: supervisor.tend() is None and part.process is not first and part.spare is not None, 20, "one waits")
+
+
 def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)
