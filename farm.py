@@ -346,7 +346,7 @@ def run_benchmarks(arguments):
         for name, path in known.items():
             print(f"  {name:<10}{ast.get_docstring(ast.parse(path.read_text())).splitlines()[0]}")
         return 0 if {"-h", "--help"} & set(options) else 2
-    python = install(FOR_BENCHMARKS)
+    python = install(() if wanted == ["files"] else FOR_BENCHMARKS)
     results = []
     for name in wanted or [name for name in known if name != "peers"]:
         path = known[name]

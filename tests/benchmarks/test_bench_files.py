@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+import pytest
+
+from renderer.errors import SceneError
+from tests.benchmarks import bench_files
 from tests.benchmarks.bench_files import Found, read_one, scene_files, table
 from tests.renderer.scene.builders import Gltf, cup
 
@@ -15,11 +19,20 @@ def test_files_are_counted_by_what_comes_of_them(tmp_path):
         (tmp_path / name).write_bytes(data)
     files = scene_files([tmp_path])
     assert [path.name for path in files] == ["a.glb", "b.glb", "c.glb"]
-    found = [read_one(path, 120.0) for path in files]
+    found = [read_one(path) for path in files]
     assert [each.end for each in found] == ["loads", "warnings", "refused"], found
-    assert table(found).splitlines()[2].startswith("| .glb | 3 | 2 | 1 | 1 | 0 | 0 |")
+    assert table(found).splitlines()[2].startswith("| .glb | 3 | 2 | 1 | 1 | 0 | 0 | 0 |")
 
 
 def test_a_crash_is_counted():
-    rows = table([Found(Path("a.iqm"), "crashed", 1.0, "exit code -11")]).splitlines()
-    assert rows[-1].startswith("| all | 1 | 0 | 0 | 0 | 1 | 0 | 1.0 | 1.0 |")
+    rows = table([Found(Path("a.iqm"), "crashed", 1.0, "its importer crashed")]).splitlines()
+    assert rows[-1].startswith("| all | 1 | 0 | 0 | 0 | 1 | 0 | 0 | 1.00 | 1.0 |")
+
+
+@pytest.mark.parametrize("error", [ValueError("odd"), SceneError("a.obj cannot be read (ValueError: odd).")])
+def test_errors_that_are_no_sentence_are_failures(monkeypatch, error):
+    def fail(_):
+        raise error
+
+    monkeypatch.setattr(bench_files, "describe", fail)
+    assert read_one(Path("a.obj")).end == "failed"
