@@ -1,7 +1,9 @@
 """Arrays between inaccessible memory pages, and a program that renders features with all kernel arrays placed this way.
 
 `python -m tests.renderer.fenced SIDE KERNEL FEATURE ...` prints each feature before it renders it, and dies of SIGSEGV if the
-kernel accesses memory outside an array. SIDE: behind or before, the end of each array with the inaccessible page.
+kernel accesses memory outside an array. SIDE: behind or before, the end of each array with the inaccessible page; or checked:
+the arrays lie as always, and kernels are compiled with bounds checks, which raise IndexError. Those need a cache of their own
+($RAYFARM_CACHE), and do not see what is read by address, as eight lanes at once are.
 """
 
 from __future__ import annotations
@@ -15,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from renderer import render
+from renderer import render, target
 from renderer.arrays.scene import CompiledScene, example, flat
 from renderer.kernel import accumulate
 from renderer.kernel.accumulate import Output
 from renderer.settings import RenderSettings
 
 SIDES = ("behind", "before")
+CHECKED = "checked"
 KERNELS = ("pool", "path", "whitted", "ao")
 
 _PAGE = mmap.PAGESIZE
@@ -32,7 +35,9 @@ _kept: list[Any] = []  # the memory lives as long as the process
 
 
 def fenced(array: np.ndarray, side: str) -> np.ndarray:
-    """A copy of the array with an inaccessible page directly behind, or before, its elements."""
+    """A copy of the array with an inaccessible page directly behind, or before, its elements; as it is for `checked`."""
+    if side == CHECKED:
+        return array
     pages = max(-(-array.nbytes // _PAGE), 1)
     memory = mmap.mmap(-1, (pages + 2) * _PAGE)
     _kept.append(memory)
@@ -114,6 +119,8 @@ def main(side: str, kernel: str, *names: str) -> None:
     from tests.renderer.kernel.pool.features import made
 
     faulthandler.enable()
+    if side == CHECKED:
+        target._Context.enable_boundscheck = True
     _fence(side)
     for name in names:
         print(name, flush=True)

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import check, example, flat
-from tests.renderer.fenced import KERNELS, SIDES
+from tests.helpers import ROOT
+from tests.renderer.fenced import CHECKED, KERNELS, SIDES
 from tests.renderer.kernel.pool.features import FEATURES
 
 
-def rendered(side: str, kernel: str, names: list[str]) -> None:
+def rendered(side: str, kernel: str, names: list[str], **environment: str) -> None:
     """Renders in a separate process with fenced arrays; fails with the name of the feature that crashed."""
     command = [sys.executable, "-m", "tests.renderer.fenced", side, kernel, *names]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
     assert done.returncode == 0, f"{done.stdout.splitlines()[-1:]} died of {-done.returncode}: {done.stderr[-2000:]}"
     assert done.stdout.splitlines() == names
 
@@ -31,11 +34,32 @@ def test_warming_up_the_media_kernels_reads_no_foreign_memory() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(7200)  # compiles kernels
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
     warmed = [f"warm-up of {edition}" for edition in EDITIONS] if kernel == "pool" else []
     rendered(side, kernel, [*warmed, *FEATURES])
+
+
+@pytest.mark.long
+@pytest.mark.timeout(7200)  # compiles every kernel anew
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_no_index_is_outside_of_an_array(tmp_path: Path, kernel: str) -> None:
+    rendered(CHECKED, kernel, list(FEATURES), RAYFARM_CACHE=str(tmp_path))
+
+
+@pytest.mark.long
+def test_bounds_are_checked(tmp_path: Path) -> None:
+    """Otherwise the test above would pass regardless."""
+    (tmp_path / "outside.py").write_text(
+        "import numpy as np\nfrom renderer import jit, target\ntarget._Context.enable_boundscheck = True\n"
+        "@jit.device\ndef inner(a, i):\n    return a[i]\n@jit.entry\ndef outer(a, i):\n    return inner(a, i)\n"
+        "assert outer(np.arange(3.0), 2) == 2\nouter(np.arange(3.0), 3)\n"
+    )
+    environment = {**os.environ, "RAYFARM_CACHE": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, tmp_path / "outside.py"], check=False, capture_output=True, env=environment)
+    assert b"IndexError: index is out of bounds" in done.stderr
 
 
 @pytest.mark.long
