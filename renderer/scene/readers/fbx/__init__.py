@@ -1,13 +1,13 @@
-"""FBX, binary and text, of any version that ufbx reads.
+"""Reader for FBX files, binary and text, of all versions that ufbx supports.
 
-layout.py    the structures of ufbx's C interface
-library.py   ufbx itself, and what its lists hold as arrays
-animation.py which of a file's things move, and the animation that is shown
-meshes.py    polygons as triangles, a mesh for each material
+layout.py    structures of ufbx's C interface
+library.py   access to ufbx, and its lists as arrays
+animation.py animation stacks, and which elements move
+meshes.py    polygons as triangles, one mesh per material
 shapes.py    blend shapes and skins
-materials.py Lambert, Phong and physically based materials, with textures.py for their pictures
-lights.py    lights and cameras; targets.py what they look at
-reader.py    all of them as a scene
+materials.py Lambert, Phong and physically based materials; textures.py their images
+lights.py    lights and cameras; targets.py their targets
+reader.py    conversion to a scene
 """
 
 from renderer.scene.readers.fbx.reader import read

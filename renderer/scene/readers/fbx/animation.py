@@ -1,4 +1,4 @@
-"""FBX's animation stacks as clips, and which of a file's elements one of them moves."""
+"""FBX animation stacks as clips, and the elements that each of them moves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Stacks:
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
     def played(self, moment: Moment) -> int | None:
-        """The animation to evaluate; None where there is none. Raises SceneError where there is no such clip."""
+        """Returns the animation to evaluate; None without one. Raises SceneError if the requested clip does not exist."""
         names = [clip.name for clip in self.clips]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and len(names) > 1:
             return self._together(self._stacks)
@@ -46,7 +46,7 @@ class Stacks:
         return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
 
     def shown(self, anim: int, evaluated: Opened, seconds: float) -> dict[int, bool]:
-        """Whether nodes, by id, are visible where layers say so: the topmost curve of a layer that has a weight counts.
+        """Returns the visibility of nodes by id where animation layers set it: the topmost curve of a weighted layer decides.
 
         Maya evaluates visibility, as all booleans, in override mode whatever the layer's mode (Autodesk, "Animation layer
         modes"); ufbx adds and mixes the layers' values.
@@ -70,12 +70,12 @@ class Stacks:
         return found
 
     def moving(self, anim: int | None) -> set[int]:
-        """The elements, by id, of which something has another value at another time."""
+        """Returns the ids of elements with a property that changes over time."""
         return set(_moved(anim))
 
 
 def _heard(stack: Any) -> list[Any]:
-    """The layers of a stack that are evaluated: those with solo, or without any all that are not muted."""
+    """Returns the layers of a stack that are evaluated: those with solo, or without any, all that are not muted."""
     layers = pointed(stack.layers, layout.AnimLayer)
     return [layer for layer in layers if is_set(layer, b"Solo")] or [layer for layer in layers if not is_set(layer, b"Mute")]
 

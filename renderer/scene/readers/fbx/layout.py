@@ -1,7 +1,7 @@
-"""The structures of ufbx's C interface (ufbx.h, 0.21), as far as they are read, by ctypes.
+"""Structures of ufbx's C interface (ufbx.h, 0.21) for ctypes, as far as they are used here.
 
-A field that is only there for the ones behind it is called `_`. Lists and strings are a pointer and a count; what a list holds,
-its reader knows.
+A field called `_` only fills space. Lists and strings are a pointer and a count; the type of a list's elements is given where it
+is read.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ __all__ = [
 
 
 class List(ctypes.Structure):
-    """Also of strings and blobs."""
+    """ufbx's list; strings and blobs have the same layout."""
 
     _fields_ = (("data", ctypes.c_void_p), ("count", ctypes.c_size_t))
 
@@ -69,7 +69,7 @@ _KINDS: dict[str, Any] = {
 
 
 def _fields(text: str) -> list[tuple[str, Any]]:
-    """Fields of "name:kind", where kind may have a number behind it for as many; `_` gets a name of its own."""
+    """Returns the ctypes fields of a text of "name:kind", where kind may end in a count; each `_` gets a name of its own."""
     found: list[tuple[str, Any]] = []
     for word in text.split():
         name, _, kind = word.partition(":")
@@ -80,7 +80,7 @@ def _fields(text: str) -> list[tuple[str, Any]]:
 
 
 def _structure(name: str, text: str, base: type[ctypes.Structure] = ctypes.Structure) -> Any:
-    """A structure by its fields, which may be of any made before."""
+    """Returns a ctypes structure by its fields, whose kinds may be structures defined before it."""
     made = type(name, (base,), {"_fields_": _fields(text)})
     _KINDS[name] = made
     return made

@@ -1,7 +1,7 @@
-"""ufbx itself: the C library that the wheel `ufbx` carries, through ctypes.
+"""The C library of the wheel `ufbx`, called through ctypes.
 
-Not through the wheel's own Python objects: in 0.0.5 those give elements away without counting the reference, so that whoever asks
-for one twice reads freed memory. The C library beneath exports all of its interface, and holds.
+The wheel's Python objects are not used: in 0.0.5 they return elements without counting the reference, so that a second access
+reads freed memory. The C library exports its whole interface and has no such fault.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
 
 
 class Opened:
-    """A scene that ufbx holds in memory until this object goes; what was read of it as arrays stays."""
+    """A scene in ufbx's memory, which is freed with this object; arrays that were copied from it remain valid."""
 
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
@@ -106,7 +106,7 @@ class Opened:
 
     @classmethod
     def of(cls, data: bytes, name: str) -> Opened:
-        """The scene in a file's bytes, in metres, Y up. Nothing outside of them is opened. Raises SceneError."""
+        """Parses a file's bytes, in metres with Y up. Opens no other file. Raises SceneError."""
         options = layout.LoadOptions()
         options.blender_pbr = True
         options.connect_broken = options.make_normals = options.normalize = options.clean_skin_weights = True
@@ -120,13 +120,13 @@ class Opened:
         return cls(found) if found else _failed(error, name)
 
     def at(self, anim: int, seconds: float, name: str) -> Opened:
-        """The scene as an animation has it at a time. Raises SceneError."""
+        """Returns the scene evaluated at a time of an animation. Raises SceneError."""
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
         return Opened(found) if found else _failed(error, name)
 
     def together(self, layers: list[int], name: str) -> int:
-        """The address of an animation of these of the scene's layers, the last on top, by the rules of RotationActive.
+        """Returns the address of an animation made of these layers of the scene, the last on top, following RotationActive.
 
         Raises SceneError.
         """
@@ -149,9 +149,9 @@ class Opened:
 
     @functools.cached_property
     def unturned(self) -> list[int]:
-        """The nodes, by id, whose rotation order, pre- and post-rotation the FBX SDK leaves out and this version of ufbx not.
+        """Ids of nodes whose rotation order, pre- and post-rotation the FBX SDK ignores and this version of ufbx applies.
 
-        ufbx itself reads RotationActive and RotationSpaceForLimitOnly since 0.23.
+        ufbx follows RotationActive and RotationSpaceForLimitOnly since 0.23.
         """
         return [
             node.element_id
@@ -169,22 +169,22 @@ def _failed(error: Any, name: str) -> Any:
 
 
 def text(string: Any) -> str:
-    """A string of the library; bytes that are not UTF-8 as lone surrogates (renderer/scene/text.py)."""
+    """Returns a string of the library; bytes that are not UTF-8 become lone surrogates (renderer/scene/text.py)."""
     return ctypes.string_at(string.data, string.count).decode("utf-8", "surrogateescape") if string.data else ""
 
 
 def at(kind: Any, address: int | None) -> Any:
-    """The structure at an address; None for none."""
+    """Returns the structure at an address; None for a null pointer."""
     return kind.from_address(address) if address else None
 
 
 def each(values: Any, kind: Any) -> list[Any]:
-    """The structures that lie in a list."""
+    """Returns the structures stored in a list."""
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
 def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
-    """The structures that a list points to, or the first of them."""
+    """Returns the structures that a list of pointers refers to, at most the first `most`."""
     if not values.data:
         return []
     count = values.count if most is None else min(values.count, most)
@@ -193,12 +193,12 @@ def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
 
 
 def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """A copy of a list of numbers: (N,), or (N, width)."""
+    """Returns a copy of a list of numbers, (N,) or (N, width)."""
     return seen(values, dtype, width).copy()
 
 
 def seen(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """The same where it lies, for as long as the scene does."""
+    """Returns a view of a list of numbers, (N,) or (N, width), valid while the scene exists."""
     item = np.dtype(dtype).itemsize * width
     if not values.data or not values.count:
         return np.zeros((0, width) if width > 1 else 0, dtype)
@@ -207,27 +207,27 @@ def seen(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
 
 
 def matrix(values: Any) -> npt.NDArray[np.float64]:
-    """(4, 4), of a matrix of the library: twelve numbers, column after column."""
+    """Returns a (4, 4) matrix from the library's twelve numbers, which are stored column by column."""
     found = np.eye(4)
     found[:3] = np.array(values, np.float64).reshape(4, 3).T
     return found
 
 
 def is_set(element: Any, name: bytes, default: bool = False) -> bool:
-    """Whether a property of an element, which is yes or no, is yes; the default where it is not there."""
+    """Returns a boolean property of an element; the default if it is absent."""
     return bool(_library().ufbx_find_bool_len(ctypes.addressof(element.props), name, len(name), default))
 
 
 def number_of(element: Any, name: bytes) -> float:
-    """A property of an element that is a number; 0 where it is not there."""
+    """Returns a numeric property of an element; 0 if it is absent."""
     return float(_library().ufbx_find_real_len(ctypes.addressof(element.props), name, len(name), 0.0))
 
 
 def is_visible(node: Any) -> bool:
-    """Whether a node is visible: files before FBX 6 say so in percent, which ufbx 0.21 takes for no number."""
+    """Whether a node is visible. Files before FBX 6 store a percentage, which ufbx 0.21 does not take for a number."""
     return bool(node.visible) or abs(number_of(node, b"Visibility")) >= 1
 
 
 def value_at(curve: int, seconds: float) -> float:
-    """The value of an animation curve, by its address, at a time."""
+    """Returns the value of an animation curve, given by its address, at a time."""
     return float(_library().ufbx_evaluate_curve(curve, seconds, 0.0))

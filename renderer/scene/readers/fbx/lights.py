@@ -1,8 +1,8 @@
-"""FBX's lights and cameras.
+"""Lights and cameras of FBX files.
 
-FBX gives lights a colour and a percentage, and no unit. Blender writes watts (a sun's per square metre) there, so those are its.
-Elsewhere a directional light of 100 % shows a white surface as white; a light that falls off with the square of the distance
-does so at a distance of one unit of the file, and one that does not fall off, which nothing real does, in the scene's middle.
+FBX gives lights a colour and a percentage, without a unit. Blender writes watts (for a sun, per square metre), which are taken as
+such. Otherwise a directional light of 100 % makes a white surface white; a light with quadratic decay does so at a distance of
+one unit of the file, and a light without decay, which is not physical, at the centre of the scene.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ AREA_SIDE = 1.0  # metres, of an area light that is not scaled: FBX does not say
 
 
 def is_area(light: Any) -> bool:
-    """Whether a light has a body that is seen."""
+    """Whether a light is an area light."""
     return bool(light.kind == AREA)
 
 
@@ -41,7 +41,7 @@ def _color(light: Any, scale: float) -> Vec3:
 
 
 def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float, middle: F64) -> Light:
-    """A point, spot or directional light. unit: the file's, in metres. middle: of what the scene shows."""
+    """Returns a point, spot or directional light. unit: metres per unit of the file. middle: centre of the visible geometry."""
     towards = world[:3, :3] @ np.array(light.direction)
     length = float(np.linalg.norm(towards))
     x, y, z = (float(c) for c in (towards / length if length > 0 else (0.0, -1.0, 0.0)))
@@ -65,7 +65,7 @@ def read_light(light: Any, name: str, world: F64, by_blender: bool, unit: float,
 
 
 def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Material:
-    """What an area light's square is made of."""
+    """Returns the emissive material of an area light's square."""
     side = upright_square(light, world)[:3, :2]
     area = float(np.linalg.norm(np.cross(side[:, 0], side[:, 1]))) * 4
     emission = _color(light, 1 / (math.pi * max(area, 1e-12)) if by_blender else 1.0)
@@ -74,7 +74,7 @@ def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Materi
 
 
 def upright_square(light: Any, world: F64) -> F64:
-    """The place of the square -1..1 in x and y, which looks along +Z, of an area light."""
+    """Returns the transform of the square -1..1 in x and y, facing +Z, that stands for an area light."""
     z = np.array(light.direction, np.float64)
     x = np.cross((0.0, 0.0, 1.0) if abs(z[2]) < 0.9 else (1.0, 0.0, 0.0), z)
     x /= max(float(np.linalg.norm(x)), 1e-12)
@@ -88,10 +88,11 @@ def upright_square(light: Any, world: F64) -> F64:
 def read_camera(
     camera: Any, world: F64, film_offset: tuple[float, float] = (0.0, 0.0), near: float = 0.0, tall: float = 1.0
 ) -> View:
-    """The view of a camera, along +X of its node, +Y up; its scale is left aside. Raises SettingsError where it sees nothing.
+    """Returns the view of a camera, which looks along +X of its node with +Y up; its scale is ignored. Raises SettingsError if it
+    sees nothing.
 
-    film_offset: in inches. near: what stands before it is cut away, in metres. tall: metres from top to bottom of an orthographic
-    picture.
+    film_offset: in inches. near: distance of the near clipping plane in metres. tall: height of an orthographic picture in
+    metres.
     """
     near = clamped(float(np.nan_to_num(near)), 0.0, _FAR)
     eye, forward, up = world[:3, 3], _unit(world[:3, 0]), _unit(world[:3, 1])

@@ -1,5 +1,5 @@
-"""FBX's materials as ours: Lambert and Phong after the books; the physically based ones of 3ds Max, Arnold, Maya, OpenPBR, glTF
-and Blender by the common terms that ufbx finds for them.
+"""FBX materials as ours: Lambert and Phong as published; the physically based materials of 3ds Max, Arnold, Maya, OpenPBR, glTF
+and Blender by the common parameters that ufbx maps them to.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _FEATURES = {name: 2 * i for i, name in enumerate(layout.FEATURES)}
 
 
 class Materials:
-    """The description's materials by the file's. unit: metres of a unit of the file."""
+    """The description's materials, by those of the file. unit: metres per unit of the file."""
 
     def __init__(self, pictures: Pictures, shelf: TextureShelf, materials: list[Material], unit: float) -> None:
         self._pictures, self._shelf, self._materials, self._unit = pictures, shelf, materials, unit
@@ -49,7 +49,7 @@ class Materials:
         self.guessed: Counter[str] = Counter()  # what is read as something else, or left out
 
     def number(self, source: Any | None) -> int:
-        """The description's number of one of the file's; None: of surfaces that have none."""
+        """Returns the description's index of a material of the file; None stands for surfaces without a material."""
         key = -1 if source is None else int(source.element_id)
         if key not in self._known:
             self._materials.append(Material() if source is None else self._read(source))
@@ -176,7 +176,7 @@ class Materials:
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
 
     def _fill(self, said: _Said, material: Material, tint: Vec3, depth: float) -> None:
-        """What is inside of glass: it leaves a tint of light after a depth, in metres."""
+        """Sets the medium inside glass. tint: transmittance at `depth` metres."""
         scatter = said.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
         if max(scatter) <= 0:
             material.attenuation_color, material.attenuation_distance = tint, depth
@@ -185,7 +185,7 @@ class Materials:
         material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
 
     def _beneath(self, said: _Said, material: Material) -> None:
-        """What is scattered beneath the surface, whose colour is one with the base colour here."""
+        """Sets subsurface scattering; its colour and the base colour are one colour here."""
         share = unit(said.value("subsurface_factor", 0.0))
         if share <= 0 or said.feature("thin_walled"):
             return
@@ -229,7 +229,7 @@ class Materials:
 
 
 class _Said:
-    """What a file says of one material."""
+    """The properties of one material, with a record of which were read."""
 
     def __init__(self, source: Any, name: str, pictures: Pictures) -> None:
         self.source, self._name, self._pictures = source, name, pictures
@@ -239,7 +239,7 @@ class _Said:
         return bool(self.source.features[_FEATURES[name]])
 
     def has(self, name: str) -> bool:
-        """Whether a map has a texture, or a number that is not 0."""
+        """Whether a map has a texture or a number other than 0."""
         found = self.source.pbr[_PBR[name]]
         return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
 
@@ -254,7 +254,7 @@ class _Said:
         return value if math.isfinite(value) else default
 
     def roughness(self, of: str, default: float) -> float:
-        """Of the surface, or of what `of` says, also where a file says how glossy it is."""
+        """Returns the roughness of the surface, or of the layer `of`, also where the file stores glossiness."""
         gloss = f"{of}glossiness"
         if self.feature(f"{of}roughness_as_glossiness") and self.source.pbr[_PBR[gloss]].has_value:
             return unit(1 - self.value(gloss, 1 - default))
@@ -279,7 +279,7 @@ class _Said:
         return self._pictures.find(found.texture, f"Material {self._name}", srgb) if found.texture_enabled else None
 
     def unread(self) -> list[str]:
-        """The properties whose textures were not asked for; what keeps light from corners is left out on purpose."""
+        """Returns the properties whose textures were not read; ambient occlusion is left out on purpose."""
         silent = [self.source.pbr[_PBR[name]].texture for name in (*_LEFT_OUT, "ambient_occlusion")]
         silent += [self.source.fbx[_FBX[name]].texture for name in ("displacement", "ambient_color", "ambient_factor")]
         known = self._read | {int(texture or 0) for texture in silent}

@@ -1,4 +1,4 @@
-"""FBX's polygons as triangles: corners that agree in everything are one vertex, and each material has a mesh of its own."""
+"""FBX polygons as triangles: equal corners share a vertex, and each material gets a mesh."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ U32 = npt.NDArray[np.uint32]
 
 
 class Part(NamedTuple):
-    """What of a mesh has one material: the description's vertices, and which points of the file's they are at."""
+    """The part of a mesh with one material: its vertices, and the file's points that they come from."""
 
     slot: int  # among the materials of the node
     point: npt.NDArray[np.int64]  # (V,)
@@ -33,8 +33,10 @@ class Part(NamedTuple):
 
 
 def parts_of(mesh: Any) -> tuple[list[Part], int]:
-    """The parts of a mesh with faces, by their materials, and how many concave faces could not be cut. Holes, and faces of fewer
-    than three corners, are left out."""
+    """Returns the parts of a mesh by material, and the number of concave faces that could not be triangulated.
+
+    Holes and faces of fewer than three corners are left out.
+    """
     corners, face, unfilled = _triangles(mesh)
     if not len(corners):
         return [], 0
@@ -61,7 +63,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
 
 
 def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
-    """The slots of materials that triangles have, and which triangles; face: (T,) that each is of."""
+    """Yields each material slot in use and its triangles. face: (T,) the face of each triangle."""
     if not len(slots):
         yield 0, slice(None)
         return
@@ -76,7 +78,7 @@ def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any
 
 
 def _at_corners(vertex: Any, width: int) -> F32 | None:
-    """(C, width) the values at the corners of a mesh's faces; None where it has none."""
+    """Returns the (C, width) values at the corners of a mesh's faces; None without any."""
     if not vertex.exists:
         return None
     values = seen(vertex.values, np.float64, width).astype(np.float32)
@@ -84,7 +86,7 @@ def _at_corners(vertex: Any, width: int) -> F32 | None:
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]:
-    """(T, 3) corners, (T,) the face that each is of, and how many concave faces could not be cut."""
+    """Returns (T, 3) corners, (T,) the face of each triangle, and the number of concave faces that could not be triangulated."""
     faces = array(mesh.faces, np.uint32, 2).astype(np.int64)
     holes = array(mesh.face_hole, np.uint8)
     shown = np.flatnonzero(holes == 0) if len(holes) == len(faces) else np.arange(len(faces))

@@ -1,4 +1,4 @@
-"""An FBX file as a scene at a moment, in metres with Y up."""
+"""Conversion of an FBX file at a moment to a scene, in metres with Y up."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 
 class _Reader:
-    """Reads one scene of the library."""
+    """Converts one scene of the library."""
 
     def __init__(
         self,
@@ -92,7 +92,7 @@ class _Reader:
         self._restless: set[int] = set()  # nodes by id that are elsewhere at another moment
 
     def read(self) -> None:
-        """Adds all of it."""
+        """Adds all meshes, lights and cameras to the description."""
         first = len(self._description.instances)
         nodes = pointed(self._scene.nodes, layout.Node)
         shown, restless = self._shown(nodes)
@@ -109,7 +109,7 @@ class _Reader:
         self._warn()
 
     def _shown(self, nodes: list[Any]) -> tuple[set[int], set[int]]:
-        """The nodes that are shown, and those that are elsewhere at another moment; parents come first."""
+        """Returns the ids of visible nodes and of nodes that move. Parents come before their children."""
         shown: set[int] = set()
         restless: set[int] = set()
         for node in nodes:
@@ -179,7 +179,7 @@ class _Reader:
             self._description.instances.append(Instance(number, place, own, name, restless))
 
     def _bent(self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]) -> list[Mesh]:
-        """The parts of a mesh as its blend shapes and its skin have it: in the world where it has a skin."""
+        """Returns the parts of a mesh deformed by its blend shapes and its skin; in world space if it has a skin."""
         rest = array(mesh.vertices, np.float64, 3)
         points, added = blended(mesh)
         made = []
@@ -201,7 +201,7 @@ class _Reader:
         return made
 
     def _deforms(self, mesh: Any, skins: list[Any], moves: bool) -> bool:
-        """Whether a mesh has other vertices at another moment."""
+        """Whether a mesh's vertices change over time."""
         channels = [
             c for blend in pointed(mesh.blends, layout.BlendDeformer) for c in pointed(blend.channels, layout.BlendChannel)
         ]
@@ -225,7 +225,7 @@ class _Reader:
             self._odd["loose edges and points of meshes"] += mesh.num_lines + mesh.num_points
 
     def _middle(self, first: int) -> npt.NDArray[np.float64]:
-        """The middle of what is shown."""
+        """Returns the centre of the bounding box of the visible geometry."""
         corners = []
         for instance in self._description.instances[first:]:
             points = self._description.meshes[instance.mesh].positions
@@ -266,7 +266,7 @@ class _Reader:
         self._shelf.warn("FBX does not say how large area lights are; they are squares, a metre wide where nothing scales them.")
 
     def _rank(self, node: Any) -> tuple[bool, bool]:
-        """The file's own choice comes first, then those that see in perspective."""
+        """Sort key of a camera: the file's default camera first, then perspective cameras."""
         is_flat = at(layout.Camera, node.camera).projection == 1
         return text(node.name) != text(self._scene.settings.camera), is_flat
 
@@ -299,7 +299,7 @@ class _Reader:
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
 
     def _warn(self) -> None:
-        """Names what the file has and the scene has not, with counts."""
+        """Adds warnings, with counts, for content of the file that the scene lacks."""
         for key, words in _LEFT_OUT.items():
             count = getattr(self._scene, key).count
             if count:

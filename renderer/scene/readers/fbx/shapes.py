@@ -1,4 +1,4 @@
-"""What bends FBX's meshes: blend shapes, then skins."""
+"""Deformation of FBX meshes: blend shapes, then skins."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_JOINTS = 16  # of a vertex; those that weigh most come first
 
 
 def blended(mesh: Any) -> tuple[F64, F64 | None]:
-    """(P, 3) a mesh's points with its blend shapes on them, and (P, 3) what these add to normals; None where they do not say."""
+    """Returns the (P, 3) points of a mesh with its blend shapes applied, and the (P, 3) offsets of its normals or None."""
     points = array(mesh.vertices, np.float64, 3).copy()
     turned: F64 | None = None
     for deformer in pointed(mesh.blends, layout.BlendDeformer):
@@ -45,7 +45,7 @@ def blended(mesh: Any) -> tuple[F64, F64 | None]:
 
 
 def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
-    """A part's normals when its points went from `before` to `after`: turned by as much as its surface is at each vertex."""
+    """Returns a part's normals after its points moved from `before` to `after`: rotated as the surface is at each vertex."""
     if part.normals is None or np.array_equal(before, after):
         return part.normals
     old, new = (_smooth(points[part.point], part) for points in (before, after))
@@ -53,7 +53,7 @@ def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
 
 
 def _smooth(positions: F64, part: Part) -> F64:
-    """(V, 3) unit normals: the mean of each vertex's triangles by their angles there."""
+    """Returns (V, 3) unit normals: the mean over each vertex's triangles, weighted by their angles."""
     faces = face_normals(positions, part.triangles)
     length = np.linalg.norm(faces, axis=1, keepdims=True)
     unit = np.divide(faces, length, out=np.zeros_like(faces), where=length > 0)
@@ -66,7 +66,7 @@ def _smooth(positions: F64, part: Part) -> F64:
 
 
 class Skin:
-    """Which joints carry a mesh's points, and by how much. Points that none carries stay with the mesh's node."""
+    """Joints and weights of a mesh's points. Points without weights stay with the mesh's node."""
 
     def __init__(self, deformer: Any) -> None:
         clusters = pointed(deformer.clusters, layout.SkinCluster)
@@ -86,12 +86,12 @@ class Skin:
 
     @staticmethod
     def places(deformer: Any, node: F64) -> F64:
-        """(J + 1, 4, 4): from the mesh to the world by each joint, and by its own node."""
+        """Returns (J + 1, 4, 4) transforms from the mesh to the world, by each joint and last by the mesh's node."""
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 
     def carried(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
-        """A part's positions and normals in the world."""
+        """Returns a part's positions and normals in world space."""
         none = np.zeros((0, 3), np.float32)
         old = none if normals is None else normals
         turned = np.empty(old.shape, np.float32)

@@ -1,4 +1,4 @@
-"""Cameras and lights of FBX that follow a target: what they look at is another node, whatever their own turn says."""
+"""FBX cameras and lights with a target node, which replaces their own rotation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NEAR = math.cos(math.radians(0.5))  # who looks there already is left as it is,
 
 
 def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
-    """The place of a node turned so that an axis of its own points to its target; upright where that is a camera's, +X."""
+    """Returns a node's transform with its axis `along` rotated to its target; for a camera's axis, +X, it stays upright."""
     target = _target(node, scene)
     if target is None:
         return world
@@ -50,7 +50,7 @@ def _target(node: Any, scene: Any) -> F64 | None:
 
 
 def _turn(a: F64, b: F64) -> F64:
-    """The shortest turn of one direction to another."""
+    """Returns the shortest rotation of one direction to another."""
     axis, cosine = np.cross(a, b), float(a @ b)
     if cosine < -1 + 1e-9:
         other = np.eye(3)[int(np.argmin(np.abs(a)))]

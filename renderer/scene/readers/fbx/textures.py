@@ -1,4 +1,4 @@
-"""The pictures of FBX's materials: inside the file, or beside it."""
+"""Images of FBX materials, embedded in the file or beside it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FILE, _LAYERED = 0, 1
 
 
 class Pictures:
-    """Textures by the file's own, looked up in the UV set that each names."""
+    """The description's textures, by those of the file, with the UV set that each names."""
 
     def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf, by_blender: bool = False) -> None:
         self._main, self._files, self._shelf, self._by_blender = main, files, shelf, by_blender
@@ -35,7 +35,7 @@ class Pictures:
                 self._sets.setdefault(text(uv_set.name), i)
 
     def find(self, address: int | None, user: str, srgb: bool) -> int | None:
-        """The texture at an address; None, with a warning where it is missing."""
+        """Returns the index of the texture at an address; None, with a warning, if it is missing."""
         if not address:
             return None
         source = layout.Texture.from_address(address)
@@ -76,7 +76,7 @@ class Pictures:
 
 
 def _transform(picture: Any, by_blender: bool) -> UvTransform:
-    """Of UVs from the upper edge: t = M (u, 1 - v), and then 1 - t."""
+    """Returns the transform of UVs counted from the upper edge: t = M (u, 1 - v), and then 1 - t."""
     if not picture.has_transform:
         return UNMOVED
     m = matrix(picture.uv_to_texture)
@@ -91,9 +91,9 @@ def _transform(picture: Any, by_blender: bool) -> UvTransform:
 
 
 def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """What a Mapping node of Blender does: t = R S uv + T.
+    """Returns the matrix of Blender's Mapping node: t = R S uv + T.
 
-    Its exporter writes T and S, and R in radians, where FBX means degrees and t = S R (uv - T).
+    Blender's exporter writes T, S and R in radians, where FBX means degrees and t = S R (uv - T).
     """
     scale = [math.copysign(math.hypot(*m[k, :2]), m[k, k]) for k in (0, 1)]
     if not all(scale):

@@ -1,10 +1,11 @@
-"""glTF 2.0: container.py is the file, accessors.py its arrays, reader.py the hierarchy of nodes, and what hangs on it.
+"""Reader for glTF 2.0 files.
 
-meshes.py, primitives.py, deform.py, draco.py and instancing.py have geometry; materials.py, extensions.py, textures.py and
-specular_glossiness.py surfaces; lights.py and cameras.py the rest. animation.py writes what moves into the JSON that all of them
-read, where pointers.py says that it may.
+container.py is the file, accessors.py its arrays, nodes.py its hierarchy, reader.py the driver. Geometry: meshes.py,
+primitives.py, deform.py, draco.py and instancing.py. Surfaces: materials.py, extensions.py, textures.py and
+specular_glossiness.py. Lights and cameras: lights.py and cameras.py. animation.py writes animated values into the JSON that the
+other modules read, at the places that pointers.py allows.
 
-Source: Khronos, glTF 2.0 Specification. What is read and what is not is said by warnings, never left out in silence.
+Source: Khronos, glTF 2.0 Specification. Content that is not supported gives a warning.
 """
 
 from renderer.scene.readers.gltf.reader import read

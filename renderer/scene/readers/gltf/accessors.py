@@ -1,4 +1,4 @@
-"""glTF's arrays: buffers, views and accessors (specification 3.6), with bounds checked before anything is touched."""
+"""Arrays of glTF files: buffers, views and accessors (specification 3.6), with bounds checked before any access."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 def as_floats(values: npt.NDArray[Any], normalized: bool) -> npt.NDArray[np.float32]:
-    """float32; normalized integers as the specification decodes them (3.6.2.2): c / max, and no less than -1."""
+    """Returns float32; normalized integers are decoded as the specification says (3.6.2.2): c / max, at least -1."""
     if values.dtype.kind in "iu" and normalized:
         values = np.maximum(values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max), np.float32(-1))
     return np.ascontiguousarray(values, np.float32)
 
 
 class Accessors:
-    """The arrays of one glTF file. Buffers are opened when first used."""
+    """The arrays of one glTF file. Buffers are opened at first use."""
 
     def __init__(self, root: Json, binary: memoryview | None, files: SceneFiles) -> None:
         self._root, self._file = root, root.file
@@ -48,9 +48,9 @@ class Accessors:
         self._finite: set[int] = set()
 
     def floats(self, index: int, *widths: int, finite: bool = True) -> npt.NDArray[np.float32]:
-        """(count, width) float32 of one of the widths; integers become 0..1 or -1..1 where the accessor says `normalized`.
+        """Returns (count, width) float32, of one of the widths; `normalized` integers become 0..1 or -1..1.
 
-        Made once; the caller does not write to it. Raises DamagedError for another width, and for values that are not finite
+        The result is cached and must not be written to. Raises DamagedError for another width, and for values that are not finite
         unless `finite` is False.
         """
         known = self._floats.get(index)
@@ -67,14 +67,17 @@ class Accessors:
         return values
 
     def integers(self, index: int) -> npt.NDArray[np.integer]:
-        """(count,) integers of the file's own type: indices."""
+        """Returns (count,) indices in the integer type of the file."""
         values = self._values(index, (1,))
         if values.dtype.kind == "f":
             raise DamagedError(self._file, self.accessors[index].where, "holds floats where indices belong")
         return values.reshape(-1)
 
     def judge_bare(self, index: int) -> None:
-        """Before a mesh is made of it. Raises SceneError where too much of the file's meshes has no data behind it."""
+        """Counts an accessor without data before a mesh is made of it.
+
+        Raises SceneError if too many of the file's meshes have none.
+        """
         accessor = self.accessors[index]
         if "bufferView" not in accessor:
             self._bare += accessor.integer("count", high=MAX_ELEMENTS + 1)
@@ -85,7 +88,7 @@ class Accessors:
             )
 
     def view_bytes(self, index: int) -> memoryview:
-        """The bytes of a buffer view."""
+        """Returns the bytes of a buffer view."""
         view = self._views[index]
         packing = meshopt.extension_of(view)
         if packing is not None:

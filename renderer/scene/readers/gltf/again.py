@@ -1,4 +1,4 @@
-"""A glTF file at another moment: what its channels move is put elsewhere, the rest is as it was read."""
+"""Re-evaluation of a glTF file at another moment: only animated parts are updated."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ __all__ = ["Again"]
 
 
 class Again:
-    """A file that was read, of which nothing but places and shapes moves. Readers add to lists only, and so does who compiles."""
+    """A file that was read, of which only transforms and shapes are animated.
+
+    Readers and the compiler only append to its lists.
+    """
 
     def __init__(self, animations: Animations, nodes: Nodes, description: SceneDescription) -> None:
         self._animations, self._nodes = animations, nodes
@@ -23,7 +26,10 @@ class Again:
         self._read["still"] = self
 
     def at(self, moment: Moment, description: SceneDescription) -> bool:
-        """Makes an empty description what the file is at a moment; False where it has to be read anew. Raises SceneError."""
+        """Fills an empty description with the file at a moment. Returns False if the file must be read anew.
+
+        Raises SceneError.
+        """
         before = {field.name: getattr(description, field.name) for field in fields(description)}
         for name, value in self._read.items():
             setattr(description, name, copy(value) if isinstance(value, list | dict) else value)

@@ -1,6 +1,6 @@
-"""glTF's animations (specification 3.11, appendix C; KHR_animation_pointer): the file's JSON as it is at a moment.
+"""glTF animations (specification 3.11, appendix C; KHR_animation_pointer): the file's JSON evaluated at a moment.
 
-Every channel says where in the JSON it writes, so all that reads the file reads what moves without knowing of it.
+Each channel names a place in the JSON and is written there, so the other modules need no code for animation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NAMED = 8  # properties that a warning names
 
 
 class Channel(NamedTuple):
-    """What moves, and how."""
+    """An animated place in the JSON and its curve."""
 
     path: Path
     kind: pointers.Kind
@@ -60,7 +60,7 @@ class Animations:
         self.moving: set[Path] = set()  # what has another value at another moment of what is played
 
     def at(self, moment: Moment) -> Json:
-        """The file's root with what moves in its place. Raises SceneError where there is no such clip, or it is damaged."""
+        """Returns the file's root with animated values in place. Raises SceneError if there is no such clip or it is damaged."""
         names = [clip.name for clip in self.clips]
         played = self._sources if self._is_of_parts else self._sources[:1]
         if moment.clip == ALL_CLIPS and ALL_CLIPS not in names and names:
@@ -83,7 +83,7 @@ class Animations:
         return Json(self._root.file, "", changed.root, self._root.faults)
 
     def _are_apart(self) -> bool:
-        """Whether no two animations move the same."""
+        """Whether no two animations move the same target."""
         known: set[str] = set()
         for source in self._sources:
             targets = [target for channel in source.objects("channels") if (target := channel.object("target"))]
@@ -94,7 +94,7 @@ class Animations:
         return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
-        """Whether there is such a weight; a node that has its mesh's gets a list of its own."""
+        """Whether a morph weight exists; a node that uses its mesh's weights gets its own list."""
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
         if family == "nodes":
@@ -123,14 +123,14 @@ class Animations:
     @staticmethod
     @contextlib.contextmanager
     def _left_out(source: Json) -> Iterator[None]:
-        """Counts what is damaged as a fault of the file."""
+        """Counts a DamagedError inside the context as a fault of the file."""
         try:
             yield
         except DamagedError as fault:
             source.faults.add(fault)
 
     def _input(self, sampler: Json) -> npt.NDArray[np.float64]:
-        """The times of keys, some of which may not be finite. Raises DamagedError."""
+        """Returns the times of keys, some of which may not be finite. Raises DamagedError."""
         at = sampler.integer("input", high=len(self._accessors.accessors))
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
@@ -140,7 +140,7 @@ class Animations:
         return self._times[at]
 
     def _channels(self, source: Json) -> tuple[list[Channel], set[Path], list[str]]:
-        """The channels, what they move, and what is to be said of those that are not here."""
+        """Returns the channels, the paths that they animate, and warnings about channels that are not supported."""
         samplers = source.objects("samplers")
         found: list[Channel] = []
         left_out: list[str] = []
@@ -165,7 +165,7 @@ class Animations:
         return found, moving, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
 
     def _is_fixed(self, path: Path) -> bool:
-        """Whether a node has a matrix in place of what would move: the specification forbids that (3.11)."""
+        """Whether a node has a matrix, which forbids animating its translation, rotation and scale (3.11)."""
         if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
             return False
         return "matrix" in self._root.value["nodes"][path[1]]
@@ -197,7 +197,7 @@ class Animations:
 
 
 def _pointer(target: Json) -> str | None:
-    """Where a channel writes; None for one whose node is left out, as extensions that are not known do (3.11)."""
+    """Returns the JSON pointer that a channel writes to; None without a node, as for unknown extensions (3.11)."""
     path = target.text("path", "")
     extension = target.extension(EXTENSION)
     if path == "pointer" and extension:

@@ -1,4 +1,4 @@
-"""glTF's cameras (specification 3.10): they look along -Z of their node, +Y up."""
+"""glTF cameras (specification 3.10), which look along -Z of their node with +Y up."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FAR = 1e9
 
 
 def read_camera(source: Json, world: Matrix) -> View:
-    """The view of a camera on a node, whose scale it leaves aside. Raises SettingsError where it sees nothing."""
+    """Returns the view of a camera on a node, whose scale is ignored. Raises SettingsError if it sees nothing."""
     eye, forward, up = world[:3, 3], unit_vector(-world[:3, 2]), unit_vector(world[:3, 1])
     target = eye + forward * max(1.0, float(np.abs(eye).max()))
     orthographic = source.object("orthographic")
@@ -33,5 +33,5 @@ def read_camera(source: Json, world: Matrix) -> View:
 
 
 def _near(source: Json | None) -> float:
-    """What stands before it is cut away, as by every program that shows glTF."""
+    """Returns the near clipping distance, which is applied as other glTF viewers do."""
     return 0.0 if source is None else clamped(source.number("znear", 0.0), 0.0, _FAR)

@@ -1,4 +1,4 @@
-"""The outside of a glTF file: JSON or GLB, and typed ways into JSON that nobody has checked."""
+"""glTF's container, JSON or GLB, and typed access to unchecked JSON."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _CHUNKS = (_JSON_CHUNK, _BINARY_CHUNK)
 
 
 class Json:
-    """An object of the JSON and where it stands.
+    """An object of the JSON with its path.
 
-    Getters with a default, and those of lists and optional objects, leave a value of the wrong kind out and count it as a fault;
-    getters of what has to be there raise DamagedError.
+    Getters with a default, and those of lists and optional objects, skip a value of the wrong kind and count it as a fault;
+    getters of required values raise DamagedError.
     """
 
     def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
@@ -41,11 +41,11 @@ class Json:
         return key in self.value
 
     def place(self, key: str) -> str:
-        """The path of a key, as `materials[2].emissiveFactor`."""
+        """Returns the path of a key, such as `materials[2].emissiveFactor`."""
         return f"{self.where}.{key}" if self.where else key
 
     def wrong(self, key: str, what: str) -> DamagedError:
-        """The error to raise for the value of a key."""
+        """Returns the error to raise for the value of a key."""
         return DamagedError(self.file, self.place(key), what)
 
     def fault(self, key: str, what: str) -> None:
@@ -63,11 +63,11 @@ class Json:
         return min(max(value, low), high)
 
     def object(self, key: str) -> Json | None:
-        """The object under a key, if there."""
+        """Returns the object under a key, or None."""
         return self._child(self.place(key), self.value[key]) if key in self.value else None
 
     def objects(self, key: str) -> list[Json]:
-        """The list of objects under a key; empty if not there. Of what is no object, an empty one."""
+        """Returns the list of objects under a key, empty if absent; an entry that is no object becomes an empty one."""
         values = self.value.get(key, [])
         if not isinstance(values, list):
             self.fault(key, "is not a list")
@@ -86,7 +86,7 @@ class Json:
             return None
 
     def integer(self, key: str, default: int | None = None, low: int = 0, high: int = 1 << 40) -> int:
-        """The integer under a key, low <= it < high. Raises DamagedError for another without a default."""
+        """Returns the integer under a key, low <= value < high. Raises DamagedError for another value if there is no default."""
         value = self.value.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -103,7 +103,7 @@ class Json:
         return default
 
     def index(self, key: str, into: Sequence[Any]) -> int | None:
-        """The index under a key, if there and inside of a list."""
+        """Returns the index under a key if it is present and inside the list, else None."""
         if key not in self.value:
             return None
         try:
@@ -113,7 +113,7 @@ class Json:
             return None
 
     def indices(self, key: str, into: Sequence[Any]) -> list[int]:
-        """The list of indices under a key that are inside of a list."""
+        """Returns the indices under a key that are inside the list."""
         values = self.value.get(key, [])
         listed = values if isinstance(values, list) else []
         good = [v for v in listed if isinstance(v, int) and not isinstance(v, bool) and 0 <= v < len(into)]
@@ -122,7 +122,7 @@ class Json:
         return good
 
     def number(self, key: str, default: float) -> float:
-        """The finite number under a key."""
+        """Returns the finite number under a key."""
         value = self.value.get(key, default)
         if not _is_finite(value):
             self.fault(key, "is not a number")
@@ -130,7 +130,7 @@ class Json:
         return float(value)
 
     def vector(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """As many finite numbers as the default has."""
+        """Returns as many finite numbers as the default has."""
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):
@@ -139,7 +139,7 @@ class Json:
         return tuple(float(v) for v in values)
 
     def numbers(self, key: str) -> tuple[float, ...]:
-        """The list of finite numbers under a key; empty if not there. 0 for what is none."""
+        """Returns the list of numbers under a key, empty if absent; 0 for entries that are not finite numbers."""
         values = self.value.get(key, [])
         if not isinstance(values, list) or not all(map(_is_finite, values)):
             self.fault(key, "is not a list of numbers")
@@ -147,7 +147,7 @@ class Json:
         return tuple(float(v) for v in values)
 
     def text(self, key: str, default: str) -> str:
-        """The string under a key."""
+        """Returns the string under a key."""
         value = self.value.get(key, default)
         if not isinstance(value, str):
             self.fault(key, "is not a string")
@@ -155,7 +155,7 @@ class Json:
         return value[:MAX_NAME] if key == "name" else value
 
     def extension(self, name: str) -> Json | None:
-        """The object of an extension, if there."""
+        """Returns the object of an extension, or None."""
         extensions = self.object("extensions")
         return extensions.object(name) if extensions else None
 
@@ -165,12 +165,12 @@ def _is_finite(value: Any) -> bool:
 
 
 def _integer(digits: str) -> int | float:
-    """A whole number; one that no float holds is infinite, as 1e999 is."""
+    """Returns an integer; one beyond float's range becomes infinite, as 1e999 does."""
     return int(digits) if len(digits) < _MOST_DIGITS else float(digits)
 
 
 def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
-    """The JSON of a .gltf or .glb, and the GLB's binary chunk. Told apart by the bytes, whatever the name says.
+    """Returns the JSON of a .gltf or .glb file, and the GLB's binary chunk. The format is detected by the bytes, not by the name.
 
     Raises SceneError. A wrong length of the file or of its binary chunk, and chunks without padding, are faults of the JSON.
     """
@@ -214,7 +214,7 @@ def _is_chunk(data: bytes, at: int) -> bool:
 
 
 def _whole(value: Any) -> Any:
-    """The value with U+FFFD for what is half a character: no text that is stored or sent on may hold such."""
+    """Returns the value with lone surrogates replaced by U+FFFD, so that its texts can be stored and sent."""
     if isinstance(value, str):
         return value.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Morph targets and skins (specification 3.7.2.2 and 3.7.3.3): meshes as their weights and joints shape them."""
+"""Morph targets and skins (specification 3.7.2.2 and 3.7.3.3)."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ __all__ = ["Bones", "bind_matrices", "morphed", "skinned"]
 
 
 class Bones(NamedTuple):
-    """What moves a primitive's vertices."""
+    """Joints and weights of a primitive's vertices."""
 
     joints: npt.NDArray[np.int64]  # (V, 4 k)
     weights: F32  # (V, 4 k)
 
 
 def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accessors: Accessors) -> Mesh:
-    """The mesh plus its targets' displacements by their weights; those that are unusable are left out."""
+    """Returns the mesh plus the weighted displacements of its targets; unusable ones are left out."""
     positions, normals, tangents = mesh.positions, mesh.normals, mesh.tangents
     for target, weight in zip(targets, weights, strict=False):
         if weight == 0:
@@ -62,7 +62,7 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
 
 
 def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
-    """(count, 4, 4): from the mesh's space into that of each joint. Raises DamagedError."""
+    """Returns (count, 4, 4) transforms from mesh space to the space of each joint. Raises DamagedError."""
     if "inverseBindMatrices" not in skin:
         return np.tile(np.eye(4), (count, 1, 1))
     values = accessors.floats(skin.integer("inverseBindMatrices", high=len(accessors.accessors)), 16)
@@ -72,7 +72,7 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
 
 
 def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
-    """The mesh in the world: each vertex moved by the mean of its joints' (J, 4, 4) matrices, by weight."""
+    """Returns the mesh in world space: each vertex transformed by the weighted mean of its joints' (J, 4, 4) matrices."""
     none = np.zeros((0, 3), np.float32)
     normals = none if mesh.normals is None else mesh.normals
     tangents = none if mesh.tangents is None else mesh.tangents

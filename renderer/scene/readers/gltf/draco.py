@@ -1,4 +1,4 @@
-"""KHR_draco_mesh_compression: a primitive whose arrays are one compressed block."""
+"""KHR_draco_mesh_compression: primitives whose arrays are one compressed block."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ EXTENSION = "KHR_draco_mesh_compression"
 
 
 def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64], dict[str, npt.NDArray[Any]]]:
-    """The indices (T * 3) and the attributes by their glTF names, each (V, width).
+    """Returns the indices (T * 3,) and the attributes, (V, width) each, by their glTF names.
 
-    Raises SceneError where DracoPy is not installed or the block is damaged.
+    Raises SceneError if DracoPy is not installed or the block is damaged.
     """
     try:
         import DracoPy

@@ -1,7 +1,6 @@
-"""What glTF's materials say in their own way, each extension a function that sets its fields of a Material.
+"""Material extensions that need more than the table in renderer/scene/material.py: one function each, which sets Material fields.
 
-The rest of them is read by the table in renderer/scene/material.py. Source: KhronosGroup/glTF, extensions/2.0/Khronos, the
-README of each name.
+Source: KhronosGroup/glTF, extensions/2.0/Khronos, the README of each name.
 """
 
 from __future__ import annotations
@@ -23,7 +22,10 @@ _ONE_EACH = ("color", "radiance", "triple")
 
 
 def read_parameters(source: Json, material: Material, textures: Textures, metallic_roughness: bool) -> None:
-    """Sets what the table knows the way to; what a file does not say stays. metallic_roughness: whether that object counts."""
+    """Sets the parameters that the table maps to glTF; absent ones keep their values.
+
+    metallic_roughness: whether to read that object.
+    """
     for parameter in PARAMETERS:
         *way, key = (parameter.gltf or "").split(".")
         if not key or (way[:1] == [METALLIC_ROUGHNESS] and not metallic_roughness):
@@ -34,7 +36,7 @@ def read_parameters(source: Json, material: Material, textures: Textures, metall
 
 
 def read_extensions(source: Json, material: Material) -> None:
-    """Sets what extensions say by numbers that stand for something else. After `read_parameters`."""
+    """Sets parameters whose numbers have another meaning in extensions. Call it after `read_parameters`."""
     for name, read in _READERS.items():
         found = source.extension(name)
         if found:
@@ -42,7 +44,7 @@ def read_extensions(source: Json, material: Material) -> None:
 
 
 def has_thickness(material: Json) -> bool:
-    """Whether KHR_materials_volume says that the surface bounds a volume."""
+    """Whether KHR_materials_volume makes the surface the boundary of a volume."""
     volume = material.extension("KHR_materials_volume")
     return volume is not None and volume.number("thicknessFactor", 0.0) > 0
 

@@ -1,4 +1,4 @@
-"""What a glTF file holds that cannot be used: left out one by one, counted, and named in warnings."""
+"""Unusable parts of a glTF file: left out one by one, counted, and named in warnings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NAMED = 6  # places that a warning lists
 
 
 class DamagedError(SceneError):
-    """A part of the file is unusable; the rest may be read without it. Limits and missing decoders are other errors."""
+    """Part of the file is unusable; the rest can be read without it. Limits and missing decoders raise other errors."""
 
     def __init__(self, file: str, place: str, what: str, advice: str = "export the file again") -> None:
         super().__init__(f"{file}: {place} {what}; {advice}")
@@ -20,7 +20,7 @@ class DamagedError(SceneError):
 
 
 class Faults:
-    """The unusable parts of one file, by what is wrong with them. Adding a part twice counts it once."""
+    """The unusable parts of one file, grouped by fault. A part that is added twice counts once."""
 
     def __init__(self) -> None:
         self._places: dict[str, dict[str, None]] = {}

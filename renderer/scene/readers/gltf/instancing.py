@@ -19,9 +19,9 @@ _DEFAULTS = {"TRANSLATION": (0.0, 0.0, 0.0), "ROTATION": (0.0, 0.0, 0.0, 1.0), "
 
 
 def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matrix:
-    """(N, 4, 4): the places of a node's instances in the node.
+    """Returns (N, 4, 4) transforms of a node's instances in the node's space.
 
-    Raises SceneError where there are more than limit, DamagedError where none is usable.
+    Raises SceneError for more than `limit` instances, DamagedError if none is usable.
     """
     attributes = source.object("attributes")
     found = {}

@@ -1,4 +1,4 @@
-"""KHR_lights_punctual: lights without a body, in photometric units."""
+"""KHR_lights_punctual: point, spot and directional lights, in photometric units."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_INTENSITY = 1e12
 
 
 def read_light(source: Json, name: str, world: Matrix) -> Light:
-    """The light on a node, whose scale it leaves aside. Its range, a hint for rasterisers, cuts nothing off here."""
+    """Returns the light on a node, whose scale is ignored. Its range, a hint for rasterisers, is ignored too."""
     kind = source.text("type", "")
     if kind not in _KINDS:
         raise source.wrong("type", f"is {kind[:20]!r}; known are {', '.join(_KINDS)}")
@@ -39,6 +39,6 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
 
 
 def forward_of(world: Matrix) -> Vec3:
-    """Where a light in such a place shines."""
+    """Returns the direction of a light at a transform."""
     direction = -world[:3, 2]
     return vec3(unit_vector(direction)) if np.linalg.norm(direction) > 0 else (0.0, -1.0, 0.0)

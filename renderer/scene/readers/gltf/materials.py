@@ -1,6 +1,6 @@
-"""glTF's surfaces: metallic-roughness, alpha and emission (specification 3.9); extensions.py has the others.
+"""glTF materials: metallic-roughness, alpha and emission (specification 3.9); extensions.py has the extensions.
 
-Occlusion textures are left out: a path tracer finds what they stand in for.
+Occlusion textures are not read, since path tracing computes occlusion.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND
 
 
 class Materials:
-    """The materials of one file, in the description's list."""
+    """The materials of one file, appended to the description's list."""
 
     def __init__(self, root: Json, textures: Textures, shelf: TextureShelf, materials: list[Material]) -> None:
         self._textures, self._shelf, self._materials = textures, shelf, materials
@@ -40,7 +40,7 @@ class Materials:
             self._filled.append(extensions.has_thickness(source))
 
     def number(self, index: int | None) -> int:
-        """The description's number of the file's material; None is the default that the specification gives (3.7.2.1)."""
+        """Returns the description's index of a material of the file; None stands for the specification's default (3.7.2.1)."""
         if index is not None:
             return self._first + index
         if self._default is None:
@@ -49,22 +49,22 @@ class Materials:
         return self._default
 
     def uv_sets(self, index: int | None) -> tuple[int, ...]:
-        """The file's sets of UVs that meshes of a material have as theirs."""
+        """Returns the file's UV sets that meshes with this material keep."""
         return UV_SETS if index is None else self._uv_sets[index]
 
     def depends_on_mesh(self, index: int | None) -> bool:
-        """Whether light goes through the material, and the mesh must say if there is an inside to go through."""
+        """Whether the material transmits light, so that it depends on the mesh whether there is an inside."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
     def pane(self, index: int) -> int:
-        """The description's number of the material as a thin sheet, for meshes that have no inside."""
+        """Returns the description's index of the material as a thin sheet, for meshes without an inside."""
         if index not in self._panes:
             self._materials.append(replace(self._materials[self._first + index], thin=True))
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
 
     def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """The description's number of one of its materials, as one that the camera does not see, or that casts no shadow."""
+        """Returns the description's index of a copy of a material that is invisible to the camera, casts no shadow, or both."""
         key = number, unseen, shadeless
         if key not in self._passed:
             self._materials.append(replace(self._materials[number], unseen=unseen, shadeless=shadeless))

@@ -1,4 +1,4 @@
-"""glTF's meshes with their materials, read when a node first shows them."""
+"""glTF meshes with their materials, read when a node first uses them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MAX_VERTICES = 1 << 26
 
 
 class Meshes:
-    """The description's meshes by glTF mesh."""
+    """The description's meshes, by glTF mesh."""
 
     def __init__(
         self,
@@ -53,11 +53,11 @@ class Meshes:
         self._shaped: dict[tuple[int, tuple[float, ...], str | None], list[int]] = {}
 
     def name(self, index: int) -> str:
-        """What the file calls a mesh."""
+        """Returns the name of a mesh in the file."""
         return self.sources[index].text("name", "") or f"mesh {index}"
 
     def of(self, index: int, node: Json) -> list[int]:
-        """The description's numbers of a mesh's primitives, as a node's morph weights shape them."""
+        """Returns the description's indices of a mesh's primitives, with a node's morph weights applied."""
         weights, alone = self._weights(index, node), self._moving.own_shape(node)
         if (index, weights, alone) not in self._shaped:
             shaped = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node), self._primitives(index), strict=True)]
@@ -65,7 +65,7 @@ class Meshes:
         return self._shaped[index, weights, alone]
 
     def shapes(self, index: int, node: Json, matrices: Matrix | None = None) -> list[Mesh]:
-        """A mesh's primitives as a node's morph weights shape them, and a skin's joints; without their materials."""
+        """Returns a mesh's primitives without materials, deformed by a node's morph weights and, given matrices, by its skin."""
         weights = self._weights(index, node)
         found = []
         for primitive, _ in self._primitives(index):
@@ -78,21 +78,24 @@ class Meshes:
         return found
 
     def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
-        """The same with a skin's joints in place, in the world; each node has meshes of its own. moves: whether joints do."""
+        """Returns the indices of a mesh's primitives deformed by a skin, in world space; they are not shared between nodes.
+
+        moves: whether joints are animated.
+        """
         placed = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node, matrices), self._primitives(index), strict=True)]
         return self._add(placed, moves or self._moving.reshapes(index, node))
 
     def look_again(self, root: Json, meshes: Iterable[int]) -> None:
-        """The file's JSON is another: of some meshes, the weights are."""
+        """Replaces the JSON of meshes whose weights are animated."""
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
     def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """The material of one of the description's meshes, as one that the camera does not see, or that casts no shadow."""
+        """Returns the index of a mesh's material as one that is invisible to the camera, casts no shadow, or both."""
         return self._materials.passed_by(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:
-        """Whether light goes through some of a mesh, so that it matters if its shape is closed."""
+        """Whether a part of a mesh transmits light, so that it matters whether its shape is closed."""
         return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:
@@ -132,7 +135,7 @@ class Meshes:
         return list(range(first, len(self._meshes)))
 
     def _refract(self, primitives: list[tuple[Mesh, int | None]]) -> None:
-        """Makes panes of what light goes through and has no inside, by itself or with the mesh's other primitives."""
+        """Makes transmissive primitives thin if they bound no volume, alone or with the mesh's other primitives."""
         transparent = [(mesh, m) for mesh, m in primitives if m is not None and self._materials.depends_on_mesh(m)]
         if not transparent or _bound_a_volume([mesh for mesh, _ in primitives]):
             return

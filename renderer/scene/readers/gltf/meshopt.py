@@ -1,4 +1,4 @@
-"""EXT_meshopt_compression (and KHR_meshopt_compression, which has the same fields): buffer views that are packed."""
+"""EXT_meshopt_compression, and KHR_meshopt_compression with the same fields: compressed buffer views."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MAX_BYTES = 2 << 30
 
 
 def extension_of(view: Json) -> Json | None:
-    """What a buffer view says of its packing; None where it is not packed."""
+    """Returns the compression extension of a buffer view, or None."""
     return next((found for name in EXTENSIONS if (found := view.extension(name))), None)
 
 
 def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
-    """The bytes of a view, `length` of them. Raises SceneError where meshopt is not installed or the data is damaged."""
+    """Returns the `length` bytes of a view. Raises SceneError if meshopt is not installed or the data is damaged."""
     try:
         import meshopt
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Which of a glTF file's things are others at another moment, as its channels say: what of a scene can be kept between frames."""
+"""Which parts of a glTF file are animated, by its channels: the others are kept between frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # what 
 
 
 class Moving:
-    """What moves by a set of paths into the file's JSON. Nodes inherit it from their parents."""
+    """What moves, by the animated paths in the file's JSON. Nodes inherit motion from their parents."""
 
     def __init__(self, root: Json, paths: Iterable[Path]) -> None:
         self.nodes: set[int] = set()  # that are elsewhere, or not shown
@@ -43,7 +43,7 @@ class Moving:
                 self.surfaces.add(number)
 
     def inherit(self, parents: Mapping[int, int | None]) -> None:
-        """Told the scene's nodes, each after its parent."""
+        """Extends motion to the children of moving nodes. parents: of the scene's nodes, each after its parent."""
         for index, parent in parents.items():
             if parent in self._appearing:
                 self._appearing.add(index)
@@ -53,18 +53,20 @@ class Moving:
         self._shaped = {self._where[index] for index in self.reshaped}
 
     def appears(self, node: Json) -> bool:
-        """Whether a node is shown at some moments only."""
+        """Whether a node's visibility is animated."""
         return node.where in self._shown
 
     def own_shape(self, node: Json) -> str | None:
-        """A name for a node whose mesh has weights of its own that move: it shares its shape with no other."""
+        """Returns a key for a node with animated morph weights of its own, which shares its shape with no other node; None for
+        others.
+        """
         return node.where if node.where in self._shaped else None
 
     @property
     def is_of_places(self) -> bool:
-        """Whether nothing but places and shapes move."""
+        """Whether only transforms and shapes are animated."""
         return self._is_of_places
 
     def reshapes(self, mesh: int, node: Json) -> bool:
-        """Whether a node's mesh has other weights at another moment."""
+        """Whether a node's mesh has animated morph weights."""
         return node.where in self._shaped or ("weights" not in node and mesh in self.meshes)
