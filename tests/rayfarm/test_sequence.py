@@ -266,6 +266,7 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
     assert len(belonging(tmp_path / "s.yaml")) == 4
 
 
+@pytest.mark.long
 @grid("camera_alone", [False, True], ordinary=(False,))
 def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(tmp_path: Path, camera_alone: bool) -> None:
     shot = tmp_path / "shot.glb"

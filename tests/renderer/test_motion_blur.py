@@ -65,6 +65,7 @@ def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
     return (x / size - 0.5) * height, (0.5 - y / size) * height
 
 
+@pytest.mark.long
 def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
     """At a distance r from its axis a bar of half width w covers 4 asin(w / r) of the circle."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
@@ -84,6 +85,7 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
     np.testing.assert_allclose(around, 1.0, atol=0.02)
 
 
+@pytest.mark.long
 def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
     """A square that flies from -d to d is over a point for as long as its width takes, and shorter at the ends: a trapezoid."""
     w, d = 0.25, 1.0
@@ -255,6 +257,7 @@ SCENES = [spinning_child, bending, rolling, lamps, sliding]
 OTHERS = [pytest.param(each, marks=pytest.mark.long) for each in (growing, turning_lamps, one_lamp, punctual, fly_by)]
 
 
+@pytest.mark.long
 @grid("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__, ordinary=(spinning_child, bending))
 def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
     moving = over(at)
@@ -287,6 +290,7 @@ def under_a_lamp(t: float) -> SceneDescription:
     return scene
 
 
+@pytest.mark.long
 def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None:
     settings = settings_of(size=24, max_depth=2)
     found, known = (picture(compile_scene(made), settings, 256)[:, :16] for made in (over(under_a_lamp), under_a_lamp(0.0)))
@@ -294,6 +298,7 @@ def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None
     assert found.mean() == pytest.approx(known.mean(), rel=0.01)  # the sheet is to the right
 
 
+@pytest.mark.long
 def test_without_a_shutter_a_frame_is_its_still() -> None:
     still = compile_scene(growing(0.0))
     settings = settings_of(size=32)
@@ -305,6 +310,7 @@ def test_without_a_shutter_a_frame_is_its_still() -> None:
     assert digest(render_frame(compile_scene(over(growing)), settings, 4)) != whole
 
 
+@pytest.mark.long
 def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
     made = compile_scene(over(everything))
     save(made, tmp_path / "scene")
@@ -320,6 +326,7 @@ def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
     assert digest(parts) == digest(whole)
 
 
+@pytest.mark.long
 def test_a_replay_follows_the_sample_at_its_time() -> None:
     made = compile_scene(over(growing))
     settings = settings_of(size=32)
@@ -330,6 +337,7 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
             assert [int(v * 2**24) for v in found.value] == film[COLOR, y, x].tolist()
 
 
+@pytest.mark.long
 def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
     """What has flown for the time before the frame, or after it."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)

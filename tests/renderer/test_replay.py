@@ -13,6 +13,7 @@ from renderer.replay import ENDS
 from renderer.scene.compiled import seal
 from renderer.scene.description import Material, Sphere
 from renderer.settings import INTEGRATORS, Tile
+from tests.grids import grid
 from tests.renderer.builders import box, emitter, gray, scene, settings, square
 
 VIEW = ((0, 2, 6), (0, 0.5, 0), 40)
@@ -36,7 +37,7 @@ def made():
     return scene(materials, meshes, (Sphere((1.2, 0.6, 0), 0.6, 1),), environment=0.3)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@grid("integrator", INTEGRATORS, ordinary=("path", "direct"))
 def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
     asked = settings(*VIEW, size=40, max_depth=6, integrator=integrator, filter="blackman-harris")
     for sample in (0, 1, 5, 100):
