@@ -17,6 +17,7 @@ from numba.core.typed_passes import AnnotateTypes, IRLegalization, NopythonRewri
 from numba.core.untyped_passes import InlineInlinables
 from numba.extending import intrinsic
 
+from renderer.fused import FuseProducts
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
 
@@ -57,6 +58,7 @@ class Compiler(CompilerBase):
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
         pipeline.passes = [each for each in pipeline.passes if each[0] not in (AnnotateTypes, NopythonRewrites)]
         pipeline.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
+        pipeline.add_pass_after(FuseProducts, KnowWhatIsAbsent)
         pipeline.add_pass_after(ChooseLibrary, IRLegalization)
         pipeline.finalize()
         return [pipeline]

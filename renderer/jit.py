@@ -90,10 +90,6 @@ def cache_folder() -> Path:
     return private_folder(f"kernels/{_MACHINE_CODE[:16]}")
 
 
-# No nnan/ninf: they delete the NaN checks that the film relies on. No arcp/afn: they let LLVM use rcpps and rsqrtps, whose
-# low bits differ between Intel and AMD. `contract` forms fused multiply-adds, which every target of ours has.
-_FASTMATH = {"contract", "nsz"}
-
 Function = Callable[..., Any]
 
 
@@ -135,7 +131,8 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
         "nogil": True,
-        "fastmath": _FASTMATH,
+        # IEEE 754 as written: every operation is rounded by itself, but for the products that renderer/fused.py fuses.
+        "fastmath": False,
         "error_model": "numpy",
         "_nrt": heap,
         "forceinline": inline,

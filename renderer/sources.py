@@ -26,6 +26,8 @@ MACHINE_CODE = (
     "target.py",
     "cpu.py",
     "absent.py",
+    "fused.py",
+    "lane_types.py",
     "linking.py",
     "machine_code.py",
     "reference.py",

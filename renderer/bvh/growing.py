@@ -6,7 +6,8 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from renderer.bvh.simd import LANES, call, f32x8, row_at
+from renderer.bvh.simd import LANES, f32x8, row_at
+from renderer.lane_types import called
 
 __all__ = ["raise_to", "swapped"]
 
@@ -23,7 +24,7 @@ def raise_to(typingctx, array, index, value):
         old = builder.load(pointer)
         old.align = 4
         greater = builder.select(builder.fcmp_ordered(">", old, args[2]), old, args[2])
-        builder.store(call(builder, "arithmetic.fence", [greater]), pointer).align = 4
+        builder.store(called(builder, "arithmetic.fence", greater), pointer).align = 4
         return context.get_dummy_value()
 
     return types.void(array, types.uintp, f32x8), codegen

@@ -2,7 +2,7 @@
 
 LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are spelled out
 here as LLVM IR. The operators + - * / work on vectors of one type; comparisons give a mask8, which & and | combine.
-The compiler keeps their order, but may fuse a * b + c; where it must not, `product` prevents it.
+The compiler keeps their order, and fuses a * b + c as renderer/fused.py says; `product` is not fused.
 """
 
 from __future__ import annotations
@@ -13,19 +13,21 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.core.datamodel import models, register_default
 from numba.core.imputils import lower_builtin
 from numba.core.typing import signature
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 from numba.extending import intrinsic
 
+from renderer.lane_types import LANES, Lanes, called, f32x8, f64x8, mask8
+
 __all__ = [
     "LANES",
+    "Lanes",
     "address",
     "bits",
-    "call",
     "extract",
     "f32x8",
+    "f64x8",
     "fetch",
     "flip",
     "fma",
@@ -35,6 +37,7 @@ __all__ = [
     "load_from",
     "load_int",
     "lowest_bit",
+    "mask8",
     "maximum",
     "minimum",
     "product",
@@ -48,29 +51,9 @@ __all__ = [
     "to_single",
 ]
 
-LANES = 8
 _I32 = ir.IntType(32)
 _FLOAT = ir.FloatType()
 _DOUBLE = ir.DoubleType()
-
-
-class Lanes(types.Type):
-    """Eight values of one type in a register."""
-
-    def __init__(self, name: str, element: ir.Type) -> None:
-        self.element = element
-        super().__init__(name)
-
-
-f32x8 = Lanes("f32x8", _FLOAT)
-f64x8 = Lanes("f64x8", _DOUBLE)
-mask8 = Lanes("mask8", ir.IntType(1))
-
-
-@register_default(Lanes)
-class _LanesModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, fe_type: Lanes) -> None:
-        super().__init__(manager, fe_type, ir.VectorType(fe_type.element, LANES))
 
 
 def _operator(symbol: Any, lower: Callable[[Any, Any, Any], Any], *kinds: Lanes) -> None:
@@ -196,36 +179,22 @@ def splat(typingctx, value):
     return f32x8(types.float32), codegen
 
 
-def call(builder: Any, name: str, arguments: Any) -> Any:
-    """A call of one of LLVM's vector intrinsics: all operands and the result are of one type."""
-    vector = arguments[0].type
-    suffix = "f32" if vector.element == _FLOAT else "f64"
-    function = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(vector, [vector] * len(arguments)), f"llvm.{name}.v{LANES}{suffix}"
-    )
-    return builder.call(function, arguments)
-
-
 @intrinsic
 def fma(typingctx, a, b, c):
     """a * b + c, rounded once."""
-    return a(a, b, c), lambda context, builder, sig, args: call(builder, "fma", args)
+    return a(a, b, c), lambda context, builder, sig, args: called(builder, "fma", *args)
 
 
 @intrinsic
 def product(typingctx, a, b):
-    """a * b, rounded before anything else is done with it: the compiler may not fuse it into a fused multiply-add."""
-
-    def codegen(context, builder, sig, args):
-        return call(builder, "arithmetic.fence", [builder.fmul(*args)])
-
-    return a(a, b), codegen
+    """a * b, rounded also where it stands in a sum, which fuses a plain product (renderer/fused.py)."""
+    return a(a, b), lambda context, builder, sig, args: builder.fmul(*args)
 
 
 @intrinsic
 def sqrt(typingctx, a):
     """The square root, correctly rounded; NaN of negative numbers."""
-    return a(a), lambda context, builder, sig, args: call(builder, "sqrt", args)
+    return a(a), lambda context, builder, sig, args: called(builder, "sqrt", *args)
 
 
 @intrinsic

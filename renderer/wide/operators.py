@@ -12,45 +12,19 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import types
 from numba.core.imputils import lower_builtin
 from numba.core.typing import signature
 from numba.core.typing.templates import ConcreteTemplate, infer_global
 
 from renderer.bvh.simd import LANES, Lanes, f32x8, f64x8, mask8
+from renderer.lane_types import called, is_wide, lifted, u32x8
 
 __all__ = ["FLOATS", "INTS", "called", "is_wide", "lifted", "u32x8"]
 
 _I32 = ir.IntType(32)
 FLOATS = ir.VectorType(ir.FloatType(), LANES)
 INTS = ir.VectorType(_I32, LANES)
-_SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "i32"}
-
-u32x8 = Lanes("u32x8", _I32)
-
-
-def is_wide(kind: types.Type) -> bool:
-    """Whether a value of this type is one of eight lanes."""
-    return isinstance(kind, Lanes)
-
-
-def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
-    """The value, in all lanes where it is a plain one."""
-    if is_wide(kind):
-        return value
-    vector = ir.VectorType(value.type, LANES)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _I32(0))
-    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(INTS, [0] * LANES))
-
-
-def called(builder: Any, name: str, *arguments: Any) -> Any:
-    """A call of one of LLVM's intrinsics, on numbers or vectors of one type."""
-    kind = arguments[0].type
-    wide = isinstance(kind, ir.VectorType)
-    suffix = _SUFFIX[str(kind.element if wide else kind)]
-    full = f"llvm.{name}.v{LANES}{suffix}" if wide else f"llvm.{name}.{suffix}"
-    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * len(arguments)), full)
-    return builder.call(function, arguments)
 
 
 def _binary(

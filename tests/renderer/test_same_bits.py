@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -18,7 +19,8 @@ from tests.renderer.kernel.pool.features import FEATURES, made
 pytestmark = [pytest.mark.hardware, pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")]
 
 SPP = 8
-ALONE = ("whitted", "ao")  # which follow one path at a time
+# What follows one path at a time.
+ALONE: tuple[dict[str, Any], ...] = ({"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "light"}, {"sampling": "bsdf"})
 
 
 def _without(program: str) -> list[str]:
@@ -34,10 +36,10 @@ def digests() -> list[str]:
     for name in FEATURES:
         scene, settings = made(name)
         lines.append(f"{name} {hashlib.sha256(render_frame(scene, settings, SPP).tobytes()).hexdigest()}")
-    for integrator in ALONE:
-        scene, settings = made("metal and plastic")
-        film = render_frame(scene, replace(settings, integrator=integrator), SPP)
-        lines.append(f"{integrator} {hashlib.sha256(film.tobytes()).hexdigest()}")
+    scene, settings = made("metal and plastic")
+    for change in ALONE:
+        film = render_frame(scene, replace(settings, **change), SPP)
+        lines.append(f"{change} {hashlib.sha256(film.tobytes()).hexdigest()}")
     return lines
 
 

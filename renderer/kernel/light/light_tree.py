@@ -38,7 +38,6 @@ from renderer.bvh.simd import (
     lowest_bit,
     maximum,
     minimum,
-    product,
     select,
     splat,
     sqrt,
@@ -87,9 +86,7 @@ def _importances(node, base, p, n):
     the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2, which may
     be approximate.
 
-    Where the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d. Each
-    fused multiply-add is explicit: if the compiler chose them, the sampled probability and the evaluated one could differ in the
-    last bit.
+    Where the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d.
     """
     zero, one, inner = splat(_ZERO), splat(_ONE), splat(_INNER)
     near, radius = _row(node, base, NEAR), _row(node, base, RADIUS)
@@ -114,12 +111,12 @@ def _importances(node, base, p, n):
         across = sqrt(maximum(fma(zero - along, along, square), zero))
         along = maximum(along, along * _row(node, base, MIRROR))
         sin_spread = _row(node, base, SIN_SPREAD)
-        sine = fma(across, cos_spread, product(zero - along, sin_spread))
-        cosine = fma(along, cos_spread, product(across, sin_spread))
+        sine = fma(across, cos_spread, (zero - along) * sin_spread)
+        cosine = fma(along, cos_spread, across * sin_spread)
         inside = less_equal(sine, zero) | less_equal(bound, cosine) | among
-        emitted = select(inside, far, fma(cosine, bound, product(sine, radius)))
+        emitted = select(inside, far, fma(cosine, bound, sine * radius))
         emitted = select(less(emitted, _row(node, base, COS_REACH) * far), zero, emitted * (inverse * inverse))
-    return product(irradiance, emitted)
+    return irradiance * emitted
 
 
 @device
@@ -140,8 +137,7 @@ def descend(node, base, p, n, choice):
     chance = select(none, _ZERO, weight / extract(totals, _FIRST))
     child = select(none, _ANY, load_int(node, base + _CHILD + np.uintp(lane)))
     before = select(lane > _FIRST, extract(sums, (lane - _STEP) & _LANES), _ZERO)
-    # The difference is negative only if the compiler fuses it.
-    return child, chance, min(max(extract(at, _FIRST) - before, _ZERO) / weight, _BELOW_ONE)
+    return child, chance, min((extract(at, _FIRST) - before) / weight, _BELOW_ONE)
 
 
 @subroutine

@@ -17,7 +17,7 @@ from renderer.kernel.fetch import row
 from renderer.wide.operators import is_wide, lifted
 from renderer.wide.rows import load_ints
 
-__all__ = ["both", "in_both", "keep", "ulps"]
+__all__ = ["assert_same_bits", "both", "in_both", "keep"]
 
 F32 = npt.NDArray[np.float32]
 
@@ -71,9 +71,9 @@ def both(kernel: Callable[..., Any], given: npt.ArrayLike, count: int) -> tuple[
     return eight, one
 
 
-def ulps(a: F32, b: F32, least: float = 0.0) -> F32:
-    """How far apart, in units in the last place of the greater, or of `least` where both are smaller; NaN equals NaN."""
-    size = np.maximum(np.maximum(abs(a), abs(b)), np.float32(max(least, 2.0**-126)))
-    with np.errstate(invalid="ignore"):
-        apart = abs(a.astype(np.float64) - b) / np.spacing(np.where(np.isfinite(size), size, np.float32(1)))
-    return np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0, np.where(np.isnan(apart), np.inf, apart))
+def assert_same_bits(a: F32, b: F32) -> None:
+    """All values have the same bits, the signs of zeros among them; NaN equals NaN."""
+    differ = (a.view(np.uint32) != b.view(np.uint32)) & ~(np.isnan(a) & np.isnan(b))
+    rows, lanes = np.nonzero(differ)
+    some = [(int(row), int(lane), a[row, lane], b[row, lane]) for row, lane in list(zip(rows, lanes, strict=True))[:5]]
+    assert not differ.any(), f"{differ.sum()} values of rows {sorted(set(rows.tolist()))} differ, such as {some}"

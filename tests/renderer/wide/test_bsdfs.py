@@ -11,7 +11,7 @@ from renderer.kernel.bsdf.glass import sample_glass
 from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, pdf_visible_normal, sample_visible_normal, smith_lambda
 from renderer.kernel.bsdf.mirror import sample_mirror
-from tests.renderer.wide.both import both, in_both, ulps
+from tests.renderer.wide.both import assert_same_bits, both, in_both
 from tests.renderer.wide.given import SMALL, N, directions, square
 
 
@@ -37,14 +37,7 @@ def assert_scatters_alike(eight, one, given):
     below = (given[:, 2] <= 0) | (given[:, 5] <= 0)
     np.testing.assert_array_equal(eight[:4, below], 0)
     assert (eight[3, ~below] > 0).all()
-    same = (abs(eight[4:7] - one[4:7]) < 1e-5).all(0)  # else the choice between the lobes fell the other way by a last bit
-    assert same.mean() > 0.999
-    # f of few parts in a thousand is a product of differences of albedos near 1; a weight is f over a pdf that may be as little.
-    found, expected = eight[:, same], one[:, same]
-    assert ulps(eight[:3], one[:3], 0.1).max() <= 64
-    assert ulps(found[7:10] * found[10], expected[7:10] * expected[10], 0.1).max() <= 64
-    assert ulps(eight[3], one[3], 0.1).max() <= 16
-    assert ulps(found[10], expected[10], 0.1).max() <= 16
+    assert_same_bits(eight, one)
 
 
 @device
@@ -75,9 +68,7 @@ def test_smooth_boundaries():
     assert 0.1 < total.mean() < 0.5
     np.testing.assert_array_equal(eight[:2, total], [[1], [0]] * np.ones((2, total.sum())))
     np.testing.assert_array_equal(eight[13, total], 0)
-    same = eight[13] == one[13]  # whose chance is known to a few last bits may choose otherwise
-    assert same.mean() > 0.999
-    assert ulps(eight[:, same], one[:, same], 0.01).max() <= 8
+    assert_same_bits(eight, one)
 
 
 @device
@@ -96,7 +87,7 @@ def test_diffuse():
     rng = np.random.default_rng(4)
     given = np.concatenate([directions(rng, above=True), rng.random((N, 1)), square(rng), directions(rng)], 1)
     eight, one = both(_diffuse, given, 11)
-    assert ulps(eight, one, 1).max() <= 1
+    assert_same_bits(eight, one)
     np.testing.assert_array_equal(eight[:4, given[:, 8] <= 0], 0)
 
 
@@ -126,8 +117,7 @@ def test_microfacets_and_their_energy():
     alpha = np.maximum(np.stack([roughnesses(rng) ** 2, rng.random(N)], 1), MIN_ALPHA)
     given = np.concatenate([pairs(rng), alpha, square(rng)], 1)
     eight, one = both(_facets, given, 12)
-    assert ulps(eight[:9], one[:9], 1).max() <= 4
-    assert ulps(eight[9:], one[9:]).max() <= 16
+    assert_same_bits(eight, one)
 
 
 def test_a_lane_that_holds_no_number_reads_inside_the_table():
@@ -196,4 +186,4 @@ def test_conductors():
     given[:4, 20], given[4:8, 20] = 0, 1 - SMALL
     eight, one = both(_conductors, given, 17)
     assert_scatters_alike(eight[:11], one[:11], given)
-    assert ulps(eight[11:], one[11:], 0.1).max() <= 16
+    assert_same_bits(eight[11:], one[11:])

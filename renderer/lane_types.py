@@ -1,0 +1,63 @@
+"""The types of eight values at once, and how one is made or handed to an LLVM intrinsic.
+
+renderer/bvh/simd.py and renderer/wide/operators.py say what can be done with them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.datamodel import models, register_default
+
+__all__ = ["LANES", "Lanes", "called", "f32x8", "f64x8", "is_wide", "lifted", "mask8", "u32x8"]
+
+LANES = 8
+_I32 = ir.IntType(32)
+_INDICES = ir.VectorType(_I32, LANES)
+_SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "i32"}
+
+
+class Lanes(types.Type):
+    """Eight values of one type in a register."""
+
+    def __init__(self, name: str, element: ir.Type) -> None:
+        self.element = element
+        super().__init__(name)
+
+
+f32x8 = Lanes("f32x8", ir.FloatType())
+f64x8 = Lanes("f64x8", ir.DoubleType())
+u32x8 = Lanes("u32x8", _I32)
+mask8 = Lanes("mask8", ir.IntType(1))
+
+
+@register_default(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, fe_type: Lanes) -> None:
+        super().__init__(manager, fe_type, ir.VectorType(fe_type.element, LANES))
+
+
+def is_wide(kind: types.Type) -> bool:
+    """Returns whether a value of this type is one of eight lanes."""
+    return isinstance(kind, Lanes)
+
+
+def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
+    """Returns the value, in all lanes where it is a plain one."""
+    if is_wide(kind):
+        return value
+    vector = ir.VectorType(value.type, LANES)
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _I32(0))
+    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), ir.Constant(_INDICES, [0] * LANES))
+
+
+def called(builder: Any, name: str, *arguments: Any) -> Any:
+    """Calls one of LLVM's intrinsics, on numbers or vectors of one type."""
+    kind = arguments[0].type
+    wide = isinstance(kind, ir.VectorType)
+    suffix = _SUFFIX[str(kind.element if wide else kind)]
+    full = f"llvm.{name}.v{LANES}{suffix}" if wide else f"llvm.{name}.{suffix}"
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * len(arguments)), full)
+    return builder.call(function, arguments)
