@@ -49,7 +49,7 @@ def open_example(
 
     def write(stored: Upload) -> Scene:
         farm.quotas.check_bytes(visit.caller, stored.size)
-        return record(replace(stored, id=id_in(project, stored.id)), farm.sessions, farm.changed, owner=owner)
+        return record(replace(stored, id=id_in(project, stored.id)), farm.sessions, farm.events, owner=owner)
 
     found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
     if found is None:

@@ -13,6 +13,7 @@ from renderer.frames import MAX_FRAME, frame_key
 from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
 from service.api.lookup import find_film, find_job
 from service.errors import Conflict, Invalid, Unavailable
+from service.events import PreparationRequested
 from service.farm import Farm, FarmDependency
 from service.shot import Shot
 from service.store.films import Film
@@ -175,7 +176,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
     for kind in kinds:
         if kind in scene.compiled:
             return kind
-    farm.engine.prepare(scene.id, kinds[0])
+    farm.events.publish(PreparationRequested(scene.id, kinds[0]))
     raise Unavailable("The scene is prepared for the workers that are here. Ask again in a moment.", 5.0)
 
 

@@ -15,6 +15,7 @@ from service.api.schemas import JobState
 from service.api.strict import Strict
 from service.api.visit import Visit
 from service.errors import FarmError
+from service.events import RowWritten
 from service.farm import Farm
 from service.scheduling.jobs.wishes import begins_anew, set_state, wait_no_longer_in_vain
 from service.store.models import FINAL, Job
@@ -91,7 +92,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
         for id in ids:
             try:
                 anew[id] = may_begin_anew(id, farm)
-                farm.lit_again(id)
+                farm.lighting.restore(id)
             except FarmError as error:
                 answer.refused.append(RefusedOut(id=id, why=str(error)))
     refused = {each.id for each in answer.refused}
@@ -113,7 +114,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
         if changes.state == "running":
             wait_no_longer_in_vain([each.id for each in changed], session)
     for each in changed:
-        farm.changed("job", each.id)
+        farm.events.publish(RowWritten("job", each.id))
     answer.changed += changed
 
 

@@ -28,6 +28,7 @@ from service.api.shot_change import ShotChange
 from service.api.visit import Visit, VisitDependency
 from service.clock import deadline_of
 from service.errors import Conflict, FarmError, NotFound
+from service.events import RowWritten
 from service.farm import Farm, FarmDependency
 from service.intake.resolve import resolve
 from service.keeping.reuse import Begun
@@ -120,7 +121,7 @@ def create_job(
         return repeat(first, asked, farm, response, visit.sight)
     root, asked_in = tracing.root_of("job", job.id), tracing.where(traceparent)
     tracing.record("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
-    farm.changed("job", job.id)
+    farm.events.publish(RowWritten("job", job.id))
     response.headers["Location"] = f"/api/jobs/{job.id}"
     return answer
 
@@ -186,7 +187,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
     name and note are for people: what it is called, and what there is to say about it.
     """
     is_anew = change.state == "running" and may_begin_anew(id, farm)
-    farm.lit_again(id)
+    farm.lighting.restore(id)
     wish = ShotWish(**change.model_dump(include=set(ShotWish.__dataclass_fields__)))
     for _ in range(TRIES):
         of_shot = ShotChange.of(id, wish, farm)
@@ -202,7 +203,7 @@ def change_job(id: str, change: JobPatch, farm: FarmDependency, visit: VisitDepe
         break
     else:
         raise Conflict("The shot is being changed by others at the same time. Try again.")
-    farm.changed("job", id)
+    farm.events.publish(RowWritten("job", id))
     if answer is not None:
         return answer
     return _laid_out(id, farm) if is_long else get_job(id, farm)
@@ -229,12 +230,12 @@ def begin_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDe
             row.state, row.finished = job.state, None
         raise
     finally:
-        farm.changed("job", id)
+        farm.events.publish(RowWritten("job", id))
     with farm.sessions.begin() as session:
         new = session.get_one(Job, made.id, with_for_update=True)
         new.max_slots, new.needs, new.deadline = job.max_slots, job.needs, job.deadline
         new.focus, new.pinned, new.note = job.focus, job.pinned, job.note
-    farm.changed("job", made.id)
+    farm.events.publish(RowWritten("job", made.id))
     return get_job(made.id, farm)
 
 
@@ -309,7 +310,7 @@ def _laid_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:
         log.warning("job %s: its frames are written down later: %s", id, error)
-    farm.changed("job", id)
+    farm.events.publish(RowWritten("job", id))
     return get_job(id, farm)
 
 

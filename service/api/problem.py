@@ -32,6 +32,7 @@ from service.errors import (
     Unavailable,
     UnknownFormat,
 )
+from service.events import FilmSuspected
 
 __all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "told"]
 
@@ -124,7 +125,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(FarmError)
     async def _farm(request: Request, error: FarmError) -> ProblemResponse:
         if isinstance(error, FilmDamaged) and "id" in request.path_params:
-            request.app.state.farm.patrol.suspect(request.path_params["id"])
+            request.app.state.farm.events.publish(FilmSuspected(request.path_params["id"]))
         seconds = error.retry_after_s if isinstance(error, Unavailable | OverQuota) else None
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)

@@ -19,6 +19,7 @@ from service.api.one_file import check_length, check_room
 from service.api.schemas import SceneOut
 from service.api.visit import InProject, IntoProject, VisitDependency
 from service.errors import Conflict, NotFound
+from service.events import RowWritten
 from service.farm import FarmDependency
 from service.intake.projects import Owner, id_in
 from service.intake.record import record
@@ -96,7 +97,7 @@ async def upload(
         stored = stored.as_strict() if strict else stored
         stored = replace(stored, id=id_in(its.project, stored.id))
         farm.quotas.check_bytes(visit.caller, stored.size)
-        return record(stored, farm.sessions, farm.changed, owner=its)
+        return record(stored, farm.sessions, farm.events, owner=its)
 
     check_length(request, farm, "upload", "Leave files out")
     begun, content_type = time.time(), request.headers.get("content-type", "")
@@ -188,5 +189,5 @@ def delete_scene(id: str, farm: FarmDependency) -> None:
     gone: list[str] = []
     farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
     for lit in gone:
-        farm.changed("scene", lit)
-    farm.changed("scene", id)
+        farm.events.publish(RowWritten("scene", lit))
+    farm.events.publish(RowWritten("scene", id))

@@ -15,6 +15,7 @@ import uuid
 from sqlalchemy import delete, exists, func, or_, select
 
 from service.errors import FarmError
+from service.events import Events, WorkerSetAside
 from service.hooks.deliver import RefusedError, UndeliveredError, post, run, shown
 from service.hooks.message import about, set_aside
 from service.settings import Settings
@@ -37,11 +38,12 @@ RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after 
 class Outbox:
     """A thread for each hook looks for ends of jobs and sends what is due: one that does not answer holds up no other."""
 
-    def __init__(self, settings: Settings, sessions: Sessions) -> None:
+    def __init__(self, settings: Settings, sessions: Sessions, events: Events) -> None:
         self._settings = settings
         self._sessions = sessions
         self.hooks = list(dict.fromkeys([*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]))
         self._since: dict[str, float] = {}
+        events.subscribe(WorkerSetAside, self._worker_set_aside, in_background=True)
         self._rests: dict[str, float] = {}  # hooks that did not answer, and until when (time.monotonic)
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._run, args=[hook], name="hooks", daemon=True) for hook in self.hooks]
@@ -66,13 +68,15 @@ class Outbox:
         else:
             post(hook, self._settings.webhook_secret, id, message)
 
-    def set_aside(self, worker: str, told: dict[str, object]) -> None:
-        """Tell webhooks of a worker that is not believed any more, as of jobs; a program is run for jobs alone."""
+    def _worker_set_aside(self, event: WorkerSetAside) -> None:
+        """Queues the delivery to webhooks. A program is run for jobs alone."""
+        if event.details is None:
+            return
         now = time.time()
+        job, message = f"worker:{event.worker}"[:40], set_aside(now, event.details)
         rows = [
-            Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=f"worker:{worker}"[:40], ended=now, message=message, due=now)
+            Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job, ended=now, message=message, due=now)
             for hook in self._settings.webhooks
-            for message in [set_aside(now, told)]
         ]
         if rows:
             with self._sessions.begin() as session:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -19,6 +19,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from service.errors import Invalid, NotFound
+from service.events import Events, PreparationRequested, RowWritten
 from service.intake.projects import Owner, serves
 from service.intake.record import record
 from service.intake.uploads import Upload, changed, light_text, sky_text
@@ -55,16 +56,21 @@ class Lighting:
         self,
         sessions: Sessions,
         garbage: Garbage,
-        tell: Callable[[str, str], None],
-        prepare: Callable[[str, str], None],
+        events: Events,
     ) -> None:
-        """tell: of a "scene" that was made or let go. prepare: asked for a scene by its id and a kind of worker."""
         self._sessions = sessions
         self._garbage = garbage
-        self._tell = tell
-        self._prepare = prepare
+        self._events = events
         self._lock = threading.Lock()
         self._held: Counter[str] = Counter()
+
+    def restore(self, job: str) -> None:
+        """Creates the derived scene of a job again if it was deleted after the job ended. Does nothing for other jobs."""
+        with self._sessions() as session:
+            row = session.get(Job, job)
+            if row is None or row.lit is None or session.get(Scene, row.lit) is not None or session.get(Scene, row.scene) is None:
+                return
+        self.row(row.scene, row.request.get("environment"), row.request.get("variant"))
 
     def lit(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
         """What to render for this request by workers of a kind; where it is not prepared for them yet, it will be: ask again.
@@ -76,7 +82,7 @@ class Lighting:
         ref = found.compiled.get(kind)
         is_elsewhere = ref is None and found.status == "ready"  # it is prepared, but for another kind
         if is_elsewhere:
-            self._prepare(found.id, kind)
+            self._events.publish(PreparationRequested(found.id, kind))
         status = "preparing" if is_elsewhere else cast(Status, found.status)
         return Lit(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
@@ -94,7 +100,7 @@ class Lighting:
         with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
             self._upload(scene)  # where it is deleted by now, its files may be
             self._wanted(base, environment, variant)  # and so may the image
-            made = record(stored, self._sessions, self._tell, of=base.of or base.id, owner=Owner(base.project))
+            made = record(stored, self._sessions, self._events, of=base.of or base.id, owner=Owner(base.project))
             self.clear()
         return made
 
@@ -148,7 +154,7 @@ class Lighting:
         if lit > kept:
             self._garbage.collect(forget)
         for id in gone:
-            self._tell("scene", id)
+            self._events.publish(RowWritten("scene", id))
 
     def _touch(self, scene: Scene) -> None:
         """It was asked for again: it is among the latest."""

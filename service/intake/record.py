@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 
 from sqlalchemy.exc import IntegrityError
 
 from service.access.projects import hold_project
+from service.events import Events, RowWritten
 from service.intake.projects import NOBODY, Owner
 from service.intake.uploads import Upload
 from service.store.database import Sessions
@@ -17,18 +17,16 @@ from service.store.models import Scene
 __all__ = ["record"]
 
 
-def record(
-    stored: Upload, sessions: Sessions, changed: Callable[[str, str], None], of: str | None = None, owner: Owner = NOBODY
-) -> Scene:
+def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NOBODY) -> Scene:
     """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is.
 
-    changed: is told of "scene" and its id. of: the upload that it is made of, where it is none itself. owner: whose it is.
+    of: the upload that it is made of, where it is none itself. owner: whose it is.
     """
     try:
         scene = _write(stored, sessions, of, owner)
     except IntegrityError:  # another wrote the same scene down in the same moment
         scene = _write(stored, sessions, of, owner)
-    changed("scene", scene.id)
+    events.publish(RowWritten("scene", scene.id))
     return scene
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from service.access.quotas import spend
+from service.events import Events, RowWritten
 from service.store import frame_changes
 from service.store.database import Sessions
 from service.store.frame_changes import AS_TOLD, AT_A_TIME, FrameChanges, Step
@@ -31,19 +32,19 @@ class Deleted(NamedTuple):
 class Deleting:
     """May be used from any thread."""
 
-    def __init__(self, sessions: Sessions, garbage: Garbage, reserve: Reserve, changed: Callable[[str, str], None]) -> None:
+    def __init__(self, sessions: Sessions, garbage: Garbage, reserve: Reserve, events: Events) -> None:
         self._sessions = sessions
         self._garbage = garbage
         self._reserve = reserve
-        self._changed = changed
-        self.frames = FrameChanges(sessions, changed, self._forget_one)
+        self._events = events
+        self.frames = FrameChanges(sessions, events, self._forget_one)
 
     def delete(self, ids: Sequence[str]) -> list[Deleted]:
         """Delete jobs and their pictures; those that are being rendered are stopped. Returns those that were there. Raises
         FarmError; a long shot that is not gone then goes later."""
         long = self._condemn(ids)
         for job in long:
-            self._changed("job", job)
+            self._events.publish(RowWritten("job", job))
             self.frames.carry_out_drop(job)
         return [long.get(each.id, each) for each in self._forget(ids)]
 
@@ -87,7 +88,7 @@ class Deleting:
 
         self._reserve.spend_on(lambda: self._garbage.collect(forget))
         for each in deleted:
-            self._changed("job", each.id)  # which removes the film, once it is out of its hands
+            self._events.publish(RowWritten("job", each.id))  # which removes the film, once it is out of its hands
         return deleted
 
 

@@ -11,13 +11,13 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable
 
 from sqlalchemy import select
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
+from service.events import Events, RowWritten, WorkerSetAside
 from service.store.database import Sessions
 from service.store.film_store import FilmStore
 from service.store.models import FINAL, Job
@@ -30,12 +30,13 @@ log = logging.getLogger(__name__)
 
 
 class Doubts:
-    """One thread; `look` may be called from any."""
+    """One thread, notified by `WorkerSetAside`."""
 
-    def __init__(self, sessions: Sessions, films: FilmStore, changed: Callable[[str, str], None]) -> None:
+    def __init__(self, sessions: Sessions, films: FilmStore, events: Events) -> None:
         self._sessions = sessions
         self._films = films
-        self._changed = changed
+        self._events = events
+        events.subscribe(WorkerSetAside, lambda event: self._wanted.put(event.worker))
         self._wanted: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="doubts", daemon=True)
@@ -50,10 +51,6 @@ class Doubts:
         self._wanted.put(None)
         if self._thread.is_alive():
             self._thread.join(5)
-
-    def look(self, worker: str) -> None:
-        """A worker is not believed any more."""
-        self._wanted.put(worker)
 
     def _run(self) -> None:
         while (worker := self._wanted.get()) is not None and not self._stopping.is_set():
@@ -101,5 +98,5 @@ class Doubts:
             if row is None or row.state not in FINAL:
                 return False  # it goes on, and is dealt with as what is not over
             row.doubted = sorted({worker, *(row.doubted or ())})
-        self._changed("job", id)
+        self._events.publish(RowWritten("job", id))
         return True

@@ -20,6 +20,7 @@ from sqlalchemy import select, update
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmDamaged
+from service.events import Events, FilmSuspected, RowWritten
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.wishes import set_state
 from service.store.database import Sessions
@@ -58,14 +59,15 @@ class Patrol:
         sessions: Sessions,
         films: FilmStore,
         prepare: Callable[[str], None],
-        changed: Callable[[str, str], None],
+        events: Events,
         every_days: float,
     ) -> None:
         """prepare: sees to it that what a job is rendered of is there or is made again. every_days: how often; 0: never."""
         self._sessions = sessions
         self._films = films
         self._prepare = prepare
-        self._changed = changed
+        self._events = events
+        events.subscribe(FilmSuspected, lambda event: self.suspect(event.job))
         self._every_s = every_days * DAY_S
         self._suspects: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._waiting: set[str] = set()  # in it
@@ -193,7 +195,7 @@ class Patrol:
                 history.happened("healed")
                 row.history = history.to_json()
                 log.warning("%s is rendered again, as far as it is missing: %s", row.id, why)
-        self._changed("job", job.id)
+        self._events.publish(RowWritten("job", job.id))
 
 
 def _rests(job: Job) -> bool:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -22,6 +22,7 @@ from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
 from service.errors import Conflict, FarmError
+from service.events import Events, RowWritten
 from service.store.database import Sessions
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
@@ -104,14 +105,14 @@ class Retention:
         films: FilmStore,
         garbage: Garbage,
         reserve: Reserve,
-        changed: Callable[[str, str], None],
+        events: Events,
         rules: Rules,
     ) -> None:
         self._sessions = sessions
         self._films = films
         self._garbage = garbage
         self._reserve = reserve
-        self._changed = changed
+        self._events = events
         self._rules = rules
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="retention", daemon=True)
@@ -246,7 +247,7 @@ class Retention:
             return True
 
         done = self._reserve.spend_on(forget)
-        self._changed("job", item.id)
+        self._events.publish(RowWritten("job", item.id))
         return done
 
     def _drop_compiled(self, item: Item) -> bool:
@@ -262,7 +263,7 @@ class Retention:
             return before - scene.blobs
 
         self._reserve.spend_on(lambda: self._garbage.collect(forget))
-        self._changed("scene", item.id)
+        self._events.publish(RowWritten("scene", item.id))
         return bool(done)
 
     def _drop_upload(self, item: Item) -> bool:
@@ -281,7 +282,7 @@ class Retention:
 
         self._reserve.spend_on(lambda: self._garbage.collect(forget))
         for scene in gone:
-            self._changed("scene", scene)
+            self._events.publish(RowWritten("scene", scene))
         return bool(gone)
 
 

@@ -15,7 +15,7 @@ import json
 import logging
 import time
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,10 @@ from sqlalchemy import select
 from renderer.frames import frame_number, frames_text
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import FarmError
-from service.scheduling.fleet.workers import Roster
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.plan import FIRST_CHECK
 from service.scheduling.jobs.shot_wishes import NOISIEST
+from service.scheduling.snapshot import Board
 from service.shot import Shot
 from service.store.database import Sessions
 from service.store.film_store import FilmStore
@@ -63,13 +63,11 @@ class _Source:
 class Reuse:
     """May be called from any thread."""
 
-    def __init__(
-        self, sessions: Sessions, films: FilmStore, roster: Callable[[], Roster], data: Path, min_free_bytes: int
-    ) -> None:
+    def __init__(self, sessions: Sessions, films: FilmStore, board: Board, data: Path, min_free_bytes: int) -> None:
         """data: the folder whose disk has the films, of which so many bytes stay free."""
         self._sessions = sessions
         self._films = films
-        self._roster = roster
+        self._board = board
         self._data = data
         self._min_free_bytes = min_free_bytes
 
@@ -131,7 +129,7 @@ class Reuse:
 
     def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
         """Jobs from which this one may take, by id, those with most samples first. All are of one kind of workers."""
-        kinds = {report.kind for report in self._roster().reports.values()}
+        kinds = {report.kind for report in self._board.roster.reports.values()}
         with self._sessions() as session:
             jobs = session.scalars(
                 select(Job).where(Job.picture == job.picture, Job.state.in_(RESTS)).order_by(Job.created.desc()).limit(LOOKED_AT)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+from service.events import Events, ItemKind, TilesChanged
 from service.scheduling.errands.errands import Errands
 from service.scheduling.errands.preparing import Progress
 from service.scheduling.errands.unfit import Fault
@@ -51,16 +52,14 @@ from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
 from service.scheduling.jobs.trouble import FAILURES_ALLOWED, Trouble
 from service.scheduling.lifecycle import Lifecycle
-from service.scheduling.snapshot import Tell
 from service.scheduling.trust.trust import Trust
 from worker.telemetry.log_lines import ids
 
-__all__ = ["Answers", "TellTiles"]
+__all__ = ["Answers"]
 
 REMEDY = "Then let it go on."  # a worker of another release
 UNREAD_EVERY_S = 0.5  # that is looked for, unless there was more than could be read
 
-TellTiles = Callable[[str, int, set[int]], None]  # job, frame, tiles
 
 log = logging.getLogger(__name__)
 
@@ -94,8 +93,8 @@ class Answers:
         pace: Pace,
         logs: JobLogs,
         put_aside: PutAside,
-        tell: Tell,
-        tell_tiles: TellTiles,
+        tell: Callable[[ItemKind, str], None],
+        events: Events,
         settled: Callable[[ActiveJob], None],
     ) -> None:
         """Creates the handler.
@@ -112,7 +111,7 @@ class Answers:
         self._logs = logs
         self._put_aside = put_aside
         self._tell = tell
-        self._tell_tiles = tell_tiles
+        self._events = events
         self._settled = settled
         self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
         self._stored: list[Entry] = []  # to be deleted from the stream
@@ -289,7 +288,7 @@ class Answers:
         if arrived:
             job.tick(job.state == "running")
             for frame, changed in tiles.items():
-                self._tell_tiles(job.id, frame, changed)
+                self._events.publish(TilesChanged(job.id, frame, changed))
             self._tell("job", job.id)
         job.settle()
         self._settled(job)

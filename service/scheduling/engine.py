@@ -18,7 +18,8 @@ from contextlib import suppress
 import redis
 
 from service.errors import FarmError
-from service.scheduling.answers import Answers, TellTiles
+from service.events import Events, PreparationRequested, RowWritten
+from service.scheduling.answers import Answers
 from service.scheduling.changes import Changes
 from service.scheduling.errands.aside import MadeAside
 from service.scheduling.errands.errands import Errands
@@ -36,9 +37,9 @@ from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.film_snapshots import SnapshotKeeper
 from service.scheduling.jobs.job_log import JobLogs
-from service.scheduling.lifecycle import LetGo, Lifecycle
+from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.records import Records
-from service.scheduling.snapshot import Board, JobNumbers, Snapshot, Tell
+from service.scheduling.snapshot import Board, JobNumbers, Snapshot
 from service.scheduling.trust.trust import Trust
 from service.scheduling.waiting import Waiting
 from service.settings import Settings
@@ -64,7 +65,7 @@ log = logging.getLogger(__name__)
 
 
 class Engine:
-    """The engine's thread. It calls `tell` and `tell_tiles` from that thread."""
+    """The engine's thread. Its events are published from that thread."""
 
     def __init__(
         self,
@@ -73,16 +74,14 @@ class Engine:
         films: FilmStore,
         snapshots: FilmSnapshots,
         blobs: BlobStore,
-        tell: Tell,
-        tell_tiles: TellTiles,
-        let_go: LetGo,
-        suspect: Callable[[str], None],
+        board: Board,
+        events: Events,
         guard: Callable[[], None],
-        is_watched: Callable[[], bool],
+        has_views: Callable[[], bool],
     ) -> None:
         """Creates the engine without starting its thread.
 
-        guard: raises FarmError if this service may not act as the farm.
+        guard: raises FarmError if this service may not act as the farm. has_views: whether unfinished views wait for slots.
         """
         self._guard = guard
         self.films = films
@@ -96,23 +95,22 @@ class Engine:
         )
         self._dispatcher = Dispatcher(settings.redis_url, self._redis, guard)
         self._results = Results(self._redis, guard)
-        self._board = Board(tell)
+        self._board = board
         self._changes = Changes()
         self._bulkheads = Bulkheads()
         change = self._board.change
         self._put_aside = PutAside(settings.data / FILE)
         self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
-        self._errands = Errands(settings, self._dispatcher, self._workers, blobs, let_go)
+        self._errands = Errands(settings, self._dispatcher, self._workers, blobs, events)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, is_watched)
+        self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
-        self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline)
+        self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
         self._waiting = Waiting(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._errands, self.logs, self._bulkheads, self._changes, self._waiting),
             tell=change,
-            let_go=let_go,
-            suspect=suspect,
+            events=events,
         )
         self._deadlines = Deadlines(records, self._with_database, change)
         self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
@@ -121,7 +119,7 @@ class Engine:
             *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._errands, self.trust, self._pace, self.logs),
             put_aside=self._put_aside,
             tell=change,
-            tell_tiles=tell_tiles,
+            events=events,
             settled=self._keeper.look,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
@@ -135,6 +133,8 @@ class Engine:
         self._step_fault: str | None = None
         self._traced = 0.0
         self._repaired = 0.0
+        events.subscribe(RowWritten, self._row_written)
+        events.subscribe(PreparationRequested, self._preparation_requested)
 
     def start(self) -> None:
         """Starts the thread, which loads the unfinished jobs and scenes from the database."""
@@ -170,9 +170,11 @@ class Engine:
         self._changes.note(what, id)
         self._results.wake()
 
-    def prepare(self, scene: str, kind: str) -> None:
-        """Requests that a scene be prepared for a kind of workers, independently of any job."""
-        self._asked.put((scene, kind))
+    def _row_written(self, event: RowWritten) -> None:
+        self.changed(event.kind, event.id)
+
+    def _preparation_requested(self, event: PreparationRequested) -> None:
+        self._asked.put((event.scene, event.worker_kind))
         self._results.wake()
 
     def order(self, worker: str, why: str | None) -> None:

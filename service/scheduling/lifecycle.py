@@ -15,9 +15,9 @@ from typing import Any
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
 from service.errors import FarmError
+from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
 from service.intake.resolve import frame_settings, refuse_warnings
 from service.scheduling.changes import Changes
-from service.scheduling.errands.aside import LetGo
 from service.scheduling.errands.errands import Errands
 from service.scheduling.faults.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.fleet.needs import Needs
@@ -30,7 +30,6 @@ from service.scheduling.jobs.measured import measured
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
 from service.scheduling.records import PendingJob, Records
-from service.scheduling.snapshot import Tell
 from service.scheduling.taking_up import TakingUp
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
@@ -39,7 +38,7 @@ from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
 from worker.protocol.contract import SceneInfo
 
-__all__ = ["LetGo", "Lifecycle"]
+__all__ = ["Lifecycle"]
 
 
 READ_AT_ONCE = 16  # jobs that are to be taken up, besides the one that is taken up now
@@ -58,11 +57,10 @@ class Lifecycle:
         bulkheads: Bulkheads,
         changes: Changes,
         waiting: Waiting,
-        tell: Tell,
-        let_go: LetGo,
-        suspect: Callable[[str], None],
+        tell: Callable[[ItemKind, str], None],
+        events: Events,
     ) -> None:
-        """suspect: told of a job that its film has ended; what can be mended of that is mended beside."""
+        """tell: notes a change of a job or scene for the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -72,8 +70,7 @@ class Lifecycle:
         self._changes = changes
         self._taking_up = TakingUp(records, films, scheduler, waiting, logs, self._took_up)
         self._tell = tell
-        self._let_go = let_go
-        self._suspect = suspect
+        self._events = events
         self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
         self._pending: dict[str, PendingJob] = {}  # read in this round and not taken up yet
         self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
@@ -224,7 +221,7 @@ class Lifecycle:
         gone = job.release()
         self._records.progress(job)
         if gone:
-            self._let_go(gone)
+            self._events.publish(BlobsReleased(gone))
         if is_over and self._records.finished(job, measured(job)):
             job.history.log.say(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             job_over(job, "finished")
@@ -288,7 +285,7 @@ class Lifecycle:
                 self._give_back(job)
             self._tell("job", id)
             if FILM in verdict.error:
-                self._suspect(id)
+                self._events.publish(FilmSuspected(id))
         else:
             self.prepare_failed(id, None, verdict.error)
 
@@ -364,7 +361,7 @@ class Lifecycle:
         gone = job.release(all_frames=True)
         if gone:
             self._records.progress(job)
-            self._let_go(gone)
+            self._events.publish(BlobsReleased(gone))
 
     def _rest(self, id: str) -> None:
         with suppress(FarmError):  # a film that cannot rest now rests later

@@ -6,17 +6,16 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from service.events import Events, ItemChanged, ItemKind
 from service.scheduling.errands.preparing import Progress
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Board", "JobNumbers", "Snapshot", "Tell"]
+__all__ = ["Board", "JobNumbers", "Snapshot"]
 
 STUCK_S = 4.0
 NUMBERS_EVERY_S = 0.1
-
-Tell = Callable[[str, str], None]  # what ("job", "scene", "worker") and which
 
 
 @dataclass(frozen=True)
@@ -97,22 +96,27 @@ class Snapshot:
 
 
 class Board:
-    """Where the engine's thread puts the latest snapshot. What changed is told once the snapshot shows it."""
+    """Holds the engine's latest snapshot. Publishes `ItemChanged` once the snapshot shows the change."""
 
-    def __init__(self, tell: Tell) -> None:
-        self._tell = tell
-        self._changed: dict[tuple[str, str], None] = {}
+    def __init__(self, events: Events) -> None:
+        self._events = events
+        self._changed: dict[tuple[ItemKind, str], None] = {}
         self._numbers: dict[str, tuple[float, JobNumbers]] = {}
         self.latest = Snapshot()
 
-    def change(self, what: str, id: str) -> None:
-        """A job, a scene or a worker changed."""
+    @property
+    def roster(self) -> Roster:
+        """The workers of the latest snapshot."""
+        return self.latest.roster
+
+    def change(self, what: ItemKind, id: str) -> None:
+        """Notes a change, which is published with the next snapshot."""
         self._changed[what, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
         """Renew the snapshot. The numbers of a job that changes all the time are renewed ten times a second."""
         now = time.monotonic()
-        late: dict[tuple[str, str], None] = {}
+        late: dict[tuple[ItemKind, str], None] = {}
         numbers = {}
         for id, job in jobs.items():
             made, known = self._numbers.get(id, (0.0, None))
@@ -128,4 +132,4 @@ class Board:
         changed, self._changed = self._changed, late
         for what, id in changed:
             if (what, id) not in late:
-                self._tell(what, id)
+                self._events.publish(ItemChanged(what, id))

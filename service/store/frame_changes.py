@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 
 from renderer.frames import frame_key, frame_number, frames_text, parse_frames
 from service.errors import FarmError
+from service.events import Events, RowWritten
 from service.store.database import Sessions
 from service.store.models import Frame, FrameChange, Job, Spent
 
@@ -86,11 +87,10 @@ def apply_at_once(job: Job, steps: Sequence[Step], session: Session, given: Give
 class FrameChanges:
     """May be used from any thread."""
 
-    def __init__(self, sessions: Sessions, changed: Callable[[str, str], None], deleted: Callable[[str], None]) -> None:
-        """changed: told of "job" and its id once all is done. deleted: told of a job whose frames are gone, and that is to go
-        as well."""
+    def __init__(self, sessions: Sessions, events: Events, deleted: Callable[[str], None]) -> None:
+        """deleted: called with the id of a job that is to be deleted, after its frames were."""
         self._sessions = sessions
-        self._changed = changed
+        self._events = events
         self._deleted = deleted
         self._later: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -212,7 +212,7 @@ class FrameChanges:
             self._deleted(job)
             return
         self._carry_out(job, {})
-        self._changed("job", job)
+        self._events.publish(RowWritten("job", job))
 
     def _note_left(self) -> None:
         with self._sessions() as session:

@@ -21,6 +21,7 @@ from sqlalchemy import Select, Text, cast, or_, select
 from sqlalchemy.orm import Session
 
 from service.errors import FarmError
+from service.events import BlobsReleased
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
 from service.store.models import Environment, Frame, Reference, Scene
@@ -100,11 +101,11 @@ class Garbage:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
 
-    def let_go(self, counts: Counter[str]) -> None:
+    def release(self, event: BlobsReleased) -> None:
         """Delete those of these blobs that nobody needs. A worker had promised each so often, and they were referred to since."""
-        for sha256, times in counts.items():
+        for sha256, times in event.references.items():
             self.keep_promise(sha256, times)
-        self.collect(lambda session: set(counts))
+        self.collect(lambda session: set(event.references))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
         """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""

@@ -6,7 +6,6 @@ import json
 import secrets
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,8 +14,8 @@ import redis
 from service.errors import Failed, TooLate, Unavailable
 from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import away
-from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.scheduling.snapshot import Board
 from service.settings import Settings
 from worker.protocol.explained import ExplainPixel, explained_key
 from worker.protocol.view_parts import view_queue
@@ -34,10 +33,10 @@ ASKED_AT_MOST = 2
 class Explaining:
     """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
 
-    def __init__(self, settings: Settings, roster: Callable[[], Roster]) -> None:
+    def __init__(self, settings: Settings, board: Board) -> None:
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self._dispatcher = Dispatcher(settings.redis_url, self._redis)
-        self._roster = roster
+        self._board = board
         self._room = threading.BoundedSemaphore(AT_ONCE)
         self._stop = threading.Event()
 
@@ -53,7 +52,7 @@ class Explaining:
         A message for a kind is taken by any of its workers, so one that cannot explain excludes the kind. Raises Unavailable if
         there is none.
         """
-        roster = self._roster()
+        roster = self._board.roster
         ready = roster.ready()
         unable = {report.kind for report in ready if not report.explains}
         kinds = sorted({report.kind for report in ready} - unable, key=lambda kind: (-roster.slots(kind), kind))
@@ -112,7 +111,7 @@ class Explaining:
                 raise TooLate(f"The pixel could not be explained: {late} Try again.")
             found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
             if found is None:
-                if holder is not None and holder not in self._roster().reports:
+                if holder is not None and holder not in self._board.roster.reports:
                     return None
                 continue
             answer = _understood(found[1])

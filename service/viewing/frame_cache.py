@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, OrderedDict
-from collections.abc import Callable
 from dataclasses import asdict
 
+from service.events import BlobsReleased, Events
 from service.store.models import blobs_of
 from worker.protocol.contract import FrameInfo
 
@@ -17,8 +17,8 @@ MOST = 48  # enough for scrubbing to and fro
 class FrameCache:
     """Least recently used cache of frames by FrameRequest.cache_key. Used in the scheduler's thread only."""
 
-    def __init__(self, let_go: Callable[[Counter[str]], None]) -> None:
-        self._let_go = let_go
+    def __init__(self, events: Events) -> None:
+        self._events = events
         self._infos: OrderedDict[str, tuple[str, FrameInfo]] = OrderedDict()  # (scene, frame) by cache key
 
     def get(self, name: str) -> FrameInfo | None:
@@ -55,7 +55,7 @@ class FrameCache:
             for sha256 in _blobs(info):
                 del gone[sha256]
         if gone:
-            self._let_go(gone)
+            self._events.publish(BlobsReleased(gone))
 
 
 def _blobs(info: FrameInfo) -> set[str]:

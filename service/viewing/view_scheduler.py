@@ -19,10 +19,11 @@ import redis
 
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
+from service.events import Events
 from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import trouble_of
-from service.scheduling.fleet.workers import Roster
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.scheduling.snapshot import Board
 from service.settings import Settings
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import FULL, fits_in_memory
@@ -56,19 +57,14 @@ class ViewScheduler:
     def __init__(
         self,
         settings: Settings,
-        roster: Callable[[], Roster],
-        prepare: Callable[[str, str], None],
-        let_go: Callable[[Counter[str]], None],
+        board: Board,
+        events: Events,
     ) -> None:
-        """prepare: called with a scene and a kind of workers for which it is not compiled.
-
-        let_go: deletes blobs made for views.
-        """
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self._dispatcher = Dispatcher(settings.redis_url, self._redis)
-        self._roster = roster
-        self._workers = ViewWorkers(roster, prepare)
-        self._frame_cache = FrameCache(let_go)
+        self._board = board
+        self._workers = ViewWorkers(board, events)
+        self._frame_cache = FrameCache(events)
         self._sessions: dict[str, ViewSession] = {}
         self._out: dict[str, PendingMessage] = {}
         self._costs = SampleCosts()
@@ -101,8 +97,7 @@ class ViewScheduler:
         self._dispatcher.close()
         self._redis.close()
 
-    @property
-    def is_watched(self) -> bool:
+    def has_unfinished(self) -> bool:
         """Whether any session shows a view that is not done."""
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
@@ -231,7 +226,7 @@ class ViewScheduler:
             self._tell(session, FULL)
             return
         slots = self._workers.slots(kind)
-        session.begin(settings, compiled, kind, self._costs.estimate(session.request, kind, self._roster()), slots)
+        session.begin(settings, compiled, kind, self._costs.estimate(session.request, kind, self._board.roster), slots)
         self._tell(session, None, slots)
 
     def _fill(self) -> None:
@@ -387,7 +382,7 @@ class ViewScheduler:
     def _review(self) -> None:
         """Renews the sessions' keys, resends lost messages, and reports why pictures are missing."""
         now = time.monotonic()
-        in_hand = {str(doing["message"]) for doing in self._roster().current() if "view" in doing and "message" in doing}
+        in_hand = {str(doing["message"]) for doing in self._board.roster.current() if "view" in doing and "message" in doing}
         self._frames.review(self._out, in_hand)
         with self._redis.pipeline(transaction=False) as keys:
             for session in self._sessions.values():

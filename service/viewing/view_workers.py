@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from service.scheduling.fleet.workers import Roster
+from service.events import Events, PreparationRequested
+from service.scheduling.snapshot import Board
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["ViewWorkers"]
@@ -13,14 +12,13 @@ __all__ = ["ViewWorkers"]
 class ViewWorkers:
     """Selects workers by their latest reports."""
 
-    def __init__(self, roster: Callable[[], Roster], prepare: Callable[[str, str], None]) -> None:
-        """prepare: called with a scene and a kind of workers for which it is not compiled."""
-        self._roster = roster
-        self._prepare = prepare
+    def __init__(self, board: Board, events: Events) -> None:
+        self._board = board
+        self._events = events
 
     def slots(self, kind: str) -> int:
         """Number of slots of a kind that render views."""
-        return sum(report.slots for report in self._roster().ready() if report.kind == kind and report.views)
+        return sum(report.slots for report in self._board.roster.ready() if report.kind == kind and report.views)
 
     def best_kind(self, request: ViewRequest) -> str | None:
         """Returns the kind with most slots among those for which the scene is compiled; None if no such worker is ready."""
@@ -29,10 +27,10 @@ class ViewWorkers:
 
     def why_unavailable(self, request: ViewRequest) -> str:
         """Returns why no worker renders the view, and requests compilation for ready workers of another kind."""
-        ready = [report for report in self._roster().ready() if report.views]
+        ready = [report for report in self._board.roster.ready() if report.views]
         if ready:
-            self._prepare(request.scene, ready[0].kind)
+            self._events.publish(PreparationRequested(request.scene, ready[0].kind))
             return "The scene is prepared for the workers that are here."
-        if self._roster().ready():
+        if self._board.roster.ready():
             return "The workers are of an older release, which shows no views."
         return "Waits for a worker."

@@ -11,6 +11,8 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import count
 
+from service.events import Events, ItemChanged, RowWritten, TilesChanged
+
 __all__ = ["Broadcast", "Listener"]
 
 
@@ -53,13 +55,16 @@ class _OfJob:
 class Broadcast:
     """All listeners. `tell` and `tell_tiles` are thread-safe, and cheap if nobody listens."""
 
-    def __init__(self) -> None:
+    def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._everything: set[Listener] = set()
         self._of_job: dict[str, _OfJob] = {}
         self._lives = count(1)
         self.watchers = 0  # listeners of jobs
         self.closing = False
+        events.subscribe(RowWritten, lambda event: self.tell(event.kind, event.id))
+        events.subscribe(ItemChanged, lambda event: self.tell(event.kind, event.id))
+        events.subscribe(TilesChanged, lambda event: self.tell_tiles(event.job, event.frame, event.tiles))
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Starts delivery on this event loop."""

@@ -23,6 +23,7 @@ from typing import Any
 from sqlalchemy import update
 from sqlalchemy.orm import Session
 
+from service.events import RowWritten
 from service.scheduling.engine import Engine
 from service.store.database import Sessions
 from service.store.models import Frame, Job
@@ -176,7 +177,7 @@ def finish(service: Service, job: str) -> None:
         done = {"state": "finished", "samples": 4 * 64 * 48, "target": 4 * 64 * 48, "progress": 1.0, "settings": settings}
         session.execute(update(Frame).where(Frame.job == job).values(noise=0.1, **done))
         session.execute(update(Job).where(Job.id == job).values(state="finished", finished=time.time(), shot=_anew(session, job)))
-    service.farm.changed("job", job)
+    service.farm.events.publish(RowWritten("job", job))
     until(lambda: job not in service.farm.engine.snapshot.jobs, "it is let go", 60)
 
 

@@ -7,6 +7,7 @@ import time
 import pytest
 from playwright.sync_api import expect
 
+from service.events import RowWritten
 from service.store.models import Job
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
@@ -40,7 +41,7 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
     with many.farm.sessions.begin() as session:
         row = session.get_one(Job, job)
         row.deadline, row.late = time.time() - 60, time.time() - 120
-    many.farm.changed("job", job)
+    many.farm.events.publish(RowWritten("job", job))
     expect(panel.get_by_role("status")).to_contain_text("Its deadline has passed")
     for id in (job, first):
         many.patch(id, state="cancelled")

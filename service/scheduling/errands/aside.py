@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.events import BlobsReleased, Events
 from service.scheduling.errands.unfit import Fault, Unfit
 from service.scheduling.faults.redis_says import away
 from service.scheduling.fleet.workers import Workers
@@ -26,14 +27,12 @@ from service.scheduling.handing_out.leases import Lease
 from service.store.blobs import BlobStore, is_sha256
 from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 
-__all__ = ["Aside", "LetGo", "MadeAside"]
+__all__ = ["Aside", "MadeAside"]
 
 PATIENCE_S_PER_PIXEL = 1e-5
 UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
 SENT_AT_MOST = 3
 Key = tuple[str, int]  # job, frame
-LetGo = Callable[[Counter[str]], None]  # of blobs, and how often each is no longer referred to here
-
 
 Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
@@ -65,15 +64,11 @@ class Aside(ABC, Generic[Wish]):
     _patience_s = 60.0
     _doing: str  # what reports of workers call the job whose frame they have in hand
 
-    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
-        """Creates an empty queue of requests.
-
-        let_go: callback for blobs no longer needed. A worker has named the blob, so something else may also refer to it.
-        """
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self._dispatcher = dispatcher
         self._workers = workers
         self._blobs = blobs
-        self._let_go = let_go
+        self._events = events
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
         self._lock = threading.Lock()
         self._wanted: dict[Key, _Wanted[Wish]] = {}
@@ -251,7 +246,7 @@ class Aside(ABC, Generic[Wish]):
         return size is not None and self._is_size(size, wish)
 
     def _delete(self, sha256: str) -> None:
-        self._let_go(Counter([sha256]))
+        self._events.publish(BlobsReleased(Counter([sha256])))  # named by a worker, so other references may exist
 
     def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
         with self._lock:

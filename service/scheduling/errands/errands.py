@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from service.scheduling.errands.aside import LetGo, MadeAside
+from service.events import Events
+from service.scheduling.errands.aside import MadeAside
 from service.scheduling.errands.denoising import Denoising
 from service.scheduling.errands.environments import Environments
 from service.scheduling.errands.moments import Moments
@@ -29,12 +30,12 @@ __all__ = ["Errands"]
 class Errands:
     """All errands: preparation of scenes and frames, and results made on request."""
 
-    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, let_go: LetGo) -> None:
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
         self.moments = Moments(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
-        self.denoising = Denoising(dispatcher, workers, blobs, let_go)
-        self.vectors = Vectors(dispatcher, workers, blobs, let_go)
-        self.environments = Environments(dispatcher, workers, blobs, let_go)
+        self.denoising = Denoising(dispatcher, workers, blobs, events)
+        self.vectors = Vectors(dispatcher, workers, blobs, events)
+        self.environments = Environments(dispatcher, workers, blobs, events)
         self._aside = (self.denoising, self.vectors, self.environments)
 
     def fill_aside(self) -> None:

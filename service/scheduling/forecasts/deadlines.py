@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from service.events import ItemKind
 from service.scheduling.forecasts.forecast import Forecast
 from service.scheduling.jobs.active_job import ActiveJob
 
@@ -40,7 +41,7 @@ class Deadlines:
     """Tracks which jobs are late. Used only by the engine's thread."""
 
     def __init__(
-        self, records: Recorded, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[str, str], None]
+        self, records: Recorded, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
     ) -> None:
         """Creates the tracker. run: runs a step that needs the database; False if the step has to wait."""
         self._records = records

@@ -16,10 +16,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import redis
 
+from service.events import Events, WorkerSetAside
 from service.scheduling.fleet.workers import BY_A_PERSON, Workers
 from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
 from service.scheduling.handing_out.leases import Lease
@@ -31,7 +31,7 @@ from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
 from service.scheduling.trust.votes import Votes
 
-__all__ = ["Report", "Trust"]
+__all__ = ["Trust"]
 
 MOST_OPEN = 64  # batches that are looked at at a time: each is kept in memory until then
 MOST_ASKED = 24  # answers to one of them that agree and are all of one worker's; then it is let be
@@ -40,7 +40,6 @@ SAID = "Set aside: it rendered something else than other workers"
 log = logging.getLogger(__name__)
 
 Answer = tuple[BatchDone, bytes]
-Report = Callable[[str, dict[str, Any]], None]  # a worker that was set aside, and what is told of it
 
 
 @dataclass
@@ -59,7 +58,7 @@ class _Check:
 class Trust:
     """Lives in the engine's thread."""
 
-    def __init__(self, scheduler: Scheduler, workers: Workers, dispatcher: Dispatcher, deadline_s: float) -> None:
+    def __init__(self, scheduler: Scheduler, workers: Workers, dispatcher: Dispatcher, deadline_s: float, events: Events) -> None:
         self._scheduler = scheduler
         self._workers = workers
         self._dispatcher = dispatcher
@@ -67,15 +66,14 @@ class Trust:
         self._open: list[_Check] = []
         self._wrong: dict[str, tuple[str, str]] = {}  # workers that were found out, and not dealt with yet: a job, and why
         self._chance = random.Random()
-        self.report: Report = lambda worker, told: None
-        self.doubt: Callable[[str], None] = lambda worker: None  # whoever looks after the films of jobs that are over
+        self._events = events
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
         """Know again whom an earlier life of the service has set aside. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if why.startswith(SAID)}
         for worker in sorted(self._scheduler.distrusted):
-            self.doubt(worker)
+            self._events.publish(WorkerSetAside(worker, None))
 
     def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Of what came back for a job, what is to go into its film: neither what was only to be compared, nor what comes from a
@@ -152,8 +150,8 @@ class Trust:
             self.counts["distrusted"] += 1
             log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
             self._pause(worker, why)
-            self.doubt(worker)
-            self.report(worker, {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly})
+            details = {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly}
+            self._events.publish(WorkerSetAside(worker, details))
             del self._wrong[worker]
         self._count()
 

@@ -67,7 +67,7 @@ def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, wor
         np.testing.assert_array_equal(
             viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 128, 3), 24))
         )
-        assert not service.farm.views.is_watched
+        assert not service.farm.views.has_unfinished()
         viewer.show(2, noise=-1)
         until(lambda: (viewer.read(), bool(viewer.errors))[1], "the error comes")
         assert "noise" in viewer.errors[0]["detail"]
@@ -233,7 +233,7 @@ def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
             worker.on_part = lambda work, part: time.sleep(0.1)
             job = service.submit(scene, spp=8)
             until(lambda: (viewer.read(), service.job(job)["state"] == "finished")[1], "the job is done")
-            assert service.farm.views.is_watched, "before the view is"
+            assert service.farm.views.has_unfinished(), "before the view is"
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from service.events import Events, ItemChanged
 from service.scheduling import snapshot
 from service.scheduling.snapshot import Board, JobNumbers, Snapshot
 
@@ -36,7 +37,9 @@ def look(numbers: Any) -> Snapshot:
 
 def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[str, str, int]] = []
-    board = Board(lambda what, id: told.append((what, id, board.latest.jobs[id].samples)))
+    events = Events()
+    board = Board(events)
+    events.subscribe(ItemChanged, lambda event: told.append((event.kind, event.id, board.latest.jobs[event.id].samples)))
     board.change("job", "a")
     board.publish({"a": job(1)}, look)
     board.change("job", "a")
@@ -50,7 +53,9 @@ def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyP
 
 def test_another_state_is_told_at_once() -> None:
     told: list[str] = []
-    board = Board(lambda what, id: told.append(board.latest.jobs[id].state))
+    events = Events()
+    board = Board(events)
+    events.subscribe(ItemChanged, lambda event: told.append(board.latest.jobs[event.id].state))
     for state in ("running", "paused"):
         board.change("job", "a")
         board.publish({"a": job(1, state)}, look)

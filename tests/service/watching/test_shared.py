@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from service.errors import FilmWaits
+from service.events import Events
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from service.watching import tile_packet
@@ -67,7 +68,7 @@ def render(film: Film, tile: int, first: int) -> None:
 
 def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
-        film, broadcast = film_in(tmp_path), Broadcast()
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
         shared = Shared(broadcast, 1 << 20)
         for tile in (0, 1):
@@ -94,7 +95,7 @@ def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing:
 
 def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
-        film, broadcast = film_in(tmp_path), Broadcast()
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
         shared = Shared(broadcast, 1 << 20)
         render(film, 0, 0)
@@ -119,7 +120,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
 
 def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
-        film, broadcast = film_in(tmp_path), Broadcast()
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
         shared = Shared(broadcast, 1 << 20)
         render(film, 0, 0)
         packing.fails = True
@@ -136,7 +137,7 @@ def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Pack
 
 def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
-        film, broadcast = film_in(tmp_path), Broadcast()
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
         for tile in range(8):
             render(film, tile, 0)
         shared = Shared(broadcast, 2 * 4 * 16 * 16 * 4)
@@ -159,7 +160,7 @@ def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packin
 
 def test_a_job_is_described_once_until_it_changes(tmp_path: Path) -> None:
     async def test() -> None:
-        broadcast, made = Broadcast(), []
+        broadcast, made = Broadcast(Events()), []
         broadcast.open(asyncio.get_running_loop())
         shared = Shared(broadcast, 1 << 20)
 
