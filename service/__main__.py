@@ -23,7 +23,7 @@ KEEP_ALIVE_S = 20
 ALWAYS = (
     *("--factory", "--http", "auto", "--timeout-keep-alive", str(KEEP_ALIVE_S)),
     *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
-    "--no-proxy-headers",  # service/api/client_address.py goes by RAYFARM_TRUSTED_PROXIES
+    "--no-proxy-headers",  # service/http/client_address.py goes by RAYFARM_TRUSTED_PROXIES
 )
 HOST, PORT = "127.0.0.1", "8000"
 log = logging.getLogger(__name__)

@@ -1,4 +1,4 @@
-"""What can go wrong in the service, without a word of HTTP: service/api/problem.py says which status each is answered with.
+"""What can go wrong in the service, without a word of HTTP: service/http/problems.py says which status each is answered with.
 
 FarmError           a sentence that a person can act on
 ├── NotFound        it is not there, or not any more

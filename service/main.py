@@ -19,17 +19,18 @@ from starlette.responses import RedirectResponse
 
 from renderer import __version__
 from renderer.printable import LogRecord, printable
-from service.api import problem, routes
-from service.api.client_address import ClientAddress
-from service.api.gate import Gate
-from service.api.packing import Packing
-from service.api.security import Door
-from service.api.standing_by import StandingBy
 from service.errors import CannotStart
 from service.farm import Farm
 from service.health_port import HealthPort
+from service.http import problems
+from service.http.client_address import ClientAddress
+from service.http.gate import Gate
+from service.http.packing import Packing
+from service.http.security import Door
+from service.http.standing_by import StandingBy
 from service.life import REFUSES_TO_START, Life
 from service.pages import Pages, WebPages
+from service.routes import registry
 from service.settings import Settings
 from service.watching.memory import keep_one_heap
 from worker.telemetry import tracing
@@ -88,11 +89,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
-        responses={"default": problem.ProblemBody, 422: problem.ProblemBody},
+        responses={"default": problems.ProblemBody, 422: problems.ProblemBody},
         generate_unique_id_function=_operation_name,
     )
-    problem.install(app)
-    app.include_router(routes.router)
+    problems.install(app)
+    app.include_router(registry.router)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.mount("/docs", Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():

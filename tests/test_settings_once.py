@@ -18,8 +18,8 @@ from renderer.described import described
 from renderer.errors import SettingsError
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
 from renderer.settings import OPTIONAL, RenderSettings, View
-from service.api.declared_fields import with_fields
-from service.api.schemas import JobIn
+from service.models.declared import with_fields
+from service.models.jobs import JobIn
 from tests.helpers import ROOT
 from worker.protocol import reproduce
 from worker.protocol.reproduce import sample_command

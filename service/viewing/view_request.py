@@ -68,7 +68,7 @@ class ViewRequest:
 def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float) -> ViewRequest:
     """Resolves a request for a scene that is ready and lit as requested. Raises Conflict and Invalid.
 
-    request: a job's request (service.api.schemas.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
+    request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
     """
     if scene.status == "failed":
         raise Conflict(f"The scene cannot be rendered: {scene.error}")

@@ -12,7 +12,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from renderer import settings
-from service.api.schemas import JobIn
+from service.models.jobs import JobIn
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
 from tests.helpers import ROOT, Farm

@@ -28,7 +28,7 @@ from renderer.settings import (
     Tile,
     View,
 )
-from service.api.schemas import JobIn
+from service.models.jobs import JobIn
 from worker.protocol.reproduce import batch_command
 
 CAMERAS = [

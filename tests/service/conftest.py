@@ -22,9 +22,9 @@ from starlette.routing import BaseRoute
 
 from rayfarm.local.farm import free_port
 from service.access import passwords
-from service.api import routes
 from service.farm import Farm
 from service.main import create_app
+from service.routes import registry as routes
 from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Base

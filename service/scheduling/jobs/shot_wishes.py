@@ -21,7 +21,7 @@ NOISIEST = "noisiest-first"
 
 @dataclass(frozen=True)
 class ShotWish:
-    """state, spp, more, and the rest: as service.api.schemas.JobPatch has them. Frames are written as 10-20 or 7,9."""
+    """state, spp, more, and the rest: as service.models.jobs.JobPatch has them. Frames are written as 10-20 or 7,9."""
 
     state: str | None = None
     spp: int | None = None

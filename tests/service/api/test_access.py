@@ -15,10 +15,10 @@ from websockets.sync.client import connect
 
 from service.access import attempts
 from service.access.roles import Role
-from service.api import gate
-from service.api.needs import NEEDS, WORKER, Need
 from service.errors import CannotStart
 from service.farm import Farm
+from service.http import gate
+from service.http.needs import NEEDS, WORKER, Need
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until

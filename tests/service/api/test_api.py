@@ -17,7 +17,7 @@ from PIL import Image
 from renderer.aovs import AOVS
 from renderer.image import rgbe9995
 from renderer.settings import OPTIONAL, Tile, View
-from service.api.schemas import JobIn, ViewModel
+from service.models.jobs import JobIn, ViewModel
 from service.store.models import Frame as FrameRow
 from service.store.models import Scene as SceneRow
 from tests.helpers import running_redis

@@ -12,8 +12,8 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from service.access import attempts
-from service.api.client_address import PASSED_ON
 from service.errors import CannotStart
+from service.http.client_address import PASSED_ON
 from service.settings import Settings
 from tests.grids import grid
 from tests.helpers import running_redis

@@ -12,7 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from service.api.security import _with_headers
+from service.http.security import _with_headers
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 

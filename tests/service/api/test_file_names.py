@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.api.file_names import named, picture_name, title_of
+from service.http.file_names import named, picture_name, title_of
 from service.store.models import Job
 
 # Any but surrogates, which no JSON brings. Said as numbers: `st.text` first makes a table of all characters, which takes seconds.

@@ -14,8 +14,8 @@ import pytest
 import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.api.client_address import PASSED_ON, _verified_origin
-from service.api.forward import Forward
+from service.http.client_address import PASSED_ON, _verified_origin
+from service.http.forward import Forward
 from service.settings import Settings
 from tests.service.conftest import until
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from service.api import frames, scenes
+from service.routes import frames, scenes
 from service.watching.pool import Pool
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker

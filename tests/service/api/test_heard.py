@@ -6,7 +6,7 @@ import asyncio
 import time
 from typing import Any
 
-from service.api.heard import BURST, CHARACTERS, RATE, heard
+from service.http.websocket_messages import BURST, CHARACTERS, RATE, heard
 
 MOST = 200_000
 

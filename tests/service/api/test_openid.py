@@ -19,8 +19,8 @@ import pytest
 
 from service.access.oidc import WAIT_S, oidc_of
 from service.access.roles import Role
-from service.api.openid import MOST_PENDING
 from service.errors import CannotStart
+from service.routes.openid import MOST_PENDING
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from renderer.image import encode, rgbe9995
-from service.api.security import MAX_BODY
+from service.http.security import MAX_BODY
 from service.intake import references
 from service.intake.read_reference import from_srgb
 from service.watching.film_packet import HEADER

@@ -1,0 +1,209 @@
+"""Requests to a service that stands by are forwarded to the one that runs the farm, and its answers are streamed back.
+
+The owner treats them as if they had been sent to it: the standby states the client's address and scheme in a signed field.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import suppress
+from http.cookiejar import CookieJar, DefaultCookiePolicy
+from typing import Any, TypeVar
+from urllib.parse import quote, urlsplit
+
+import httpx
+from starlette.datastructures import Headers
+from starlette.types import Receive, Scope, Send
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+
+from service.errors import Unavailable
+from service.http.client_address import PASSED_ON, signed_origin
+from service.http.hosts import is_here
+from service.http.problems import Problem
+from service.http.security import refuse
+from service.settings import Settings
+
+__all__ = ["Forward"]
+
+CONNECT_S = 3.0
+GOING_DOWN = 1012  # a WebSocket's close code: come again
+NO_CODE = (None, 1005, 1006)
+T = TypeVar("T")
+NO_PATH = Problem(400, "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
+AWAY = "The service that works as the farm does not answer"
+# Of one connection alone (RFC 9110, 7.6.1), and what the next one makes anew.
+HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
+SERVERS = {"date", "server"}  # which the server here says too
+HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocket-extensions", "sec-websocket-protocol"}
+
+
+class Forward:
+    """The way to the service that works as the farm."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._http: httpx.AsyncClient | None = None
+
+    async def close(self) -> None:
+        """End all of it."""
+        if self._http is not None:
+            await self._http.aclose()
+            self._http = None
+
+    async def is_ready(self, url: str, over: asyncio.Event) -> bool:
+        """Whether the service at an address can work now; False where it is `over` before that is known."""
+        asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
+        try:
+            answer = await _until(over, asking)
+        except httpx.HTTPError:
+            return False
+        return answer is not None and answer.is_success
+
+    async def request(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on a request, until `over`. Raises Unavailable where nobody answers; then nothing was sent."""
+        headers = Headers(scope=scope)
+        has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+        path = _path(scope)
+        try:
+            if not path.startswith("/"):
+                raise httpx.InvalidURL("no path")  # `*@elsewhere/` behind an address would make another's address of it
+            request = self._client().build_request(
+                scope["method"], url + path, headers=self._headers(scope, HOP), content=_body(receive) if has_body else None
+            )
+        except httpx.InvalidURL:
+            await refuse(NO_PATH, scope, receive, send)
+            return
+        try:
+            answer = await _until(over, self._client().send(request, stream=True))
+        except httpx.HTTPError as error:
+            raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
+        if answer is None:
+            raise Unavailable(f"{AWAY}.", 1.0)
+        leaving = asyncio.create_task(_until_gone(receive))
+        try:
+            await _until(over, _pass_back(answer, send), leaving)
+        finally:
+            leaving.cancel()
+            await answer.aclose()
+
+    async def socket(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on a WebSocket, until `over`. Raises Unavailable where nobody answers."""
+        await receive()
+        there, path = urlsplit(url), _path(scope)
+        if not path.startswith("/"):
+            await refuse(NO_PATH, scope, receive, send)
+            return
+        host = Headers(scope=scope).get("host", there.netloc)
+        connection = connect(
+            f"{'wss' if there.scheme == 'https' else 'ws'}://{host}{path}",
+            host=there.hostname,
+            port=there.port,
+            additional_headers=[(_text(name), _text(value)) for name, value in self._headers(scope, HOP | HANDSHAKE)],
+            subprotocols=scope["subprotocols"] or None,
+            user_agent_header=None,
+            compression=None,
+            max_size=None,
+            proxy=None,
+            open_timeout=CONNECT_S,
+        )
+        try:
+            async with connection as far:
+                await _between(far, over, receive, send)
+        except InvalidStatus as error:
+            told = error.response
+            await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
+        except (InvalidHandshake, OSError, TimeoutError) as error:
+            raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
+
+    def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
+        """Header fields for the owner, with the client's origin; an address on loopback means nothing on other machines."""
+        client = (scope.get("client") or ("", 0))[0]
+        origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
+        kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
+        return [*kept, (PASSED_ON.encode(), origin.encode())]
+
+    def _client(self) -> httpx.AsyncClient:
+        if self._http is None:
+            limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
+            timeout = httpx.Timeout(None, connect=CONNECT_S)
+            # What the owner gives one who asks is not shown for another: no cookie is kept.
+            no_cookies = CookieJar(DefaultCookiePolicy(allowed_domains=()))
+            self._http = httpx.AsyncClient(limits=limits, timeout=timeout, trust_env=False, cookies=no_cookies)
+            for name in ("accept", "accept-encoding", "user-agent"):
+                del self._http.headers[name]  # whoever asks says these, or nobody does
+        return self._http
+
+
+def _path(scope: Scope) -> str:
+    path = scope.get("raw_path") or quote(scope["path"]).encode()
+    query = scope["query_string"]
+    return _text(path).partition("?")[0] + (f"?{_text(query)}" if query else "")
+
+
+def _text(header: bytes) -> str:
+    return header.decode("latin-1")
+
+
+async def _body(receive: Receive) -> AsyncIterator[bytes]:
+    while True:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise httpx.ReadError("who asked has left")
+        yield message.get("body", b"")
+        if not message.get("more_body", False):
+            return
+
+
+async def _pass_back(answer: httpx.Response, send: Send) -> None:
+    kept = [(name, value) for name, value in answer.headers.raw if _text(name).lower() not in HOP | SERVERS]
+    await send(
+        {"type": "http.response.start", "status": answer.status_code, "headers": [(name.lower(), value) for name, value in kept]}
+    )
+    async for piece in answer.aiter_raw():
+        await send({"type": "http.response.body", "body": piece, "more_body": True})
+    await send({"type": "http.response.body", "body": b"", "more_body": False})
+
+
+async def _until_gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+async def _between(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
+    """Carry messages both ways, until one of them leaves or it is `over`."""
+    await send({"type": "websocket.accept", "subprotocol": far.subprotocol})
+    going = asyncio.create_task(_up(far, receive))
+    try:
+        with suppress(ConnectionClosed):  # it has died, and another takes its place
+            await _until(over, _down(far, send), going)
+        if not going.done():
+            code = far.close_code if far.close_code not in NO_CODE else GOING_DOWN
+            await send({"type": "websocket.close", "code": code, "reason": far.close_reason or ""})
+    finally:
+        going.cancel()
+        far.transport.abort()  # its goodbye is not waited for: it may stand still
+
+
+async def _up(far: ClientConnection, receive: Receive) -> None:
+    with suppress(ConnectionClosed, OSError):
+        while (message := await receive())["type"] != "websocket.disconnect":
+            text = message.get("text")
+            await far.send(text if text is not None else message["bytes"])
+
+
+async def _down(far: ClientConnection, send: Send) -> None:
+    async for message in far:
+        await send({"type": "websocket.send", **({"text": message} if isinstance(message, str) else {"bytes": message})})
+
+
+async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
+    """What comes of something; None where it was `over`, or one of the others came to its end, first."""
+    task, ending = asyncio.create_task(doing), asyncio.create_task(over.wait())
+    try:
+        await asyncio.wait((task, ending, *others), return_when=asyncio.FIRST_COMPLETED)
+        return task.result() if task.done() else None
+    finally:
+        for each in (task, ending):
+            each.cancel()

@@ -1,0 +1,311 @@
+"""The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
+
+A direct connection on loopback, from this machine, is let in as it is. Anybody else sends a session's cookie or a token
+(Authorization: Bearer TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token
+or changing a role ends them.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from functools import cache
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import HTTPConnection, cookie_parser
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.access.access import Access
+from service.access.projects import EVERYTHING, Kind, Sight, only_looks
+from service.access.roles import OPEN, Caller, Role
+from service.errors import FarmError, Unavailable
+from service.http.client_address import is_from_proxy
+from service.http.hosts import LOOPBACK_NAMES, is_here, name_of
+from service.http.needs import Need, need_of, thing_of
+from service.http.problems import Problem
+from service.http.security import SAFE_METHODS, refuse
+from service.http.visit import VISIT, Visit, address_of, shown_secret
+from service.jobs.lookup import no_thing
+
+__all__ = ["LOG_IN", "Gate", "cookie_name"]
+
+LOG_IN = (
+    "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` prints; "
+    "a program shows a token: Authorization: Bearer TOKEN."
+)
+OWNERS = (
+    "This says who else is let in, so it wants to know who asks: show the token that lies in owner-token in the data folder "
+    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so if RAYFARM_DATA names that folder."
+)
+WORKERS = "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it."
+ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
+log = logging.getLogger(__name__)
+
+STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
+UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # whose bodies may take hours to come
+AGAIN_S = 5.0
+LOG_IN_AGAIN = 4401  # a WebSocket's close codes
+NOT_THERE = 4404
+LONGEST_REASON = 120
+CLOSED_SINCE = "It is no longer yours to see: you are no member of its project any more."
+
+
+class Gate:
+    """ASGI middleware between the door and the routes."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Find out who calls, and let pass who may."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        method = "WS" if scope["type"] == "websocket" else scope["method"]
+        path = _path(scope)
+        pattern, need = need_of(method, path)
+        access: Access = scope["app"].state.farm.access
+        connection = HTTPConnection(scope)
+        shown = _shown(connection.headers, cookie_name(access, scope))
+        needs_login = _needs_login(access, connection)
+        try:
+            caller = await _known(access, shown) if shown else None
+        except Unavailable as error:
+            await refuse(Problem(503, str(error)), scope, receive, send)
+            return
+        if not needs_login and (caller is None or not need.is_met(caller)):
+            caller = OPEN
+        address = address_of(connection)
+        thing = thing_of(pattern, path)
+        try:
+            sight = await _sight(access, caller, needs_login)
+        except Unavailable as error:
+            await refuse(Problem(503, str(error)), scope, receive, send)
+            return
+        visit = scope[VISIT] = Visit(caller, needs_login, address, sight)
+        if method != "OPTIONS" and (refusal := _judge(need, caller)) is not None:
+            if caller is not None and caller.is_known and not caller.is_worker:
+                await _write_down(access, caller, address, f"{method} {pattern}", path, refusal.status)
+            await refuse(refusal, scope, receive, send)
+            return
+        if thing is not None and not await _sees(access, sight, thing):
+            if caller is not None and caller.is_known and method != "WS" and method not in SAFE_METHODS:
+                await _write_down(access, caller, address, f"{method} {pattern}", path, 404)
+            await _not_there(thing, scope, receive, send)
+            return
+        project = access.projects.known(*thing) if thing is not None else None  # it was looked up just now
+        if need.role is not None and need.role > Role.VIEW and project is not None and not sight.changes(project):
+            await refuse(Problem(403, str(only_looks(project)), {"Connection": "close"}), scope, receive, send)
+            return
+        if method == "WS" or pattern in STAYS_OPEN:
+            lasting = _Lasting(access, shown, need, visit, thing, receive, send)
+            await self._app(scope, lasting.receive, lasting.send)
+        elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
+            await self._app(scope, receive, _kept_private(send) if needs_login else send)
+        else:
+            if pattern in UPLOADS:
+                receive = _Lasting(access, shown, need, visit, thing, receive, send).take
+            await self._app(scope, receive, _written_down(access, caller, address, f"{method} {pattern}", path, send))
+
+
+def cookie_name(access: Access, scope: Scope) -> str:
+    """What the session's cookie is called. Over TLS browsers let nobody else set one of this name."""
+    return f"__Host-{access.cookie}" if scope["scheme"] in ("https", "wss") else access.cookie
+
+
+def _path(scope: Scope) -> str:
+    """The path that routes are found by."""
+    path: str = scope["path"]
+    root: str = scope.get("app_root_path", scope.get("root_path", ""))
+    return path.removeprefix(root) if root and path.startswith(f"{root}/") else path
+
+
+def _shown(headers: Headers, cookie: str) -> str:
+    """The secret that a request shows; a token counts before a cookie."""
+    if token := shown_secret(headers):
+        return token
+    return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
+
+
+def _needs_login(access: Access, connection: HTTPConnection) -> bool:
+    """Returns whether this request needs a login.
+
+    On a farm that is open to its own machine: one from another machine, through a proxy, or by a name other than loopback's.
+    In a container every client has another address, so only the proxy counts there.
+    """
+    if access.needs_login or access.is_open:
+        return access.needs_login
+    if is_from_proxy(connection.scope):
+        _warn_of_proxy()
+        return True
+    is_local = is_here(address_of(connection)) and name_of(connection.headers.get("host", "")) in LOOPBACK_NAMES
+    return not (is_local or access.is_published)
+
+
+@cache
+def _warn_of_proxy() -> None:
+    """Log, once, that a proxy reaches a farm that needs no login on this machine."""
+    log.warning(
+        "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
+        "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
+        "like those of a person on this machine."
+    )
+
+
+async def _known(access: Access, shown: str) -> Caller | None:
+    return access.remembered(shown) or await run_in_threadpool(access.find, shown)
+
+
+async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Sight:
+    """What a caller sees; where nobody is asked for a login, nothing is closed to anybody."""
+    if not needs_login and caller is not None and not caller.is_worker:
+        return EVERYTHING
+    known = access.projects.remembered(caller)
+    return await run_in_threadpool(access.projects.sight, caller) if known is None else known
+
+
+async def _sees(access: Access, sight: Sight, thing: tuple[Kind, str]) -> bool:
+    """Whether somebody sees a thing; what is not there at all is not told from what is another project's."""
+    if sight.everything:
+        return True
+    project = access.projects.known(*thing)
+    if project is None:
+        try:
+            project = await run_in_threadpool(access.projects.of, *thing)
+        except FarmError:
+            return False  # the database is away, and nobody knows whose it is
+    return sight.sees(project) if project is not None else thing[0] == "environment"  # presets have no row
+
+
+async def _not_there(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer as the route does where there is no such thing: that it is another project's is not told either."""
+    sentence = str(no_thing(*thing))
+    if scope["type"] == "http":
+        await refuse(Problem(404, sentence), scope, receive, send)
+        return
+    await receive()
+    await send({"type": "websocket.accept"})
+    await send({"type": "websocket.close", "code": NOT_THERE, "reason": sentence[:LONGEST_REASON]})
+
+
+def _judge(need: Need, caller: Caller | None) -> Problem | None:
+    if need.is_met(caller):
+        return None
+    challenge = {"WWW-Authenticate": "Bearer", "Connection": "close"}
+    if need.role is None:
+        return Problem(401, WORKERS, challenge)
+    if caller is None:
+        return Problem(401, LOG_IN, challenge)
+    if not caller.is_known:
+        return Problem(401, OWNERS, challenge)
+    has = "worker" if caller.is_worker else caller.role.word
+    return Problem(403, ROLE.format(needed=need.role.word, name=caller.name, has=has), {"Connection": "close"})
+
+
+async def _write_down(access: Access, caller: Caller, address: str, what: str, path: str, status: int) -> None:
+    await run_in_threadpool(access.audit.add, caller.name, what, kind=caller.kind, address=address, about=path, status=status)
+
+
+def _written_down(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
+    """Into the record, once it is known what came of it."""
+
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            about = Headers(raw=message.get("headers", [])).get("location", path)
+            await _write_down(access, caller, address, what, about, message["status"])
+        await send(message)
+
+    return wrapped
+
+
+def _kept_private(send: Send) -> Send:
+    """What a browser may keep for its user no proxy may keep for others."""
+
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            kept = headers.get("cache-control", "")
+            if "max-age" in kept and "public" not in kept and "private" not in kept:
+                headers["Cache-Control"] = f"private, {kept}"
+        await send(message)
+
+    return wrapped
+
+
+class _Lasting:
+    """A WebSocket, or an answer that goes on: it ends when who opened it is not let in any more."""
+
+    def __init__(
+        self,
+        access: Access,
+        shown: str,
+        need: Need,
+        visit: Visit,
+        thing: tuple[Kind, str] | None,
+        receive: Receive,
+        send: Send,
+    ) -> None:
+        self._access, self._shown, self._need, self._thing = access, shown, need, thing
+        self._receive, self._send = receive, send
+        self._needs_login, self._saw_everything = visit.needs_login, visit.sight.everything
+        self._looks = visit.caller is not None and visit.caller.is_known
+        self._looked = time.monotonic()
+        self._is_over = False
+        self._why = LOG_IN_AGAIN, "You are logged out. Log in again."  # of a WebSocket that ends: code and reason
+
+    async def receive(self) -> Message:
+        """What comes in, or that nobody is there any more."""
+        message = await self._receive()
+        if message["type"] == "websocket.receive" and not await self._may_go_on():
+            await self._end("websocket")
+        if self._is_over and message["type"] == "websocket.receive":
+            return {"type": "websocket.disconnect", "code": self._why[0]}
+        return message
+
+    async def take(self) -> Message:
+        """What comes in of an upload, which is taken from nobody who may not send it any more. Raises Problem."""
+        message = await self._receive()
+        if message["type"] == "http.request" and not message.get("more_body"):
+            self._looked = -math.inf  # before any of it is kept
+        if message["type"] == "http.request" and not await self._may_go_on():
+            raise Problem(401, LOG_IN, {"Connection": "close"})
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Send, or end it."""
+        if message["type"] in ("websocket.send", "http.response.body") and not await self._may_go_on():
+            await self._end(message["type"].partition(".")[0])
+        elif not self._is_over:
+            await self._send(message)
+
+    async def _end(self, kind: str) -> None:
+        if self._is_over:
+            return
+        self._is_over = True
+        if kind == "websocket":
+            code, reason = self._why
+            await self._send({"type": "websocket.close", "code": code, "reason": reason})
+        else:
+            await self._send({"type": "http.response.body", "body": b"", "more_body": False})
+
+    async def _may_go_on(self) -> bool:
+        if self._is_over:
+            return False
+        if not self._looks or time.monotonic() - self._looked < AGAIN_S:
+            return True
+        self._looked = time.monotonic()
+        try:
+            caller = await _known(self._access, self._shown)
+            if not self._need.is_met(caller):
+                return False
+            sight = await _sight(self._access, caller, self._needs_login)
+            if self._saw_everything and not sight.everything:
+                return False
+            if self._thing is None or await _sees(self._access, sight, self._thing):
+                return True
+            self._why = NOT_THERE, CLOSED_SINCE
+            return False
+        except FarmError:
+            return True  # the database is away for a moment: that withdraws nothing

@@ -1,0 +1,197 @@
+"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do about it."""
+
+from __future__ import annotations
+
+import http
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse, Response
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from service.errors import (
+    Conflict,
+    Failed,
+    FarmError,
+    FilmDamaged,
+    FilmLost,
+    FilmWaits,
+    Invalid,
+    NoRoom,
+    NotAllowed,
+    NotFound,
+    OverQuota,
+    TooLarge,
+    TooLate,
+    Unavailable,
+    UnknownFormat,
+)
+from service.events import FilmSuspected
+from service.http.methods import methods_of
+
+__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "told"]
+
+log = logging.getLogger(__name__)
+
+STATUS: dict[type[FarmError], int] = {
+    NotFound: 404,
+    NotAllowed: 403,
+    Conflict: 409,
+    Invalid: 422,
+    TooLarge: 413,
+    UnknownFormat: 415,
+    NoRoom: 507,
+    OverQuota: 429,
+    Unavailable: 503,
+    Failed: 502,
+    TooLate: 504,
+    FilmWaits: 503,
+    FilmLost: 409,
+}
+RETRY_AFTER_S = 2
+MOST_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
+MOST_TEXT = 300  # characters echoed per error
+FASTAPI_BAD_BODY = "There was an error parsing the body"
+SENTENCES = {
+    404: "There is nothing at {path}. The API is described at /docs.",
+    400: "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
+    405: "{method} is not possible at {path}. The API is described at /docs.",
+}
+
+
+class ProblemResponse(JSONResponse):
+    """A JSON response with the media type of problems."""
+
+    media_type = "application/problem+json"
+
+
+class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
+    """An error answer. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
+
+    def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.headers = headers
+        self.more = more
+
+
+ProblemBody: dict[str, Any] = {
+    "description": "A problem, with a sentence a person can act on",
+    "content": {
+        "application/problem+json": {
+            "schema": {
+                "type": "object",
+                "required": ["title", "status", "detail"],
+                "properties": {
+                    "type": {"type": "string"},
+                    "title": {"type": "string"},
+                    "status": {"type": "integer"},
+                    "detail": {"type": "string"},
+                    "errors": {
+                        "type": "array",
+                        "items": {
+                            "type": "object",
+                            "properties": {"field": {"type": "string"}, "message": {"type": "string"}},
+                        },
+                    },
+                },
+            }
+        }
+    },
+}
+
+
+def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
+    """The response for a status and a sentence."""
+    if status == 503:
+        headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
+    body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+    return ProblemResponse(body, status, headers=dict(headers or {}))
+
+
+def install(app: FastAPI) -> None:
+    """Installs handlers that convert every error of the application to a problem."""
+
+    @app.exception_handler(Problem)
+    async def _problem(request: Request, error: Problem) -> ProblemResponse:
+        return response(error.status, error.detail, error.headers, **error.more)
+
+    @app.exception_handler(FarmError)
+    async def _farm(request: Request, error: FarmError) -> ProblemResponse:
+        if isinstance(error, FilmDamaged) and "id" in request.path_params:
+            request.app.state.farm.events.publish(FilmSuspected(request.path_params["id"]))
+        seconds = error.retry_after_s if isinstance(error, Unavailable | OverQuota) else None
+        headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
+        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)
+
+    @app.exception_handler(HTTPException)
+    async def _http(request: Request, error: HTTPException) -> Response:
+        status, detail, headers = error.status_code, str(error.detail), error.headers
+        methods = methods_of(app, request.scope) if status in (404, 405) else []
+        if methods and (request.method not in methods or request.method == "OPTIONS"):
+            headers = {"Allow": ", ".join(methods)}
+            if request.method == "OPTIONS":
+                return Response(status_code=204, headers=headers)
+            status, detail = 405, http.HTTPStatus.METHOD_NOT_ALLOWED.phrase
+        elif status == 405:
+            status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
+        if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
+            detail = SENTENCES[status].format(path=_short(request.url.path), method=request.method)
+        return response(status, detail, headers)
+
+    @app.exception_handler(RequestValidationError)
+    async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
+        errors = [
+            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)}
+            for e in error.errors()[:MOST_ERRORS]
+        ]
+        detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
+        return response(422, f"{detail}.", errors=errors)
+
+    @app.exception_handler(ClientDisconnect)
+    async def _gone(request: Request, error: ClientDisconnect) -> Response:
+        return Response(status_code=400)  # never read: the client aborted the upload, which is no error of the service
+
+    @app.exception_handler(Exception)
+    async def _fault(request: Request, error: Exception) -> ProblemResponse:
+        log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
+        sentence = "The service has a fault and wrote it into its log. Try again; if it stays, report it."
+        return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
+
+
+JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
+
+
+def told(error: Mapping[str, Any]) -> str:
+    """One of a request's validation errors as text: the field and its fault."""
+    field, message = _field(error["loc"]), _message(error)
+    return f"{field}: {message}" if field else message
+
+
+def _field(location: Sequence[Any]) -> str:
+    """`("body", "view", "eye", 0)` as `view.eye[0]`."""
+    text = ""
+    for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return _short(text)
+
+
+def _message(error: Mapping[str, Any]) -> str:
+    if error["type"] == "json_invalid":
+        return f"the body is not JSON ({error.get('ctx', {}).get('error', 'cannot be read')})"
+    if error["type"] == "extra_forbidden":
+        return "there is no such field"
+    if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
+        return JSON_OBJECT if tuple(error["loc"]) == ("body",) else "input should be an object"
+    message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
+    return _short(message[:1].lower() + message[1:])
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT // 2]} ... {text[-MOST_TEXT // 2 :]}"

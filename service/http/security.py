@@ -1,0 +1,166 @@
+"""Security headers on every answer, and rejection of cross-site requests.
+
+A foreign page may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers too
+(DNS rebinding). So a service answers only to its own names (service.http.hosts), and requests whose Origin differs from their
+Host can change nothing and open no WebSocket.
+"""
+
+from __future__ import annotations
+
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.http.heads import as_get
+from service.http.hosts import Hosts, name_of
+from service.http.problems import Problem, response
+from service.settings import Settings
+
+__all__ = ["SAFE_METHODS", "Door", "is_beyond", "refuse"]
+
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'self'; img-src 'self' data: blob:; object-src 'none'; "
+        "base-uri 'none'; frame-ancestors 'none'; form-action 'self'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+}
+HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
+UNKNOWN_NAME = (
+    "The service does not answer to the name {name}. Open it as localhost or by its address; "
+    "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
+)
+FOREIGN = "The request comes from a page of another origin. Use the service's own page, or a program."
+OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
+SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
+MAX_BODY = 1 << 20  # bytes; uploads have separate limits
+STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
+
+
+class Door:
+    """ASGI middleware around the whole application."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._hosts = Hosts(settings)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Checks a request, and passes it on or rejects it."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, _with_refusal(scope, send))
+            return
+        refusal = self._judge(scope)
+        if refusal is not None:
+            await refuse(refusal, scope, receive, _with_headers(scope, send))
+        elif scope["type"] == "websocket":
+            await self._app(scope, receive, _with_headers(scope, send))
+        else:
+            await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(scope, send))
+
+    def _judge(self, scope: Scope) -> Problem | None:
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        name = name_of(hosts[0]) if len(hosts) == 1 else None
+        if name is None:
+            return Problem(400, "The header Host is not the name or address of a machine. Send it once, like localhost:8000.")
+        if not self._hosts.know(name):
+            return Problem(421, UNKNOWN_NAME.format(name=name[:80]))
+        if "\0" in scope["path"]:
+            return Problem(404, "There is nothing there: no name has the character 0 in it.")
+        changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
+        if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
+            return Problem(403, FOREIGN)
+        if scope["type"] == "http" and changes and headers.get("sec-fetch-site", "none") not in OWN_SITE:
+            return Problem(403, FOREIGN)
+        length = headers.get("content-length", "")
+        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and is_beyond(length, MAX_BODY):
+            return _too_large()
+        return None
+
+
+async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
+    """Answers a request, or a WebSocket that is not open yet, with an error."""
+    if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
+        await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": 1008})
+
+
+def _host_of(origin: str) -> str | None:
+    """Host and port of an Origin; None if it has none."""
+    try:
+        return urlsplit(origin).netloc.lower() or None
+    except ValueError:
+        return None
+
+
+def is_beyond(length: str, limit: int) -> bool:
+    """Whether a Content-Length exceeds the limit; False for a malformed one, which the server rejects."""
+    return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
+
+
+def _head_as_get(scope: Scope) -> Scope:
+    """Rewrites HEAD requests as GET, so that every GET route supports HEAD.
+
+    Except the stream of events, whose answer never ends.
+    """
+    if scope["method"] == "HEAD" and scope["path"] != "/api/events":
+        return as_get(scope)
+    return scope
+
+
+def _with_refusal(scope: Scope, send: Send) -> Send:
+    """Logs the reason why the service does not start as a sentence instead of a traceback."""
+
+    async def wrapped(message: Message) -> None:
+        refusal = getattr(scope["app"].state, "refusal", None)
+        if message["type"] == "lifespan.startup.failed" and refusal is not None:
+            message = {**message, "message": refusal}
+        await send(message)
+
+    return wrapped
+
+
+def _with_headers(scope: Scope, send: Send) -> Send:
+    is_secure = scope["scheme"] in ("https", "wss") and name_of(Headers(scope=scope).get("host", "")) != "localhost"
+
+    async def wrapped(message: Message) -> None:
+        if message["type"].endswith("http.response.start"):
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers.setdefault(name, value)
+            if is_secure:
+                headers.setdefault("Strict-Transport-Security", HSTS)
+            if "cache-control" not in headers:
+                headers["Cache-Control"] = "no-store"
+        await send(message)
+
+    return wrapped
+
+
+def _bounded(scope: Scope, receive: Receive) -> Receive:
+    """Enforces the size limit on bodies of unknown length."""
+    if scope["path"].startswith(STREAMED):
+        return receive
+    size = 0
+
+    async def wrapped() -> Message:
+        nonlocal size
+        message = await receive()
+        size += len(message.get("body", b""))
+        if size > MAX_BODY:
+            raise HTTPException(413, _too_large().detail)  # the only exception that FastAPI passes on while reading a body
+        return message
+
+    return wrapped
+
+
+def _too_large() -> Problem:
+    return Problem(413, f"The body is larger than {MAX_BODY} bytes.", headers={"Connection": "close"})

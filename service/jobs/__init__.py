@@ -1,0 +1,1 @@
+"""Use cases of jobs: creating, changing, listing and describing them, without HTTP."""

@@ -1,0 +1,127 @@
+"""Changing many jobs at once."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field, model_validator
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.access.projects import only_looks
+from service.errors import FarmError
+from service.events import RowWritten
+from service.farm import Farm
+from service.http.visit import Visit
+from service.jobs.listing import MOST_JOBS
+from service.jobs.lookup import find_job, no_job
+from service.models.jobs import JobState
+from service.models.strict import Strict
+from service.scheduling.jobs.wishes import begins_anew, set_state, wait_no_longer_in_vain
+from service.store.models import FINAL, Job
+
+__all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]
+
+AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine and with it all jobs
+
+
+class ChangesIn(Strict):
+    """What is to become of many jobs."""
+
+    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
+    state: Literal["running", "paused", "cancelled", "deleted"] | None = None
+    priority: int | None = Field(None, ge=-100, le=100)
+    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> ChangesIn:
+        if self.state is None and self.priority is None:
+            raise ValueError("say what is to change: give state or priority")
+        return self
+
+
+class WasOut(BaseModel):
+    """A job that changed, as it was before."""
+
+    id: str
+    state: str
+    priority: int
+
+
+class RefusedOut(BaseModel):
+    """A job to which it could not be done."""
+
+    id: str
+    why: str
+
+
+class ChangesOut(BaseModel):
+    """What came of it."""
+
+    changed: list[WasOut]
+    refused: list[RefusedOut]
+
+
+def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
+    """Applies changes to all jobs that allow them. Jobs that the caller may not see count as missing."""
+    ids = list(dict.fromkeys(changes.jobs))
+    answer = ChangesOut(changed=[], refused=[])
+    with farm.sessions() as session:
+        chosen = select(Job.id).where(Job.id.in_(ids), visit.sight.clause(Job.project))
+        seen = set(session.scalars(chosen))
+        of = seen if changes.of is None else set(session.scalars(chosen.where(Job.state.in_(changes.of))))
+        where = select(Job.id, Job.project).where(Job.id.in_(ids), Job.project.in_(visit.sight.looks))
+        closed = {row.id: row.project for row in session.execute(where)}
+    unseen = [id for id in ids if id not in seen and changes.of is None]
+    answer.refused += [RefusedOut(id=id, why=str(only_looks(closed[id]))) for id in ids if id in of and id in closed]
+    ids = [id for id in ids if id in of and id not in closed]
+    for at in range(0, len(ids), AT_A_TIME):
+        some = ids[at : at + AT_A_TIME]
+        if changes.state == "deleted":
+            answer.changed += [WasOut(**each._asdict()) for each in farm.deleting.delete(some)]
+        else:
+            _change(some, changes, farm, visit, answer)
+    known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
+    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in (*ids, *unseen) if id not in known]
+    return answer
+
+
+def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer: ChangesOut) -> None:
+    anew: dict[str, bool] = {}
+    if changes.state == "running":
+        for id in ids:
+            try:
+                anew[id] = may_begin_anew(id, farm)
+                farm.lighting.restore(id)
+            except FarmError as error:
+                answer.refused.append(RefusedOut(id=id, why=str(error)))
+    refused = {each.id for each in answer.refused}
+    changed: list[WasOut] = []
+    with farm.sessions.begin() as session:
+        for job in _rows([id for id in ids if id not in refused], session):
+            was = WasOut(id=job.id, state=job.state, priority=job.priority)
+            try:
+                if changes.state == "running" and job.state in FINAL:
+                    session.flush()
+                    farm.quotas.check_job(visit.caller, session)
+                if changes.state is not None and changes.state != "deleted":
+                    set_state(job, changes.state, anew.get(job.id, False))
+                job.priority = job.priority if changes.priority is None else changes.priority
+            except FarmError as error:
+                answer.refused.append(RefusedOut(id=job.id, why=str(error)))
+                continue
+            changed.append(was)
+        if changes.state == "running":
+            wait_no_longer_in_vain([each.id for each in changed], session)
+    for each in changed:
+        farm.events.publish(RowWritten("job", each.id))
+    answer.changed += changed
+
+
+def may_begin_anew(id: str, farm: Farm) -> bool:
+    """Whether a job that is set to running starts with an empty film. Reads the film of a job that has ended."""
+    return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
+
+
+def _rows(ids: list[str], session: Session) -> list[Job]:
+    return list(session.scalars(select(Job).where(Job.id.in_(ids)).with_for_update()))

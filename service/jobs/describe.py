@@ -1,0 +1,307 @@
+"""Converts database rows, with the engine's current state, to the API's models."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Sequence
+from operator import attrgetter
+from typing import Any, NamedTuple, cast
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from renderer.frames import frame_number, frames_text
+from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest, one_frame, still_numbers
+from service.jobs.shot_sums import ShotSums, sums_of
+from service.models.jobs import (
+    FrameState,
+    JobOut,
+    MeasuredOut,
+    SceneOut,
+    SceneStatus,
+    ShotOut,
+    TakenOut,
+)
+from service.models.queue import WaitOut, waits_of, waits_sentence, warning_of
+from service.models.workers import worker_out
+from service.scheduling.engine import Engine
+from service.scheduling.fleet.needs import Needs
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.active_frame import FrameNumbers
+from service.scheduling.snapshot import JobNumbers, Snapshot
+from service.shot import Shot
+from service.store.models import ACTIVE, Frame, Job, Scene
+
+__all__ = ["UNREADABLE", "job_out", "jobs_out", "scene_out", "snapshot"]
+
+log = logging.getLogger(__name__)
+
+# Columns of a job's row, read by one call in C, since a list has a thousand rows.
+_AS_THEY_ARE = (
+    *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
+    *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
+    *("user", "max_slots", "deadline", "late"),
+)
+_as_they_are = attrgetter(*_AS_THEY_ARE)
+MOST_NAMED = 500  # jobs in one query
+UNREADABLE = (
+    "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
+    "Delete it, or go back to that release."
+)
+
+
+def scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    """A scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
+    try:
+        return _scene_out(scene, engine)
+    except Exception as error:
+        log.warning("scene %s cannot be described: %r", scene.id, error)
+        plain = Scene(
+            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
+            status="failed",
+            error=UNREADABLE.format(what="scene"),
+            files=[],
+            notes=[],
+        )
+        return _scene_out(plain, engine)
+
+
+def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
+    """A job for the API, with the engine's latest numbers if it is being rendered.
+
+    A row that this release cannot interpret is described as far as possible, as failed.
+    """
+    return jobs_out([job], session, engine, view)[0]
+
+
+def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:
+    """Jobs for the API, with one query for the frames of all of them.
+
+    view: a snapshot of the engine, taken before the rows were read. A job leaves the engine once its numbers are stored, so a
+    later snapshot might miss numbers that the rows do not have yet.
+    """
+    view = view or engine.snapshot
+    shots = {job.id for job in jobs if job.shot is not None}
+    recorded = _recorded([job.id for job in jobs if job.id not in shots], session)
+    sums = sums_of([job for job in jobs if job.id in shots], view.jobs, session)
+    waits = waits_of(jobs, session)
+    return [_one_out(job, recorded.get(job.id, []), sums.get(job.id), engine, view, waits.get(job.id, [])) for job in jobs]
+
+
+def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
+    """The stored numbers of the frames of still jobs, by job."""
+    found: dict[str, Recorded] = {}
+    columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
+    for at in range(0, len(jobs), MOST_NAMED):
+        query = select(*columns).where(Frame.job.in_(jobs[at : at + MOST_NAMED])).order_by(Frame.job, Frame.number)
+        for job, number, *numbers in session.execute(query):
+            found.setdefault(job, []).append((number, FrameNumbers._make(numbers)))
+    return found
+
+
+def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine, view: Snapshot, waits: list[WaitOut]) -> JobOut:
+    try:
+        out = _job_out(job, recorded, sums, view, waits)
+        for frame in out.frames if job.shot is None else ():
+            if frame.bad_samples:
+                frame.bad = bad_samples_of(job, frame, engine)
+        return out
+    except Exception as error:
+        log.warning("job %s cannot be described: %r", job.id, error)
+        known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s", "project", "user")
+        plain = Job(
+            **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
+        )
+        return _job_out(plain, recorded, None, view, [])
+
+
+def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    info: dict[str, Any] = scene.info or {}
+    waits = scene.status == "preparing"
+    view = engine.snapshot
+    preparing = view.preparing.get(scene.id) if waits else None
+    return SceneOut(
+        id=scene.id,
+        name=scene.name,
+        status=cast(SceneStatus, scene.status),
+        error=scene.error,
+        step=_why_preparing(scene.id, view) if waits else None,
+        progress=preparing.fraction if preparing else 0.0 if waits else None,
+        created=scene.created,
+        main=scene.main,
+        files=scene.files,
+        bytes=scene.bytes,
+        cameras=info.get("cameras", []),
+        counts=info.get("counts", {}),
+        bounds=info.get("bounds"),
+        animations=info.get("animations", []),
+        fps=info.get("fps"),
+        clips=info.get("clips", []),
+        variants=info.get("variants", []),
+        variant=scene.variant,
+        environment=scene.environment,
+        measured=MeasuredOut(**scene.measured) if scene.measured else None,
+        warnings=[*scene.notes, *info.get("warnings", [])],
+        strict=bool(scene.strict),
+        defaults=info.get("defaults", {}),
+        thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+        project=scene.project or "",
+    )
+
+
+def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snapshot, waits: list[WaitOut]) -> JobOut:
+    known = view.jobs.get(job.id)
+    live = known if job.state in ACTIVE else None
+    shot = Shot.of(job.shot)
+    about: ShotOut | None = None
+    if shot is None or of_shot is None:
+        frames = [one_frame(job, *each) for each in still_numbers(job, recorded, known, live is not None)]
+        sums = _Sums(sum(f.samples for f in frames), sum(f.bad_samples for f in frames), sum(f.progress for f in frames))
+    else:
+        first = of_shot.first
+        frames = [] if first is None else [one_frame(job, first[0], latest(job, known, *first))]
+        sums, about = _shot_out(job, shot, of_shot, known)
+    size = job.settings or job.request
+    return JobOut(
+        **dict(zip(_AS_THEY_ARE, _as_they_are(job), strict=True)),
+        project=job.project or "",
+        message=_message(job, view, waits) or _holes(job, about),
+        stranded=job.state in ("queued", "running") and _is_stranded(job, view.roster) and bool(view.roster.ready()),
+        after=job.request.get("after") or [],
+        waits_for=waits,
+        needs=needs.texts if (needs := Needs.of(job.needs)) else [],
+        expected=live.expected if live else None,
+        unforeseen=live.unforeseen if live else None,
+        warning=warning_of(job, live.expected if live else None, time.time()),
+        active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
+        progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
+        eta_s=live.eta_s
+        if live and job.state == "running" and not _in_the_way(view.roster)
+        else 0.0
+        if job.state == "finished"
+        else None,
+        samples=sums.samples,
+        samples_per_s=round(live.samples_per_s, 1) if live else 0.0,
+        bad_samples=sums.bad_samples,
+        width=size.get("width"),
+        height=size.get("height"),
+        environment=_light_of(job),
+        variant=job.request.get("variant"),
+        pinned=bool(job.pinned),
+        taken=TakenOut(**job.taken) if job.taken else None,
+        doubted=job.doubted or [],
+        frames=frames,
+        shot=about,
+    )
+
+
+def _light_of(job: Job) -> dict[str, Any] | None:
+    """The requested environment; None if it is the scene's own."""
+    found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
+    return {**found, "name": job.light} if "image" in found else found or None
+
+
+class _Sums(NamedTuple):
+    """Sums over all frames of a job."""
+
+    samples: int
+    bad_samples: int
+    progress: float
+
+
+def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> tuple[_Sums, ShotOut]:
+    about = ShotOut(
+        frames=now.frames,
+        count=now.count,
+        **{name: getattr(shot, name) for name in ("fps", "clip", "turntable", "order", "every")},
+        first=None if shot.first is None else frame_number(shot.first),
+        states=cast("dict[FrameState, int]", dict(now.states)),
+        failed=frames_text(map(frame_number, now.failed)),
+        noise=now.noise,
+        forecast=now.noise if job.state == "finished" else known.forecast if known is not None else None,
+    )
+    return _Sums(now.samples, now.bad_samples, now.progress), about
+
+
+def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
+    """A job, scene or worker as JSON-ready data; None if it no longer exists."""
+    view = engine.snapshot
+    if what == "job":
+        job = session.get(Job, id)
+        return job_out(job, session, engine, view).model_dump() if job else None
+    if what == "scene":
+        scene = session.get(Scene, id)
+        return scene_out(scene, engine).model_dump() if scene else None
+    report = view.roster.reports.get(id)
+    return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
+
+
+def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
+    """Why a job does not progress, as a sentence for the user; None if it does."""
+    if job.state == "paused" or job.state not in ACTIVE:
+        return None
+    if why := waits_sentence(waits):
+        return why
+    if why := view.fault or view.waits.get(job.id):
+        return why
+    if job.settings is None:
+        return "Waits for its scene to be prepared."
+    if why := _in_the_way(view.roster):
+        return why
+    if job.needs and (why := _unmet(job, view.roster)):
+        return why
+    if job.lit in view.preparing:
+        return "Its scene is prepared under its light."
+    if job.shot is not None and view.roster.shooting_kind() is None:
+        return "Waits for a worker of this release: those that are connected prepare no frames of shots."
+    if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:
+        return "Waits for workers of this release: of those that are connected some blur nothing that moves."
+    if _is_stranded(job, view.roster):
+        return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
+    slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
+    if slots and all(slot.get("compiling") for slot in slots):
+        return "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two."
+    if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
+        return f"{numbers.handed_back.rstrip('.')}. It is tried again."
+    if ahead := view.ahead.get(job.id):
+        return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
+    return None
+
+
+def _is_stranded(job: Job, roster: Roster) -> bool:
+    """Whether a job has started on a kind of worker of which none is connected."""
+    return job.kind is not None and not roster.slots(job.kind)
+
+
+def _unmet(job: Job, roster: Roster) -> str | None:
+    """Why no worker that could render a job meets its requirements; None if one does."""
+    needs = Needs.of(job.needs)
+    able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
+    return needs.lacking(map(roster.offers.get, able)) if needs else None
+
+
+def _holes(job: Job, shot: ShotOut | None) -> str | None:
+    """A sentence about the frames that a finished job lacks; None if there are none."""
+    if shot is None or not shot.failed or job.state != "finished":
+        return None
+    which = f"frame {shot.failed}" if shot.states.get("failed") == 1 else f"the frames {shot.failed[:200]}"
+    return f"Finished without {which}. Set the job to running to try again."
+
+
+def _why_preparing(scene: str, view: Snapshot) -> str:
+    """The current step of preparing a scene, or what it waits for."""
+    progress = view.preparing.get(scene)
+    return view.waits.get(scene) or (progress.step if progress else _in_the_way(view.roster) or "Waits for a free worker.")
+
+
+def _in_the_way(roster: Roster) -> str | None:
+    """Why the whole farm does not progress; None if a worker takes work."""
+    if roster.ready():
+        return None
+    if not roster.reports:
+        return "Waits for a worker: none is connected."
+    if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
+        rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
+        return "Waits: all workers rest or are paused." if rest else "Waits: all workers are paused."
+    return "Waits for the workers to load their kernels; the first time that takes half a minute or more."

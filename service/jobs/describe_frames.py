@@ -1,0 +1,155 @@
+"""Converts frame rows, with the engine's current state, to the API's models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import islice
+from typing import Any, cast
+
+from pydantic_core import to_json
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from renderer.errors import SettingsError
+from renderer.frames import frame_key, frame_number
+from renderer.settings import RenderSettings
+from service.errors import FarmError
+from service.jobs.shot_sums import live_numbers
+from service.models.jobs import BadSampleOut, FrameOut, FrameState
+from service.scheduling.engine import Engine
+from service.scheduling.jobs.active_frame import FrameNumbers
+from service.scheduling.snapshot import JobNumbers
+from service.store.models import ACTIVE, Frame, Job
+from worker.protocol.reproduce import sample_command
+
+__all__ = [
+    "RECORDED",
+    "Recorded",
+    "bad_samples_of",
+    "frame_numbers",
+    "frame_out",
+    "frames_json",
+    "latest",
+    "one_frame",
+    "plain_frames",
+    "still_numbers",
+]
+
+BAD_SHOWN = 16
+Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
+RECORDED = FrameNumbers._fields  # columns of a frame's row
+
+
+def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
+    """The numbers of a still's frame, whose state follows from its job. is_live: it is being rendered."""
+    state = job.state if job.state in ("running", "finished", "failed") else "queued"
+    found = []
+    for key, f in recorded:
+        numbers = f._replace(state=state, error=None)
+        # The engine stores its numbers once a second, and once more shortly after a cancellation: until then the
+        # stored numbers of an ended job may be behind those sent to clients.
+        if known is not None and (is_live or known.samples > f.samples):
+            numbers = numbers._replace(samples=known.samples, bad_samples=known.bad_samples)
+            numbers = numbers._replace(progress=known.progress, noise=known.noise)
+        found.append((key, numbers))
+    return found
+
+
+def frame_numbers(
+    job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None, page: tuple[int, int | None] = (0, None)
+) -> Recorded:
+    """The numbers of a job's frames, or of those with these keys, with the engine's latest values: pairs of key and numbers, in
+    order.
+
+    page: offset and maximum number (None: no limit).
+    """
+    known = engine.snapshot.jobs.get(job.id)
+    if live_numbers(job, known) is not None and known is not None:
+        chosen = (
+            known.frames.items() if keys is None else ((key, known.frames[key]) for key in sorted({*keys} & known.frames.keys()))
+        )
+        return list(islice(chosen, page[0], None if page[1] is None else page[0] + page[1]))
+    columns = [getattr(Frame, name) for name in ("number", *RECORDED)]
+    query = select(*columns).where(Frame.job == job.id).order_by(Frame.number).offset(page[0]).limit(page[1])
+    if keys is not None:
+        query = query.where(Frame.number.in_(list(keys)))
+    rows = ((number, FrameNumbers._make(numbers)) for number, *numbers in session.execute(query))
+    if job.shot is None:
+        return still_numbers(job, rows, known, job.state in ACTIVE)
+    return [(number, latest(job, known, number, numbers)) for number, numbers in rows]
+
+
+def frames_json(
+    job: Job, session: Session, engine: Engine, state: str | None = None, page: tuple[int, int | None] = (0, None)
+) -> bytes:
+    """The frames of a job as JSON. state: only frames in this state."""
+    is_paged = state is None
+    found = frame_numbers(job, session, engine, page=page if is_paged else (0, None))
+    if state is not None:
+        first, most = page
+        found = [each for each in found if each[1].state == state][first : None if most is None else first + most]
+    return to_json(plain_frames(job, found))
+
+
+def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
+    """The fields of FrameOut as plain dicts, without validation, which would take seconds for a hundred thousand frames."""
+    size = job.settings or {}
+    pixels = size.get("width", 1) * size.get("height", 1)
+    return [
+        {
+            "number": frame_number(key),
+            "state": n.state,
+            "samples": n.samples,
+            "spp": round(n.samples / pixels, 3),
+            "bad_samples": n.bad_samples,
+            "bad": [],
+            "progress": n.progress,
+            "noise": n.noise,
+            "error": n.error,
+        }
+        for key, n in found
+    ]
+
+
+def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
+    """The latest numbers of a shot's frame. Shortly after a cancellation the engine's are newer than the database's."""
+    live = known.frames.get(key) if known is not None else None
+    if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
+        return recorded
+    return live
+
+
+def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
+    """A job's frame for the API, with its first bad samples; None if the job has no such frame."""
+    found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
+    if found is not None:
+        found.bad = bad_samples_of(job, found, engine)
+    return found
+
+
+def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
+    """A frame for the API, from its numbers."""
+    size = job.settings or {}
+    return FrameOut(
+        number=frame_number(key),
+        state=cast(FrameState, numbers.state),
+        samples=numbers.samples,
+        spp=round(numbers.samples / (size.get("width", 1) * size.get("height", 1)), 3),
+        bad_samples=numbers.bad_samples,
+        bad=[],
+        progress=numbers.progress,
+        noise=numbers.noise,
+        error=numbers.error,
+    )
+
+
+def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
+    """The first of a frame's samples that were left out as not finite."""
+    if not frame.bad_samples or job.settings is None or job.tile_size is None:
+        return []
+    try:
+        settings = RenderSettings.from_json(job.settings)
+        bad = engine.films.open(job.id, settings, job.tile_size).bad_samples(frame_key(frame.number))[1]
+    except (FarmError, SettingsError):
+        return []  # being deleted, or film broken or of another release: see the job's error
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b)) for b in bad[:BAD_SHOWN]]

@@ -1,0 +1,139 @@
+"""Filtered and sorted lists of jobs. A farm may have ten thousand, so only the rows of the page are read."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, cast
+
+from fastapi import Depends, Query
+from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
+
+from service.access.projects import NOTHING, Sight
+from service.http.visit import InProject, VisitDependency
+from service.models.jobs import JobState
+from service.store.models import Job, Scene
+
+__all__ = ["MOST_JOBS", "Choice", "Chosen", "Order", "says", "words_of"]
+
+MOST_JOBS = 1000  # jobs in one answer, or in one change of many
+MOST_WORDS = 8
+
+Order = Literal["newest", "oldest", "name", "priority", "state"]
+_SHOWN = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
+_Row = namedtuple("_Row", [column.name for column in _SHOWN])  # type: ignore[misc]
+_ID = _Row._fields.index("id")
+_STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # sort order: states that may need action first
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A filter on the jobs that the caller may see.
+
+    words: each occurs in a name or note of the job or its scene, or is a prefix of an id.
+    """
+
+    states: tuple[str, ...] = ()
+    scene: str | None = None
+    words: tuple[str, ...] = ()
+    shots: bool | None = None
+    ids: tuple[str, ...] = ()
+    sight: Sight = NOTHING
+    project: str | None = None
+
+    def count(self, session: Session) -> int:
+        """The number of matching jobs."""
+        return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
+
+    def tallies(self, session: Session) -> dict[str, int]:
+        """The number of matching jobs by state, ignoring the filter on states."""
+        query: Any = select(Job.state, func.count()).group_by(Job.state)
+        query = replace(self, states=())._of(query)
+        return {row[0]: row[1] for row in session.execute(query)}
+
+    def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
+        """The ids of matching jobs, in order."""
+        query = self._of(select(Job.id)).order_by(*_ordered(order))
+        return list(session.scalars(query.limit(limit).offset(offset)))
+
+    def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
+        """The rows of matching jobs, in order, as tuples with the names of a Job's columns.
+
+        Tuples, since a thousand ORM objects take a quarter of the time of a list.
+        """
+        ids = self.ids_in(order, session, limit, offset)  # from an index; sorting rows would read them all
+        query = select(*_SHOWN).where(Job.id.in_(ids))
+        found = {row[_ID]: _Row._make(row) for row in session.execute(query)}
+        return cast("list[Job]", [found[id] for id in ids if id in found])
+
+    def _of(self, query: Select[Any]) -> Select[Any]:
+        query = query.where(self.sight.clause(Job.project))
+        if self.project is not None:
+            query = query.where(Job.project == self.project)
+        if self.ids:
+            query = query.where(Job.id.in_(self.ids))
+        if self.states:
+            query = query.where(Job.state.in_(self.states))
+        if self.scene is not None:
+            query = query.where(Job.scene == self.scene)
+        if self.shots is not None:
+            query = query.where(Job.shot.is_not(None) if self.shots else Job.shot.is_(None))
+        for word in self.words:
+            query = query.where(_says(word))
+        return query
+
+
+def words_of(search: str) -> tuple[str, ...]:
+    """The words of a search text."""
+    return tuple(search.lower().split()[:MOST_WORDS])
+
+
+def says(
+    word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
+) -> ColumnElement[bool]:
+    """SQL condition: the word occurs in the name, or is a prefix of the id."""
+    if "\0" in word:  # NUL ends a pattern in SQLite, and is an error in PostgreSQL; no name has it
+        return false()
+    return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))
+
+
+def _says(word: str) -> ColumnElement[bool]:
+    other = aliased(Job)  # few jobs have notes, which a partial index covers
+    noted = select(other.id).where(other.note.is_not(None), says(word, other.note, other.id))
+    scenes = select(Scene.id).where(says(word, Scene.name, Scene.id))
+    return or_(says(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))
+
+
+def _ordered(order: Order) -> tuple[Any, ...]:
+    newest = (Job.created.desc(), Job.id)
+    match order:
+        case "newest":
+            return newest
+        case "oldest":
+            return Job.created.asc(), Job.id
+        case "name":
+            return func.lower(Job.name), *newest
+        case "priority":
+            return Job.priority.desc(), *newest
+        case "state":
+            return case({state: n for n, state in enumerate(_STATES)}, value=Job.state), *newest
+
+
+def _chosen(
+    visit: VisitDependency,
+    project: InProject = None,
+    state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
+    scene: Annotated[str | None, Query(max_length=100)] = None,
+    search: Annotated[
+        str, Query(max_length=200, description="words that its name, its note or its scene's name has, or the begin of its id")
+    ] = "",
+    shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
+    ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
+) -> Chosen:
+    return Chosen(
+        tuple(state or ()), scene, words_of(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
+    )
+
+
+Choice = Annotated[Chosen, Depends(_chosen)]

@@ -1,0 +1,53 @@
+"""Idempotency keys: a repeated request with the same Idempotency-Key returns what the first one created.
+
+Keys are per user: the same key from two users means two requests.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated
+
+from fastapi import Header, Response
+from sqlalchemy import select
+
+from service.access.projects import Sight
+from service.errors import Conflict
+from service.farm import Farm
+from service.jobs.describe import job_out
+from service.models.jobs import JobOut
+from service.store.models import Job
+
+__all__ = ["Key", "earlier", "kept_key", "repeat"]
+
+Key = Annotated[
+    str | None,
+    Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST of a user's with the same key makes one job."),
+]
+
+
+def kept_key(key: str | None, user: str | None) -> str | None:
+    """The key as stored in a job's row. user: None without authentication."""
+    return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
+
+
+def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
+    """The user's job created with this key. Jobs of releases without per-user keys store the plain key."""
+    if not key:
+        return None
+    with farm.sessions() as session:
+        if (found := session.scalar(select(Job).where(Job.idempotency_key == kept_key(key, user)))) is not None:
+            return found
+        return session.scalar(
+            select(Job).where(Job.idempotency_key == key, Job.user.is_(None) if user is None else Job.user == user)
+        )
+
+
+def repeat(found: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
+    """The current answer for the job of the first request. Raises Conflict if the key was used for another request."""
+    if found.request != asked or not sight.sees(found.project):
+        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
+    response.headers["Idempotent-Replayed"] = "true"
+    response.headers["Location"] = f"/api/jobs/{found.id}"
+    with farm.sessions() as session:
+        return job_out(found, session, farm.engine)

@@ -1,0 +1,77 @@
+"""Changes of a shot, computed before the database transaction, since a shot may have a hundred thousand frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.farm import Farm
+from service.jobs.lookup import no_job
+from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, asked_for, change_shot
+from service.shot import Shot
+from service.store.frame_changes import Step, apply_at_once, begin, is_short
+from service.store.models import Frame, FrameChange, Job
+
+__all__ = ["ShotChange"]
+
+CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "reproduce")
+
+
+@dataclass(frozen=True)
+class ShotChange:
+    """A change of a shot. before, after: the job's columns. steps: changes of its frames.
+
+    samples: additional samples requested.
+    """
+
+    before: dict[str, Any]
+    after: dict[str, Any]
+    steps: list[Step]
+    samples: int
+
+    @classmethod
+    def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
+        """Computes a change; None for a still, for a request without frame fields, and for a missing job.
+
+        Carries out pending changes first. Raises Invalid, Conflict, FarmError.
+        """
+        with farm.sessions() as session:
+            job = session.get(Job, id)
+            shot = Shot.of(job.shot) if job is not None else None
+            if job is None or shot is None or not wish.is_about_frames:
+                return None
+            session.expunge(job)
+        farm.frame_changes.carry_out(id)
+        if farm.frame_changes.is_dropped(id):
+            raise no_job(id)
+        with farm.sessions() as session:
+            query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
+            if wish.is_about_failures:
+                query = query.where(Frame.state == "failed")
+            rows = session.execute(query)
+            frames = {number: FrameNow(spp, state) for number, spp, state in rows}
+        before = _columns(job)
+        steps = change_shot(job, shot, frames, wish)
+        return cls(before, _columns(job), steps, asked_for(job, frames, before["spp"], steps))
+
+    def fits(self, job: Job, session: Session) -> bool:
+        """Whether the job is unchanged since, and no change of its frames is pending."""
+        return _columns(job) == self.before and session.get(FrameChange, job.id) is None
+
+    def give(self, job: Job, session: Session) -> bool:
+        """Stores the change within a transaction; returns whether changes of frames remain to be carried out."""
+        for name, value in self.after.items():
+            setattr(job, name, value)
+        session.flush()
+        if is_short(self.steps):
+            apply_at_once(job, self.steps, session)
+            return False
+        begin(job.id, self.steps, session)
+        return True
+
+
+def _columns(job: Job) -> dict[str, Any]:
+    return {name: getattr(job, name) for name in CHANGED}

@@ -1,0 +1,371 @@
+"""Request and response models of the API, as documented by OpenAPI."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
+
+from renderer.cameras import MOST_CAMERAS
+from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAME, MAX_FRAMES, parse_frames
+from renderer.presets import PRESETS
+from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
+from renderer.work import ORDERS, SHOT, WORK
+from service.errors import Invalid
+from service.intake.names import plain_note, plain_title
+from service.models.declared import with_fields
+from service.models.queue import QueueIn, QueueOut, QueuePatch
+from service.models.strict import Strict
+
+__all__ = [
+    "EnvironmentIn",
+    "FrameOut",
+    "FrameState",
+    "JobIn",
+    "JobOut",
+    "JobPatch",
+    "MeasuredOut",
+    "SceneOut",
+    "SceneStatus",
+    "ShotOut",
+    "SkyIn",
+    "TakenOut",
+    "ViewModel",
+]
+
+SceneStatus = Literal["preparing", "ready", "failed"]
+FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
+JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
+
+
+_WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before the next
+
+
+def _plain_text(value: str, field: str) -> str:
+    try:
+        return plain_title(value) if field == "name" else plain_note(value)
+    except Invalid as error:
+        raise ValueError(str(error).removeprefix(f"{field}: ")) from None
+
+
+def _frames_text(value: str | int | float) -> str:
+    """Validates and returns the text of a frame range. Raises ValueError."""
+    text = str(value).strip()
+    try:
+        if len(text) > 10_000:
+            raise SettingsError(f"frames has {len(text)} characters; at most 10000 are read, and {MAX_FRAMES} frames")
+        parse_frames(text)
+    except SettingsError as error:
+        raise ValueError(str(error)) from None
+    return text
+
+
+@with_fields(VIEW)
+class ViewModel(Strict):
+    """A camera in world space; lengths in the scene's unit."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> ViewModel:
+        try:
+            View(**dict(self))
+        except SettingsError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+
+class SkyIn(Strict):
+    """A clear sky with the sun there, in degrees: above the horizon, and clockwise from -Z as seen from above (90 is +X)."""
+
+    elevation: float = Field(ge=-90.0, le=90.0)
+    azimuth: float = Field(0.0, ge=-360.0, le=360.0)
+
+
+@with_fields(ENVIRONMENT)
+class EnvironmentIn(Strict):
+    """Light from all around in place of the scene's: a linear RGB radiance, a sky, an image or a preset; a factor, and a further
+    turn."""
+
+    color: Vec3 | None = None
+    sky: SkyIn | None = None
+    image: str | None = Field(None, max_length=100, description="an uploaded environment's id: see /api/environments")
+    preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="light by name")
+
+    @field_validator("preset")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        if value is not None and value not in PRESETS:
+            raise ValueError(f"there is no preset {value[:60]!r}; known are {', '.join(PRESETS)}")
+        return value
+
+    @model_validator(mode="after")
+    def _one(self) -> EnvironmentIn:
+        given = [name for name in ("color", "sky", "image", "preset") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give either {' or '.join(given)}, not both")
+        return self
+
+
+@with_fields(SHOT)
+@with_fields(WORK)
+@with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
+class JobIn(QueueIn):
+    """A request for a picture. Quality is asked for by spp, noise or seconds; whichever comes first ends it."""
+
+    scene: str = Field(description="a scene's id", max_length=100)
+    name: str | None = Field(None, max_length=200)
+    camera: str | Annotated[int, Field(ge=0, lt=MOST_CAMERAS)] | None = Field(
+        None, description="a camera of the scene, by its name or number"
+    )
+    view: ViewModel | None = Field(None, description="a camera of your own, instead of `camera`")
+    spp: int | None = None
+    noise: float | None = None
+    seconds: float | None = None
+    tile_size: int | None = None
+    priority: int = 0
+    frames: str | int | float = Field("0", description="which frames of a shot, as 0-99 or 1-250x5,300; halves are frames too")
+    frame: float | None = Field(None, description="one of them: a still of that moment, in place of `frames`")
+    clip: str | None = Field(
+        None, max_length=200, description="of a glTF file's animations, by name or number, or `all`; the first unless told"
+    )
+    fps: float | None = None
+    turntable: float | None = None
+    order: str | None = None
+    every: int = 8
+    environment: EnvironmentIn | None = None
+    variant: str | None = Field(
+        None,
+        max_length=200,
+        description="of the scene's materials, by name or number; empty: the file's own",
+    )
+    verify: float | None = Field(
+        None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
+    )
+    strict: bool = Field(False, description="refused, or failed, where the scene has warnings")
+    fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
+
+    @field_validator("camera", mode="before")
+    @classmethod
+    def _name_or_number(cls, value: Any) -> Any:
+        if value is None or isinstance(value, str) or (isinstance(value, int) and 0 <= value < MOST_CAMERAS):
+            return value
+        raise ValueError("a camera is a name, or a number from 0")
+
+    @field_validator("name")
+    @classmethod
+    def _plain(cls, value: str | None) -> str | None:
+        return None if value is None else _plain_text(value, "name")
+
+    @field_validator("frames")
+    @classmethod
+    def _frames(cls, value: str | int | float) -> str:
+        return _frames_text(value)
+
+    @field_validator("frame")
+    @classmethod
+    def _frame(cls, value: float | None) -> float | None:
+        if value is not None and not (0 <= value <= MAX_FRAME and (2 * value).is_integer()):
+            raise ValueError(f"{value:g} is not a frame; give a number from 0 to {MAX_FRAME}, in steps of a half")
+        return value
+
+    @model_validator(mode="after")
+    def _one_camera(self) -> JobIn:
+        if self.view is not None and self.camera is not None:
+            raise ValueError("give either camera or view, not both")
+        if self.frame is not None and self.frames != "0":
+            raise ValueError("give either frame or frames, not both")
+        if len(self.numbers()) > 1 and self.seconds and self.spp is None and self.noise is None and self.order in _WHOLE_FRAMES:
+            raise ValueError(f"order: {self.order} needs an end for each frame, by spp or noise, beside seconds for all of them")
+        return self
+
+    def numbers(self) -> list[float]:
+        """The requested frame numbers."""
+        return parse_frames(str(self.frames)) if self.frame is None else [self.frame]
+
+    @property
+    def is_shot(self) -> bool:
+        """Whether the request is for more than a still of the scene's beginning."""
+        return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
+
+
+Coordinate = Annotated[int, Field(ge=0, le=1 << 20)]
+Focus = tuple[Coordinate, Coordinate, Annotated[int, Field(ge=1, le=1 << 20)], Annotated[int, Field(ge=1, le=1 << 20)]]
+
+
+class JobPatch(QueuePatch):
+    """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
+
+    state: Literal["running", "paused", "cancelled"] | None = None
+    name: str | None = Field(None, max_length=200, description="what it is called; empty: as its scene")
+    note: str | None = Field(
+        None, max_length=2000, description="what there is to say about it, in lines of plain text; empty: none"
+    )
+    priority: int | None = Field(None, ge=-100, le=100)
+    spp: int | None = Field(
+        None,
+        ge=1,
+        le=MAX_SPP,
+        description="samples in every pixel, whatever noise or time said; a finished job goes on",
+    )
+    more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
+    frames: str | None = Field(None, description="of a shot: spp or more are for these frames alone")
+    extend: str | None = Field(None, description="of a shot: these frames too")
+    again: str | None = Field(None, description="of a shot: these frames anew, from nothing")
+    first: float | None = Field(None, ge=-1.0, description="of a shot: this frame before all others; -1: none")
+    order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="of a shot")
+    focus: Focus | None = Field(None, description="x, y, w, h in pixels: rendered first, of a shot in every frame; null: no more")
+    pinned: bool | None = Field(None, description="whether it is kept, whatever its age: its picture, and its scene's files")
+
+    @property
+    def is_of_frames(self) -> bool:
+        """Whether the change has a field that only shots have."""
+        return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
+
+    @field_validator("name", "note")
+    @classmethod
+    def _plain(cls, value: str | None, field: ValidationInfo) -> str | None:
+        return None if value is None else _plain_text(value, str(field.field_name))
+
+    @field_validator("frames", "extend", "again")
+    @classmethod
+    def _frames(cls, value: str | None) -> str | None:
+        return None if value is None else _frames_text(value)
+
+    @field_validator("order")
+    @classmethod
+    def _order(cls, value: str | None) -> str | None:
+        if value is not None and value not in ORDERS:
+            raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
+        return value
+
+
+class MeasuredOut(BaseModel):
+    """What the latest job of a scene that was rendered to its end has measured."""
+
+    sample_s: float = Field(description="seconds that one slot takes for one sample of one pixel")
+    noise: float | None = Field(
+        description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
+    )
+
+
+class SceneOut(BaseModel):
+    """An uploaded scene."""
+
+    id: str
+    name: str
+    status: SceneStatus
+    error: str | None
+    step: str | None = Field(description="what preparing does at the moment")
+    progress: float | None = Field(description="of preparing, 0 to 1")
+    created: float = Field(description="unix time in seconds")
+    main: str
+    files: list[dict[str, Any]]
+    bytes: int
+    cameras: list[dict[str, Any]]
+    counts: dict[str, int]
+    bounds: list[list[float]] | None
+    animations: list[str]
+    fps: float | None = Field(description="the file's own, else 24; null where that is not known")
+    clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
+    variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
+    variant: str | None = Field(description="the one that is shown; null: the file's own materials")
+    environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
+    measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
+    warnings: list[str]
+    strict: bool = Field(description="whether warnings fail it: then `error` and `warnings` list them")
+    defaults: dict[str, Any]
+    thumbnail: str | None
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+
+
+class BadSampleOut(BaseModel):
+    """A sample that was NaN or infinite, and so left out."""
+
+    x: int
+    y: int
+    sample: int
+    reproduce: str = Field(description="a command that follows its path and prints it")
+
+
+class FrameOut(BaseModel):
+    """One picture of a job."""
+
+    number: int | float
+    state: FrameState
+    samples: int
+    spp: float = Field(description="samples that it has, of a pixel on the average")
+    bad_samples: int
+    bad: list[BadSampleOut] = Field(description="the first of them; of a shot's frames at /api/jobs/{id}/frames/{n}")
+    progress: float
+    noise: float | None = Field(description="relative; of a shot's frames, from 8 samples on")
+    error: str | None
+
+
+class ShotOut(BaseModel):
+    """Of a job with several frames: how time runs, in which order they come, and how they are."""
+
+    frames: str = Field(description="which there are, as 0-99,120")
+    count: int
+    fps: float | None = Field(description="null: the file's own, else 24")
+    clip: str | None
+    turntable: float | None
+    order: str
+    every: int
+    first: int | float | None = Field(description="the frame that goes before all others")
+    states: dict[FrameState, int] = Field(description="how many frames are so")
+    failed: str = Field(description="the frames that failed, as 3,7-9")
+    noise: float | None = Field(description="the greatest of its frames; null while that of one is not known")
+    forecast: float | None = Field(description="the greatest that it is expected to end with")
+
+
+class TakenOut(BaseModel):
+    """What a job began with: the film of an earlier one of the same picture."""
+
+    job: str = Field(description="from which it was taken, of a shot most of it; it may be deleted by now")
+    spp: float = Field(description="samples that it had, of a pixel on the average; of a shot in the frames that were taken")
+    samples: int | None = Field(None, description="of all pixels together; null: of a release before, which took stills alone")
+    frames: str | None = Field(None, description="of a shot: the frames that were taken, whole or in part, as 0-99,120")
+
+
+class JobOut(QueueOut):
+    """A job and how far it is."""
+
+    id: str
+    scene: str
+    project: str = Field(default="", description="its scene's: whose members see it; empty: everybody who is let in")
+    name: str
+    state: JobState
+    message: str | None = Field(description="why it does not go on at the moment")
+    stranded: bool = Field(description="begun by a kind of workers of which none is connected, while others are: see /anew")
+    error: str | None
+    reproduce: str | None = Field(description="a command that shows the error again")
+    priority: int
+    created: float
+    started: float | None
+    finished: float | None
+    active_s: float = Field(description="wall-clock time spent on rendering")
+    progress: float
+    eta_s: float | None
+    samples: int = Field(description="in the film, all pixels of all frames together")
+    samples_per_s: float
+    bad_samples: int = Field(description="samples that were NaN or infinite, and left out")
+    width: int | None
+    height: int | None
+    spp: int | None
+    noise: float | None
+    seconds: float | None
+    tile_size: int | None
+    focus: list[int] | None = Field(description="the rectangle that is rendered first: x, y, w, h")
+    kind: str | None
+    settings: dict[str, Any] | None
+    environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
+    variant: str | None = Field(description="as it was asked for")
+    pinned: bool = Field(description="kept, whatever its age")
+    note: str | None = Field(description="what somebody wrote about it")
+    taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
+    doubted: list[str] = Field(
+        description="workers that were found out since to render something else than others, and whose samples it holds: "
+        "set it to running to have those rendered again"
+    )
+    frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
+    shot: ShotOut | None = Field(description="null: a still")

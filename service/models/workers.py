@@ -1,0 +1,113 @@
+"""API models of workers, and of changes to them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, Field, model_validator
+
+from renderer.frames import frame_number
+from service.models.strict import Strict
+from service.scheduling.snapshot import Snapshot
+from worker.protocol.contract import WorkerReport
+from worker.protocol.hours import Hours
+
+__all__ = ["WorkerOut", "WorkerPatch", "worker_out"]
+
+
+def _possible(text: str | None) -> str | None:
+    if text:
+        Hours.parse(text)
+    return text
+
+
+Week = Annotated[str | None, Field(max_length=500), AfterValidator(_possible)]
+
+
+class WorkerPatch(Strict):
+    """What can change in a worker while it runs. Of all but state null: as it was started."""
+
+    state: Literal["running", "paused"] | None = None
+    hours: Week = Field(None, description="when it works, by its own clock: Mon-Fri 19:00-07:00, Sat-Sun; empty: always")
+    idle_minutes: float | None = Field(
+        None, ge=0, le=1e6, allow_inf_nan=False, description="it works only when nobody has there for so long; 0: in any case"
+    )
+    nice: int | None = Field(None, ge=0, le=19, description="how far it stands back for other programs of its machine")
+    slots: int | None = Field(None, ge=1, le=4096, description="at most; never more than it was started with")
+    memory_gb: float | None = Field(
+        None, ge=0, le=1e6, allow_inf_nan=False, description="that it may use: over it, it takes nothing new; 0: no limit"
+    )
+
+    @model_validator(mode="after")
+    def _says_something(self) -> WorkerPatch:
+        if not self.model_fields_set or (self.state is None and "state" in self.model_fields_set):
+            raise ValueError("say what is to change: state, hours, idle_minutes, nice, slots or memory_gb")
+        return self
+
+    @property
+    def terms(self) -> dict[str, Any]:
+        """The requested terms, by the field names of worker.protocol.terms.Terms; None resets a term."""
+        said = {name: getattr(self, name) for name in self.model_fields_set - {"state"}}
+        if "memory_gb" in said:
+            gigabytes = said.pop("memory_gb")
+            said["memory"] = None if gigabytes is None else round(gigabytes * 1e9)
+        return said
+
+
+class OfferOut(BaseModel):
+    """What a worker offers, by its own word."""
+
+    tags: list[str]
+    memory: int = Field(description="bytes that it may use: its limit, else all that its machine has")
+    slots_most: int = Field(description="it was started with so many")
+    hours: str = Field(description="empty: always")
+    idle_minutes: float = Field(description="0: also while somebody works at its machine")
+    idle_by: list[str] = Field(description="how it knows that somebody does: load, terminals, desktop, screen")
+    nice: int
+    memory_limit: int = Field(description="bytes; 0: none")
+    rests: str | None = Field(description="why it takes nothing at the moment, by its own hours or limits")
+    trouble: str | None = Field(description="what was asked of it and it cannot do")
+
+
+class WorkerOut(BaseModel):
+    """A worker, by its own report."""
+
+    name: str
+    host: str
+    pid: int
+    slots: int
+    cpu: str
+    kind: str
+    state: Literal["starting", "ready", "paused"]
+    message: str | None = Field(description="why it is paused")
+    started: float
+    samples_per_s: float = Field(description="of one slot")
+    current: list[dict[str, Any]]
+    denoises: bool = Field(description="whether it has Open Image Denoise")
+    memory_used: int | None = Field(description="of its machine, in bytes; null where it does not tell")
+    memory_total: int | None
+    failures: int = Field(description="batches that failed there since the service started")
+    speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")
+    offer: OfferOut | None = Field(description="null: a worker of an older release, which can only be paused and has no tags")
+
+
+def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
+    """A worker for the API. why: the reason of a pause, which counts as paused although running tasks may still finish."""
+    current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
+    vitals = view.roster.vitals.get(report.name)
+    offer = view.roster.offers.get(report.name)
+    return WorkerOut(
+        **{**asdict(report), "current": current, "state": report.state if why is None else "paused"},
+        message=why or (offer.why if offer is not None and report.state == "paused" else None),
+        memory_used=vitals.memory_used if vitals else None,
+        memory_total=vitals.memory_total if vitals else None,
+        failures=view.failures.get(report.name, 0),
+        speeds=list(view.roster.speeds.get(report.name, ())),
+        offer=OfferOut(**asdict(offer), rests=offer.why) if offer else None,
+    )
+
+
+def _counts(doing: dict[str, Any]) -> bool:
+    """Whether a slot's work names a frame (frame keys count in halves)."""
+    return isinstance(doing.get("frame"), int)

@@ -1,0 +1,194 @@
+"""/api/environments: the environments to choose from: presets and uploaded images."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse, StreamingResponse
+from pydantic import BaseModel, Field
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from renderer.presets import PRESETS
+from service.access.projects import hold_project
+from service.errors import Conflict
+from service.farm import Farm, FarmDependency
+from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.http.paged import PageDependency
+from service.http.visit import InProject, IntoProject, VisitDependency
+from service.intake.projects import id_in, serving
+from service.jobs.lookup import no_environment
+from service.store.models import ACTIVE, Environment, Job
+from service.store.room import full_disk
+from worker.protocol.contract import BlobRef, ShowEnvironment
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/environments", tags=["environments"])
+
+PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets; made by scenes/light_pictures.py
+WIDTH = 160  # pixels across a thumbnail, twice its height
+SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
+_Id = Annotated[str, PathParameter(max_length=100)]
+
+
+class EnvironmentOut(BaseModel):
+    """Light to choose. environment: what to ask for it by, in a job's request."""
+
+    id: str
+    name: str
+    help: str
+    kind: Literal["preset", "image"]
+    environment: dict[str, Any]
+    created: float | None = Field(description="null: a preset")
+    bytes: int | None
+    thumbnail: str
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+
+
+@router.get("", response_model=list[EnvironmentOut])
+def list_environments(
+    farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
+) -> list[EnvironmentOut]:
+    """The presets, then what was uploaded, the newest first. With a project: its own, and those of none.
+
+    The header X-Total-Count has their number.
+    """
+    presets = [
+        EnvironmentOut(
+            id=name,
+            name=preset.label,
+            help=preset.help,
+            kind="preset",
+            environment={"preset": name}
+            if preset.sky is None
+            else {"sky": dict(zip(("elevation", "azimuth"), preset.sky, strict=True))},
+            created=None,
+            bytes=None,
+            thumbnail=_thumbnail_of(name),
+        )
+        for name, preset in PRESETS.items()
+    ]
+    with farm.sessions() as session:
+        seen = select(Environment).where(visit.sight.clause(Environment.project))
+        seen = seen if project is None else seen.where(serving(Environment.project, project))
+        here, rows = page.rows(seen.order_by(Environment.created.desc(), Environment.id), session, presets)
+        return [*here, *map(_out, rows)]
+
+
+@router.post("", status_code=201, response_model=EnvironmentOut, openapi_extra=UPLOAD_FORM)
+async def add_environment(
+    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> EnvironmentOut:
+    """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
+    await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
+    form = await read_one(request, farm, "image")
+    try:
+        name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")
+        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
+        sha256, size = file.sha256, file.size
+        id = id_in(project, sha256[:20])
+        if (known := await run_in_threadpool(_known, id, farm)) is None:
+            with farm.garbage.pinned([sha256]):
+                with full_disk():
+                    await run_in_threadpool(file.commit)
+                owner = {"project": project, "user": visit.user, "key": visit.token}
+                known = await _recorded(id, name, BlobRef(name, sha256, size), owner, farm)
+    finally:
+        form.discard()
+    response.headers["Location"] = f"/api/environments/{id}"
+    return known
+
+
+@router.get("/{id}/thumbnail.jpg", response_class=StreamingResponse)
+def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
+    """A small picture of it, twice as wide as high, tone-mapped."""
+    headers = {"Cache-Control": "max-age=86400"}
+    if id in PRESETS:
+        return FileResponse(PICTURES / f"{id}.jpg", media_type="image/jpeg", headers=headers)
+    with farm.sessions() as session:
+        found = session.get(Environment, id)
+    if found is None:
+        raise no_environment(id)
+    blob = farm.blobs.serve(found.thumbnail)
+    return StreamingResponse(blob.chunks, media_type="image/jpeg", headers={**headers, "Content-Length": str(blob.size)})
+
+
+@router.delete("/{id}", status_code=204)
+def delete_environment(id: _Id, farm: FarmDependency) -> None:
+    """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
+    if id in PRESETS:
+        raise Conflict("This light is made by a formula and takes no room: it cannot be deleted.")
+
+    def forget(session: Session) -> set[str]:
+        found = session.get(Environment, id, with_for_update=True)
+        if found is None:
+            raise no_environment(id)
+        active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
+        needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
+        if needed:
+            raise Conflict(f"{needed} unfinished job(s) need this environment. Cancel them first.")
+        session.delete(found)
+        return found.blobs
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+
+
+async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
+    """Has a worker make the thumbnail of an uploaded image, then stores the image's row."""
+    wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
+    asked = await run_in_threadpool(farm.engine.show_environment, wish)
+    made = await asyncio.shield(asyncio.wrap_future(asked))
+    row = {"id": id, "name": name, "created": time.time(), "thumbnail": made.sha256, **owner}
+    row["file"] = {"path": file.path, "sha256": file.sha256, "size": file.size, "parts": []}
+
+    def write() -> EnvironmentOut:
+        with farm.garbage.pinned([made.sha256]):
+            try:
+                with farm.sessions.begin() as session:
+                    found = session.get(Environment, id)
+                    if found is None:
+                        hold_project(owner["project"], session)
+                        found = Environment(**row)
+                        session.add(found)
+                        session.flush()
+                    return _out(found)
+            except IntegrityError:  # concurrent upload of the same image
+                found_now = _known(id, farm)
+                if found_now is None:
+                    raise
+                return found_now
+
+    return await run_in_threadpool(write)
+
+
+def _known(id: str, farm: Farm) -> EnvironmentOut | None:
+    with farm.sessions() as session:
+        found = session.get(Environment, id)
+        return None if found is None else _out(found)
+
+
+def _out(row: Environment) -> EnvironmentOut:
+    return EnvironmentOut(
+        id=row.id,
+        name=row.name,
+        help="",
+        kind="image",
+        environment={"image": row.id},
+        created=row.created,
+        bytes=row.file.get("size"),
+        thumbnail=_thumbnail_of(row.id),
+        project=row.project,
+    )
+
+
+def _thumbnail_of(id: str) -> str:
+    return f"/api/environments/{id}/thumbnail.jpg"

@@ -1,0 +1,80 @@
+"""GET /api/events: server-sent events about changes in jobs, scenes and workers."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import AsyncIterator
+
+from fastapi import APIRouter
+from fastapi.responses import StreamingResponse
+from sqlalchemy import select
+from starlette.concurrency import run_in_threadpool
+
+from service.farm import Farm, FarmDependency
+from service.http.redaction import seen_slots
+from service.http.visit import Visit, VisitDependency
+from service.jobs.describe import jobs_out, snapshot
+from service.jobs.lookup import is_lit
+from service.store.models import Job
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["events"])
+
+EVERY_S = 0.5
+AT_A_TIME = 500  # changes per round; further ones wait for the next
+KEEP_ALIVE_S = 10.0
+
+
+@router.get("/api/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
+async def events(farm: FarmDependency, visit: VisitDependency) -> StreamingResponse:
+    """A stream of events `job`, `scene`, `worker` with the resource as JSON, or {"id", "deleted": true}.
+
+    A resource that changes quickly is sent at most twice a second. After a reconnection, fetch the lists again. What is in a
+    project that you do not see is not told of.
+    """
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_stream(farm, visit), media_type="text/event-stream", headers=headers)
+
+
+async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
+    with farm.broadcast.listen() as listener:
+        yield "retry: 2000\n\n"
+        spoke = sent = time.monotonic()
+        while not farm.broadcast.closing:
+            await listener.wait(1.0)
+            now = time.monotonic()
+            if listener.changed and now - sent >= EVERY_S:
+                changed = list(listener.changed)[:AT_A_TIME]
+                for each in changed:
+                    del listener.changed[each]
+                for text in await run_in_threadpool(_texts, farm, visit, changed):
+                    yield text
+                sent = spoke = now
+                if listener.changed:
+                    listener.wake()
+            elif listener.changed:
+                await listener.pause(EVERY_S - (now - sent))
+            elif now - spoke > KEEP_ALIVE_S:
+                yield ": still here\n\n"
+                spoke = now
+
+
+def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str]:
+    view, projects = farm.engine.snapshot, farm.access.projects
+    sight = visit.sight if visit.sight.everything else projects.sight(visit.caller)  # re-evaluated: it may have changed
+    with farm.sessions() as session:
+        seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
+        rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
+        jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
+        found = [(what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in seen]
+    told = []
+    for what, id, data in found:
+        if what == "worker" and data is not None:
+            data = {**data, "current": seen_slots(data["current"], sight, projects)}
+        elif data is not None:
+            projects.note("job" if what == "job" else "scene", id, data["project"])
+        if what == "worker" or sight.sees(data["project"] if data else projects.known("job" if what == "job" else "scene", id)):
+            told.append((what, id, data))
+    return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in told]

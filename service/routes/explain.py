@@ -1,0 +1,229 @@
+"""/api/jobs/{id}/explain: explains a pixel's colour; a worker traces its paths again."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, Field
+
+from renderer.errors import SettingsError
+from renderer.film import COLOR, SAMPLES
+from renderer.frames import MAX_FRAME, frame_key
+from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
+from service.errors import Conflict, Invalid, Unavailable
+from service.events import PreparationRequested
+from service.farm import Farm, FarmDependency
+from service.jobs.lookup import find_film, find_job
+from service.shot import Shot
+from service.store.films import Film
+from service.store.models import Frame, Job, Scene
+from service.viewing.explaining import no_sense
+from worker.protocol.contract import PrepareFrames
+from worker.protocol.explained import ExplainPixel
+
+__all__ = ["router"]
+
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
+MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
+
+router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+
+Numbers = list[float | None]
+Spot = Annotated[
+    list[float],
+    Field(description="x, y, w: seen x / w, y / w pixels from the upper left corner; where w is not above 0, not before the eye"),
+]
+Choice = Literal["asked", "first", "median", "brightest"]
+Ending = Literal["missed", "absorbed", "roulette", "depth", "caught", "unlit", "passed"]
+
+
+class LightOut(BaseModel):
+    """The point of a light that was chosen for a vertex (next-event estimation)."""
+
+    point: Numbers | None = Field(description="null: infinitely far")
+    direction: Numbers
+    pdf: float | None = Field(description="per steradian, with which it was chosen")
+    weight: float = Field(description="of multiple importance sampling, against the material's own chance of that direction")
+    brought: Numbers = Field(description="the radiance that it adds to the sample if nothing is in the way")
+    spot: Spot
+
+
+class PathVertexOut(BaseModel):
+    """What a path's ray met. Colours are linear Rec.709, places in world space."""
+
+    kind: Literal["surface", "passed", "medium", "missed"] = Field(
+        description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, "
+        "milk or the like, where it was scattered; missed: the environment"
+    )
+    object: int | None
+    material: int | None
+    object_name: str | None = None
+    material_name: str | None = None
+    model: str | None = Field(description="by which the material scatters: diffuse, mirror, glass, metallic-roughness, ...")
+    bounce: Literal["reflected", "transmitted"] | None = Field(description="to which side of the surface the path went on")
+    pdf: float | None = Field(
+        description="per steradian, of the directions in which it went on, two where it splits; null: a single one"
+    )
+    survival: float | None = Field(description="the chance with which Russian roulette let it go on; null: not asked")
+    distance: float | None = Field(description="from the last vertex; null: infinite")
+    point: Numbers | None
+    normal: Numbers | None
+    direction: Numbers = Field(description="in which the ray came")
+    throughput: Numbers = Field(description="what radiance from here counts in the sample")
+    emitted: Numbers = Field(description="the radiance that its own light adds to the sample")
+    emitted_weight: float | None = Field(
+        description="of multiple importance sampling in it; null: it adds none, or it is not told"
+    )
+    direct: Numbers = Field(description="the radiance that the light which was chosen adds to the sample")
+    beside: Numbers = Field(
+        [0.0, 0.0, 0.0], description="the radiance that the path's second branch adds, which begins at this vertex"
+    )
+    light: LightOut | None = Field(description="null: none was to be had, or it is not told")
+    spot: Spot
+
+
+class PathOut(BaseModel):
+    """A sample, followed once more. What its vertices' light (emitted, direct, beside) adds up to is its value."""
+
+    chosen: list[Choice]
+    sample: int
+    value: list[float] | None = Field(description="as the film has it; null: no number, and so left out")
+    end: Ending | None = Field(description="why the path is over")
+    time: float = Field(description="of the shutter, 0 to 1")
+    vertices: list[PathVertexOut]
+
+
+class ExplainedOut(BaseModel):
+    """A pixel explained."""
+
+    x: int
+    y: int
+    frame: float
+    samples: int = Field(description="so many of the pixel's samples were rendered once more: the first ones")
+    mean: list[float] | None = Field(description="of those that are numbers")
+    equals_film: bool | None = Field(
+        description="whether their sum is the film's to the bit; null where the film has others too, or workers of another kind "
+        "than those that rendered it were asked"
+    )
+    worker: str | None
+    paths: list[PathOut]
+
+
+@router.get("/{id}/explain", response_model=ExplainedOut)
+def explain(
+    id: str,
+    farm: FarmDependency,
+    x: int = Query(ge=0),
+    y: int = Query(ge=0),
+    frame: float = Query(0.0, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
+    sample: int | None = Query(None, ge=0, lt=MAX_SPP, description="one more that is to be shown"),
+) -> ExplainedOut:
+    """The paths of a few of a pixel's samples: the first, that of median luminance, the brightest.
+
+    A worker renders the pixel's samples once more, with the job's own settings and numbers, which takes a moment. 409 where there
+    is nothing to render them from any more, 503 where no worker can now, 504 where none had time.
+    """
+    job = find_job(id, farm)
+    film = find_film(id, frame, farm)
+    if x >= film.width or y >= film.height:
+        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+    scene, row = _rows(job, frame_key(frame), farm)
+    kind = _kind(job, scene, farm)
+    sums, count = _in_film(film, frame_key(frame), x, y)
+    work = _question(job, scene, row, kind, x, y, count, sample)
+    found = farm.explaining.explain(work, kind)
+    try:
+        return _told(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # a worker's answer is untrusted
+        raise no_sense() from None
+
+
+def _told(
+    found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
+) -> ExplainedOut:
+    """Builds the answer. sums: the film's sums of the pixel's `count` samples, if rendered by the worker's kind; else None."""
+    names = (scene.info or {}).get("names") or {}
+    for path in found["paths"]:
+        for vertex in path["vertices"]:
+            for of in ("object", "material"):
+                known, number = names.get(f"{of}s", []), vertex[of]
+                vertex[f"{of}_name"] = known[number] if number is not None and 0 <= number < len(known) else None
+    quantum = 2.0**-film_exponent
+    mean = [value * quantum / found["finite"] for value in found["sums"]] if found["finite"] else None
+    is_all = sums is not None and count == found["samples"]
+    equals = [*found["sums"], found["finite"]] == sums if is_all else None
+    about = {**dict(zip(("x", "y", "frame"), at, strict=True)), "samples": found["samples"], "mean": mean}
+    return ExplainedOut.model_validate({**about, "equals_film": equals, "worker": found["worker"], "paths": found["paths"]})
+
+
+def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
+    with farm.sessions() as session:
+        scene, row = session.get(Scene, job.stage), session.get(Frame, (job.id, key))
+    if scene is None or not scene.compiled:
+        raise Conflict("The job's scene is not here any more, so that nothing can be followed through it. Upload it again.")
+    return scene, row
+
+
+def _kind(job: Job, scene: Scene, farm: Farm) -> str:
+    """The kind of worker to use: the job's own, which reproduces paths exactly; else another for which the scene is compiled.
+
+    Raises Unavailable if there is none yet.
+    """
+    kinds = farm.explaining.kinds()
+    if job.kind in kinds and job.kind in scene.compiled:
+        return job.kind
+    for kind in kinds:
+        if kind in scene.compiled:
+            return kind
+    farm.events.publish(PreparationRequested(scene.id, kinds[0]))
+    raise Unavailable("The scene is prepared for the workers that are here. Ask again in a moment.", 5.0)
+
+
+def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
+    """The film's sums of a pixel's colour and samples, and the number of contiguous samples from 0.
+
+    The sums are None unless the film has exactly those samples.
+    """
+    at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
+    before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)
+    count = after.prefix
+    if sums is None or before.total != after.total or after.total != count or count > MOST_SAMPLES:
+        return None, count
+    pixel = sums[:, y - tile.y, x - tile.x]
+    return [*map(int, pixel[COLOR]), int(pixel[SAMPLES])], count
+
+
+def _question(
+    job: Job, scene: Scene, row: Frame | None, kind: str, x: int, y: int, count: int, sample: int | None
+) -> ExplainPixel:
+    base = str(scene.compiled[kind]["sha256"])
+    shot = Shot.of(job.shot)
+    settings, compiled, moment = job.settings, base, None
+    if shot is not None:
+        if row is None or row.settings is None:
+            raise Conflict("The frame is not prepared yet, so that nobody knows what its pixels see. Try again when it is.")
+        settings = row.settings
+        own = (row.compiled or {}).get(kind)
+        if own is not None:
+            compiled = str(own["sha256"])
+        else:
+            moment = PrepareFrames(
+                work="",
+                job="",
+                scene=scene.id,
+                frames=[row.number],
+                base=base,
+                base_auto=(scene.info or {})["cameras"][-1]["view"],
+                fps=shot.fps,
+                clip=shot.clip,
+                camera=job.request.get("camera"),
+                view=job.request.get("view"),
+                turntable=shot.turntable,
+                shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+            )
+    try:
+        asked = RenderSettings.from_json(settings or {})
+    except SettingsError as error:
+        raise Conflict(f"The picture's paths cannot be followed: {error}. Render it anew.") from None
+    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MOST_SAMPLES), sample, moment)

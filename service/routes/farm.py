@@ -1,0 +1,144 @@
+"""/api/farm: the service's routes for workers. Workers send the farm's token, or one of their own."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import anyio
+from fastapi import APIRouter, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse, StreamingResponse
+from starlette.background import BackgroundTask
+from starlette.concurrency import run_in_threadpool
+
+from service.errors import Conflict, Invalid, NotFound, TooLarge
+from service.farm import FarmDependency
+from service.http.visit import VisitDependency
+from service.intake.uploads import gathered
+from service.jobs.describe import UNREADABLE
+from service.jobs.lookup import find_job
+from service.store.bands import bands
+from service.store.blends import blend_of
+from service.store.blobs import is_sha256, no_blob
+from service.store.models import Scene
+from service.store.room import disk_checker, full_disk
+from worker.protocol.blends import written_of
+from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+
+__all__ = ["router"]
+
+
+router = APIRouter(prefix="/api/farm", tags=["farm"])
+
+
+@router.get("/join")
+def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
+    """Where the queue is, and how a worker on this machine recognises the service's own files.
+
+    A worker with a token of its own gets a password of its own, too.
+    """
+    data = str(farm.settings.data) if farm.blobs.is_local else ""
+    redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
+    if key is not None:
+        redis_url = farm.redis_users.address_for(key, redis_url)
+    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data, "reduces": "yes"}
+
+
+@router.get("/scenes/{id}/manifest")
+def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
+    """The files of a scene, by hash; of a .blend what Blender wrote of it, as soon as it did."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, id)
+        base = session.get(Scene, scene.of) if scene is not None and scene.of else None
+        blend = blend_of(session, scene) if scene is not None else None
+    if scene is None:
+        raise NotFound("There is no such scene; it may have been deleted.")
+    if not scene.files:
+        raise Conflict(UNREADABLE.format(what="scene"))
+    main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
+    if (written := written_of({"blend": blend})) is not None:
+        main, files = written[0], [*written[1], *(file for file in files if file.path == scene.environment)]
+    is_alike = base is not None and base.variant == scene.variant and base.main == scene.main
+    known = base.info if base is not None and is_alike else None
+    return asdict(Manifest(id, main, files, scene.environment, scene.variant, known))
+
+
+@router.get("/blobs/{sha256}", response_class=StreamingResponse)
+def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
+    """A stored file by its hash."""
+    if not is_sha256(sha256):
+        raise no_blob()
+    blob = farm.blobs.serve(sha256)
+    return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers={"Content-Length": str(blob.size)})
+
+
+@router.post("/blobs/{sha256}/keep", status_code=204)
+def keep_blob(sha256: str, farm: FarmDependency) -> Response:
+    """Keep a file for as long as one that was stored just now; 404 where it is not here and is to be sent."""
+    if not is_sha256(sha256):
+        raise no_blob()
+    farm.garbage.promise(sha256)
+    if not farm.blobs.exists(sha256):
+        farm.garbage.keep_promise(sha256)  # sending a blob renews its retention
+        raise no_blob()
+    return Response(status_code=204)
+
+
+@router.get("/films/{job}/{frame}", response_class=FileResponse)
+def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
+    """The means of a frame (in halves) for a denoiser: worker.protocol.contract.DenoiseFrame says how they are laid out."""
+    found = find_job(job, farm)
+    film = farm.film(found)
+    if film is None or not farm.records.has_frame(job, frame):
+        raise NotFound("The job has no such picture yet.")
+    version, samples = film.version(frame), film.samples(frame)
+    handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            for means in ("color", "albedo", "normal"):
+                for band in bands(film, frame, [means]):
+                    band.astype("<f4", copy=False).tofile(file)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+    return FileResponse(
+        name,
+        media_type="application/octet-stream",
+        headers={VERSION_HEADER: version, SAMPLES_HEADER: str(samples)},
+        background=BackgroundTask(lambda: Path(name).unlink(missing_ok=True)),
+    )
+
+
+@router.put("/blobs/{sha256}", status_code=204)
+async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
+    """Store a file; its bytes must have the hash it is stored under."""
+    if not is_sha256(sha256):
+        raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
+    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
+
+    def take(piece: bytes) -> None:
+        check_disk(len(piece))
+        writer.write(piece)
+
+    def keep() -> None:
+        farm.garbage.promise(sha256)
+        writer.commit()
+
+    with full_disk():
+        writer = await run_in_threadpool(farm.blobs.writer)
+        try:
+            async for piece in gathered(request.stream()):
+                await run_in_threadpool(take, piece)
+                if writer.size > farm.settings.max_blob_bytes:
+                    raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+            if writer.sha256 != sha256:
+                raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
+            await run_in_threadpool(keep)
+        finally:
+            with anyio.CancelScope(shield=True):
+                await run_in_threadpool(writer.discard)
+    return Response(status_code=204)

@@ -1,0 +1,273 @@
+"""/api/jobs/{id}/frames/{n}: the pictures, valid from the first sample on. A frame without samples answers 409 with a sentence;
+its film, which watchers begin with, is empty until the job ends."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import math
+import re
+from functools import partial
+from typing import Any, Literal
+
+import anyio
+import anyio.to_thread
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import PlainTextResponse, StreamingResponse
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+
+from renderer import aovs
+from renderer import film as film_math
+from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAMES, frame_key, frame_text
+from renderer.image import tonemap
+from renderer.settings import Tile
+from service.errors import Invalid
+from service.farm import Farm, FarmDependency
+from service.http.file_names import named, picture_name
+from service.http.heads import headers_alone, is_head
+from service.http.visit import VisitDependency
+from service.jobs.describe_frames import frame_out, frames_json
+from service.jobs.lookup import Number, find_film, find_job, find_picture, no_frame, without_samples
+from service.jobs.motion import motion_of
+from service.models.jobs import FrameOut, FrameState
+from service.scheduling.errands.aside import MadeAside
+from service.store import bands
+from service.store.films import Film
+from service.store.models import FINAL, Scene
+from service.watching import film_packet
+from service.watching.pictures import MEDIA, PictureWish, memory, picture
+from worker.protocol.contract import SAMPLES_HEADER
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
+
+IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
+CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
+AOV_HELP = (
+    f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
+    "beside the colour. motion waits until a worker has made it"
+)
+
+
+class Pixel(BaseModel):
+    """A pixel as the film has it: means of its samples, scene-linear, in world space."""
+
+    x: int
+    y: int
+    samples: int
+    color: list[float]
+    error: float | None = Field(description="standard error of the luminance; null where there are too few samples")
+    albedo: list[float]
+    normal: list[float]
+    depth: float
+    position: list[float]
+    object: int | None = Field(description="number of the object that is seen first, null for none")
+    material: int | None
+    object_name: str | None
+    material_name: str | None
+
+
+class Digest(BaseModel):
+    """SHA-256 of a frame's sums and sample counts."""
+
+    digest: str
+    samples: int
+
+
+@router.get("", response_model=list[FrameOut])
+def list_frames(
+    id: str,
+    farm: FarmDependency,
+    state: FrameState | None = None,
+    limit: int | None = Query(None, ge=1, le=MAX_FRAMES, description="at most so many; all unless told"),
+    offset: int = Query(0, ge=0, le=MAX_FRAMES, description="from which one on, counted from 0"),
+) -> Response:
+    """The frames of a job, in their order: the state, samples, noise and error of each."""
+    job = find_job(id, farm)
+    with farm.sessions() as session:
+        body = frames_json(job, session, farm.engine, state, (offset, limit))
+    return Response(body, media_type="application/json")
+
+
+@router.get("/{n}", response_model=FrameOut)
+def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
+    """One frame of a job, with the first of its samples that were left out."""
+    job = find_job(id, farm)
+    with farm.sessions() as session:
+        found = frame_out(job, session, farm.engine, frame_key(n))
+    if found is None:
+        raise no_frame(n)
+    return found
+
+
+@router.get("/{n}/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
+async def image(
+    id: str,
+    n: Number,
+    extension: Literal["png", "exr", "jpg", "hdr", "rgb9e5"],
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    aov: str = Query("color", max_length=200, description=AOV_HELP),
+    denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
+    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
+    width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
+) -> Response:
+    """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
+
+    The header X-Samples has the number of samples, of all pixels together, that it was made of; of a heat map, X-Span has the
+    values between which it is drawn.
+    """
+    if tonemap_curve not in tonemap.CURVES:
+        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+    planes, in_layers = _planes(aov)
+    if denoise and planes:
+        raise Invalid("denoise: only colour is denoised; leave aov out.")
+    PictureWish(extension, planes, in_layers, width=width).check()
+    job = await run_in_threadpool(find_job, id, farm)
+    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
+    asks_head = is_head(request)
+    denoised = await _denoised(id, n, film, farm) if denoise and not asks_head else None
+    if denoised is not None:
+        version, samples = denoised.version, denoised.samples
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
+    headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
+    headers[SAMPLES_HEADER] = str(samples)
+    known = request.headers.get("if-none-match", "")
+    if headers["ETag"] in known or known.strip() == "*":
+        return Response(status_code=304, headers=headers)
+    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
+    headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
+    if asks_head:
+        if denoise:
+            del headers["ETag"]  # the ETag is that of the picture denoised by then
+        return headers_alone(headers, MEDIA[extension])
+    blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
+    motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
+    wish = PictureWish(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
+    folder = farm.settings.data / "tmp"
+    made = await farm.pictures.make(
+        (id, n, headers["ETag"]), memory(film, wish), picture, film, frame_key(n), wish, folder, user=visit.queue
+    )
+    headers["Content-Length"] = str(made.size)
+    if made.span is not None:
+        headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
+    return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+@router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
+async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
+    """All of a frame's light, and how many samples each tile has, in one answer: see docs/api.md. For watchers that begin."""
+    film, version, _ = await run_in_threadpool(_state, id, n, farm)
+    gzip = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    if gzip:
+        headers["Content-Encoding"] = "gzip"
+    if is_head(request):
+        return headers_alone(headers, "application/octet-stream")
+    folder = farm.settings.data / "tmp"
+    most = film_packet.memory(film)
+    key = (id, n, "film", headers["ETag"])
+    made = await farm.pictures.make(key, most, film_packet.film_packet, film, frame_key(n), folder, gzip, user=visit.queue)
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type="application/octet-stream", headers=headers)
+
+
+@router.get("/{n}/pixel", response_model=Pixel)
+async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
+    """The exact values of a pixel, counted from the upper left, and how many samples it has."""
+    return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
+
+
+def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
+    """The number and rectangle of the tile that contains a pixel. Raises Invalid."""
+    if x >= film.width or y >= film.height:
+        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+    return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
+
+
+def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
+    film = find_picture(id, n, farm)
+    at, tile = _tile_at(film, x, y)
+    sums = film.tile_sums(frame_key(n), at)
+    sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
+    values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
+    if not math.isfinite(values["error"]):
+        values["error"] = None
+    names = _names(id, farm)
+    for kind in ("object", "material"):
+        number, known = int(values[kind]) - 1, names.get(f"{kind}s", [])
+        values[kind] = number if number >= 0 else None
+        values[f"{kind}_name"] = known[number] if 0 <= number < len(known) else None
+    return Pixel(x=x, y=y, color=film_math.mean(sums, film.film_exponent)[0, 0].tolist(), **values)
+
+
+@router.get("/{n}/log", response_class=PlainTextResponse)
+def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
+    """What is known of the tile that has a pixel, line by line: which worker rendered which samples, how long that and its steps
+    took, what it warned of; what failed or was lost. Of successes the latest 16, since the service started."""
+    film = find_film(id, n, farm)
+    at, _ = _tile_at(film, x, y)
+    about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
+    told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
+    told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
+    return "".join(f"{line}\n" for line in sorted(told))
+
+
+@router.get("/{n}/digest", response_model=Digest)
+async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependency) -> Digest:
+    """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
+    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
+    folder = farm.settings.data / "tmp"
+    made = await farm.pictures.make(
+        (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
+    )
+    return Digest(digest=made, samples=samples)
+
+
+async def _denoised(id: str, n: float, film: Film, farm: Farm) -> MadeAside:
+    """Waits for the denoised frame without occupying a thread, since many clients may wait at a time."""
+    made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
+    # Shielded: a client that disconnects must not cancel the work for other clients.
+    return await asyncio.shield(asyncio.wrap_future(made))
+
+
+def _planes(text: str) -> tuple[tuple[str, ...], bool]:
+    """The requested planes, and whether they are layers in addition to the colour."""
+    asked = [name.strip() for name in text.split(",")]
+    try:
+        names = aovs.known(name for name in asked if name not in ("color", ""))
+    except SettingsError as error:
+        raise Invalid(f"{error}.") from None
+    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
+
+
+def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
+    """A frame's film, the version of its content, and its number of samples."""
+    film, job = find_film(id, n, farm), find_job(id, farm)
+    samples = film.samples(frame_key(n))
+    if not samples and job.state in FINAL:
+        raise without_samples(job, farm, n)
+    return film, film.version(frame_key(n)), samples
+
+
+def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
+    """Like `_state`, for a frame that has samples."""
+    film = find_picture(id, n, farm)
+    return film, film.version(frame_key(n)), film.samples(frame_key(n))
+
+
+def _names(id: str, farm: Farm) -> dict[str, list[str]]:
+    """The names of the scene's objects and materials, in order of their numbers."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, find_job(id, farm).scene)
+    names = ((scene.info if scene else None) or {}).get("names")
+    return names or {}

@@ -1,0 +1,51 @@
+"""/healthz, /readyz, /metrics: for monitoring the service."""
+
+from __future__ import annotations
+
+import anyio
+import anyio.to_thread
+from fastapi import APIRouter, Response
+from prometheus_client import CONTENT_TYPE_LATEST
+from sqlalchemy import text
+
+from service.errors import Unavailable
+from service.farm import Farm, FarmDependency
+from service.routes import metrics
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["health"])
+
+PATIENCE_S = 2.0  # seconds, timeout of the database check
+
+
+@router.get("/healthz")
+async def healthz(farm: FarmDependency) -> dict[str, str]:
+    """Whether the process is sane; if not, restart it. It waits for nothing: no thread, no database, no disk."""
+    if not farm.engine.is_alive:
+        raise Unavailable("The engine has ended. Restart the service.")
+    return {"status": "ok"}
+
+
+@router.get("/readyz")
+async def readyz(farm: FarmDependency) -> dict[str, str]:
+    """Whether the service can work now: its database, its films and Redis answer."""
+    try:
+        with anyio.fail_after(PATIENCE_S):
+            await anyio.to_thread.run_sync(_ask_database, farm, limiter=farm.readiness, abandon_on_cancel=True)
+    except Exception as error:
+        raise Unavailable(f"The database does not answer ({type(error).__name__}). Look at RAYFARM_DATABASE_URL.") from error
+    if (why := farm.engine.snapshot.not_ready) is not None:
+        raise Unavailable(why)
+    return {"status": "ready"}
+
+
+def _ask_database(farm: Farm) -> None:
+    with farm.sessions() as session:
+        session.execute(text("SELECT 1"))
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+def get_metrics(farm: FarmDependency) -> Response:
+    """Numbers for Prometheus."""
+    return Response(metrics.render(farm), media_type=CONTENT_TYPE_LATEST)

@@ -1,0 +1,70 @@
+"""/api/jobs/{id}: the history of a job: its progress over time, and its events."""
+
+from __future__ import annotations
+
+import hashlib
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import PlainTextResponse
+from pydantic import BaseModel, Field
+
+from service.farm import FarmDependency
+from service.jobs.lookup import find_job
+from service.scheduling.jobs.history import History
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+
+
+class HistoryPoint(BaseModel):
+    """A moment of rendering."""
+
+    seconds: float = Field(description="of rendering, pauses left out")
+    spp: float = Field(description="samples of a pixel; of a shot those of all frames together")
+    noise: float | None = Field(description="relative; of a shot the greatest of its frames; null while it is not known")
+
+
+class HistoryEvent(BaseModel):
+    """Something that happened."""
+
+    at: float = Field(description="unix time")
+    kind: str = Field(
+        description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
+    )
+    words: str = Field(description="of whom, or why")
+
+
+class HistoryOut(BaseModel):
+    """How a job came to its picture; some hundred points and events at most."""
+
+    points: list[HistoryPoint]
+    events: list[HistoryEvent]
+
+
+@router.get("/{id}/log", response_class=PlainTextResponse)
+def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
+    """What happened to a job, line by line: its scene prepared, batches handed out, back, lost, failed, and by which workers.
+
+    The newest 256 kB. Lines begin with the time (UTC); below errors, further in, stand the last lines of their traces.
+    """
+    find_job(id, farm)
+    text = farm.engine.logs.text(id)
+    tag = f'"{hashlib.sha256(text).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+    if tag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    return PlainTextResponse(text, headers=headers)
+
+
+@router.get("/{id}/history", response_model=HistoryOut)
+def job_history(id: str, farm: FarmDependency) -> HistoryOut:
+    """How a job came to its picture: noise and samples against the time of rendering, and what happened."""
+    job = find_job(id, farm)
+    size = job.settings or {}
+    pixels = max(int(size.get("width", 1)) * int(size.get("height", 1)), 1)
+    history = History.of(farm.records.history(id))
+    return HistoryOut(
+        points=[HistoryPoint(seconds=s or 0.0, spp=(n or 0.0) / pixels, noise=e) for s, n, e in history.points],
+        events=[HistoryEvent(at=at, kind=kind, words=words) for at, kind, words in history.events],
+    )

@@ -1,0 +1,58 @@
+"""/api/farm/kernels: machine code that one worker compiled, for the others of its kind.
+
+Loading a kernel executes its code. Uploads are therefore accepted only with the farm's own token; a worker with its own token may
+download kernels, signed with that token.
+"""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import FileResponse
+from starlette.concurrency import run_in_threadpool
+
+from renderer.artefact import MAX_BYTES
+from service.errors import NotFound, TooLarge
+from service.farm import FarmDependency
+from service.http.problems import Problem
+from service.http.visit import Visit, VisitDependency, shown_secret
+from service.store.room import full_disk
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/farm/kernels", tags=["farm"])
+
+NOT_FROM_THEM = (
+    "Kernels are taken from workers that show the farm's own token: all others run them. "
+    "This worker has a token of its own; it keeps what it compiled for itself."
+)
+
+
+@router.get("/{name}", response_class=FileResponse)
+def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request: Request) -> Response:
+    """The kernels of this name; renderer/artefact.py says what a name follows from and how the file is signed."""
+    path = farm.kernels.find(name)
+    if path is None:
+        raise NotFound("The farm has no kernels of this name; compile them, and hand them in.")
+    if not _has_own_token(visit):
+        return FileResponse(path, media_type="application/octet-stream")
+    data = farm.kernels.signed_for(name, shown_secret(request.headers))
+    return Response(data, media_type="application/octet-stream")
+
+
+@router.put("/{name}", status_code=204)
+async def put_kernels(name: str, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
+    """Hand in kernels, signed with the farm's token."""
+    if _has_own_token(visit):
+        raise Problem(403, NOT_FROM_THEM)
+    data = bytearray()
+    async for chunk in request.stream():
+        data += chunk
+        if len(data) > MAX_BYTES:
+            raise TooLarge(f"Kernels have at most {MAX_BYTES} bytes.")
+    with full_disk():
+        await run_in_threadpool(farm.kernels.put, name, bytes(data))
+    return Response(status_code=204)
+
+
+def _has_own_token(visit: Visit) -> bool:
+    return visit.caller is not None and visit.caller.key is not None

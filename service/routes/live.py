@@ -1,0 +1,263 @@
+"""WS /api/jobs/{id}/live: a job's state as JSON, its frames' states, and the tiles of one frame as they change.
+
+The client gets a state, a snapshot of all tiles of its frame that have samples, and then changes; it may switch to another frame
+by {"frame": n}, of which it gets a snapshot. A client that fetches the film itself (GET .../frames/{n}/film) requests no
+snapshot, and reports afterwards what it has, by {"have": [samples a pixel of every tile]}: the tiles that differ are sent.
+
+For a shot, all frames are sent first, and then those that change. Tiles are sent in rounds; every packet has a number, and the
+client answers with {"ack": number}, which acknowledges all up to it. At most two rounds are unacknowledged. Meanwhile changed
+tiles are only recorded, and read from the film when their round comes, so a slow client gets fewer pictures, but never older
+ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from sqlalchemy import select
+from starlette.concurrency import run_in_threadpool
+
+from renderer.frames import MAX_FRAME, frame_key
+from service.errors import FarmError
+from service.farm import Farm, FarmDependency
+from service.http.websocket_messages import heard
+from service.jobs.describe import snapshot
+from service.jobs.describe_frames import frame_numbers, plain_frames
+from service.jobs.lookup import no_job
+from service.scheduling.jobs.active_frame import FrameNumbers
+from service.store.films import Film
+from service.store.models import ACTIVE, Frame, Job
+from service.watching import tile_packet
+from service.watching.broadcast import Listener
+
+__all__ = ["router"]
+
+router = APIRouter()
+
+MAX_UNACKNOWLEDGED = 2  # rounds
+SPEAK_EVERY_S = 5.0
+FRAMES_TOLD = 2000  # frames in one message
+FRAMES_REST = 20  # minimum pause between frame updates, as a multiple of their CPU time
+NOT_FOUND = 4404
+GONE = 4410
+MOST_TEXT = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
+TILE_TEXT = 16  # characters for a tile's samples
+MOST_TILES = 1 << 16  # assumed while the number of tiles is unknown
+
+
+@router.websocket("/api/jobs/{id}/live")
+async def live(
+    socket: WebSocket,
+    id: str,
+    farm: FarmDependency,
+    frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
+    snapshot: bool = True,
+) -> None:
+    """Watch a job, and the tiles of one of its frames: the first, unless told. snapshot: begin with all of its tiles."""
+    await socket.accept()
+    first = await run_in_threadpool(_first_frame, farm, id)
+    if first is None:
+        await socket.close(NOT_FOUND, str(no_job(id))[:120])
+        return
+    with farm.broadcast.listen(id, first if frame is None else frame_key(frame)) as listener:
+        watcher = _Watcher(socket, id, farm, listener, snapshot)
+        sending = asyncio.create_task(watcher.send())
+        receiving = asyncio.create_task(watcher.receive())
+        done, pending = await asyncio.wait((sending, receiving), return_when=asyncio.FIRST_COMPLETED)
+        for task in pending:
+            task.cancel()
+        for task in (*done, *pending):
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                await task
+
+
+class _Watcher:
+    def __init__(self, socket: WebSocket, job: str, farm: Farm, listener: Listener, snapshot: bool) -> None:
+        self._socket = socket
+        self._job = job
+        self._farm = farm
+        self._listener = listener
+        self._film: Film | None = None
+        self._snapshot = snapshot
+        self._wanted: tuple[int, bool] | None = None  # the requested frame, and whether with a snapshot
+        self._have: list[Any] | None = None  # the client's samples of every tile, to be compared
+        self._sequence = 0
+        self._rounds: deque[int] = deque()  # number of the last packet of every unacknowledged round
+        self._spoke = 0.0
+        self._state_at = 0.0
+        self._told: dict[int, FrameNumbers] = {}  # of a shot: the frame numbers that were sent
+        self._frames_at = 0.0  # earliest time of the next frame update
+
+    async def receive(self) -> None:
+        """Processes acknowledgements and frame selections until the client leaves. Ignores malformed messages."""
+        async for text in heard(self._socket):
+            tiles = MOST_TILES if self._film is None else len(self._film.tiles)
+            if len(text) > MOST_TEXT + TILE_TEXT * tiles:
+                continue
+            try:
+                said = json.loads(text)
+                if "frame" in said:
+                    self._wanted = _frame(float(said["frame"])), said.get("snapshot") is not False
+                    self._have = None
+                    self._listener.wake()
+                    continue
+                if "have" in said:
+                    self._have = list(said["have"])
+                    self._listener.wake()
+                    continue
+                acknowledged = int(said["ack"])
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
+                continue
+            if self._rounds and self._rounds[0] <= acknowledged:
+                while self._rounds and self._rounds[0] <= acknowledged:
+                    self._rounds.popleft()
+                self._listener.wake()
+
+    def _turn(self) -> None:
+        """Switches to the most recently requested frame; earlier requests are skipped."""
+        if self._wanted is None:
+            return
+        (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
+        self._listener.tiles.clear()
+        if self._film is not None:
+            self._begin(self._film)
+
+    def _begin(self, film: Film) -> None:
+        """Queues all tiles, unless the client wants no snapshot."""
+        if self._snapshot:
+            self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
+
+    async def _note_what_differs(self, film: Film, have: list[Any]) -> None:
+        """Queues the tiles whose sample counts differ from the client's; all, if its list has another length."""
+        frame = self._listener.frame
+        counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
+        if frame == self._listener.frame:
+            differ = have if len(have) == len(counts) else [None] * len(counts)
+            self._listener.tiles.update((tile, None) for tile, (a, b) in enumerate(zip(differ, counts, strict=True)) if a != b)
+
+    async def send(self) -> None:
+        """Sends states and tiles until the service ends or the job is deleted."""
+        self._listener.changed["job", self._job] = None
+        while not self._farm.broadcast.closing:
+            if self._film is None:
+                self._film = await run_in_threadpool(_film, self._farm, self._job)
+                if self._film is not None:
+                    self._begin(self._film)
+            self._turn()
+            if self._film is not None and self._have is not None:
+                have, self._have = self._have, None
+                with contextlib.suppress(FarmError):  # tiles that cannot be compared now are queued when they change
+                    await self._note_what_differs(self._film, have)
+            now = time.monotonic()
+            if self._is_state_due(now) and not await self._send_state(now):
+                await self._socket.close(GONE, "The job was deleted.")
+                return
+            if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
+                try:
+                    await self._send_round(self._film)
+                except FarmError:  # job deleted, film unreadable or service stopping; the next state tells
+                    self._film = None
+                    self._listener.changed["job", self._job] = None
+                    self._listener.tiles.clear()
+                    self._state_at = 0.0
+                    continue
+                await asyncio.sleep(self._farm.settings.live_interval)
+            else:
+                await self._listener.wait(self._farm.shared.state_every_s if self._listener.changed else 1.0)
+        await self._socket.close(1012, "The service is going down.")
+
+    def _is_state_due(self, now: float) -> bool:
+        if now - self._spoke > SPEAK_EVERY_S:
+            return True
+        return bool(self._listener.changed) and now - self._state_at >= self._farm.shared.state_every_s
+
+    async def _send_state(self, now: float) -> bool:
+        self._listener.changed.clear()
+        self._state_at = self._spoke = now
+        state, text = await self._farm.shared.told(self._job, "state", partial(_state, self._farm, self._job))
+        if state is None:
+            return False
+        await self._socket.send_text(text)
+        if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
+            self._listener.changed["job", self._job] = None  # send again later
+        elif state["shot"] is not None:
+            job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
+            self._frames_at = now + FRAMES_REST * taken_s
+            before, self._told = self._told, frames
+            for text in await run_in_threadpool(_frames_told, job, before, frames):
+                await self._socket.send_text(text)
+        return True
+
+    async def _send_round(self, film: Film) -> None:
+        chosen, pixels, most = [], 0, self._farm.shared.round_pixels
+        for tile in list(self._listener.tiles):
+            if pixels >= most:
+                break
+            del self._listener.tiles[tile]
+            chosen.append(tile)
+            pixels += film.tiles[tile].w * film.tiles[tile].h
+        frame = self._listener.frame
+        packed = await self._farm.shared.tiles(self._job, film, frame, chosen)
+        if not packed or frame != self._listener.frame:
+            return
+        self._rounds.append(self._sequence + len(packed))
+        for tile, spp, words in packed:
+            self._sequence += 1
+            await self._socket.send_bytes(tile_packet.packet(film, frame, tile, self._sequence, spp, words))
+        self._spoke = time.monotonic()
+
+
+def _frame(number: float) -> int:
+    """The key of a frame number. Raises ValueError."""
+    if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
+        raise ValueError(f"there is no frame {number}")
+    return frame_key(number)
+
+
+def _first_frame(farm: Farm, id: str) -> int | None:
+    with farm.sessions() as session:
+        return session.scalar(select(Frame.number).where(Frame.job == id).order_by(Frame.number).limit(1))
+
+
+def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
+    """A job, its frames' numbers, and the CPU seconds of reading them."""
+    begun = time.thread_time()
+    with farm.sessions() as session:
+        job = session.get(Job, id)
+        found = {} if job is None else dict(frame_numbers(job, session, farm.engine))
+    return job, found, time.thread_time() - begun
+
+
+def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
+    """Messages about the changed frames, up to FRAMES_TOLD frames each."""
+    changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
+    some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
+    return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
+
+
+def _job(farm: Farm, id: str) -> Job | None:
+    with farm.sessions() as session:
+        return session.get(Job, id)
+
+
+def _film(farm: Farm, id: str) -> Film | None:
+    job = _job(farm, id)
+    try:
+        return farm.film(job) if job is not None else None
+    except FarmError:
+        return None  # the reason is in the job's state
+
+
+def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
+    """A job's state, and its message."""
+    with farm.sessions() as session:
+        state = snapshot("job", id, session, farm.engine)
+    return state, json.dumps({"type": "state", "job": state})

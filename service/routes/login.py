@@ -1,0 +1,183 @@
+"""/api/login, /api/logout, /api/session: a browser's login by name and password or by a one-time link, and its logout.
+
+A session is a secret in a cookie that scripts cannot read and that is not sent with cross-site requests. Each login creates a new
+session, and invalidates the one that the browser sent before.
+
+Passwords are verified in a separate thread pool, so that many guesses do not block other requests.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from anyio.to_thread import run_sync
+from fastapi import APIRouter, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.requests import cookie_parser
+from starlette.responses import JSONResponse
+
+from renderer.printable import printable
+from service.access.access import SESSION_S
+from service.access.passwords import LONGEST
+from service.access.roles import OWNER, Caller, Role
+from service.errors import Conflict, FarmError
+from service.farm import Farm, FarmDependency
+from service.http.cookies import set_cookie
+from service.http.gate import cookie_name
+from service.http.problems import Problem
+from service.http.sessions import forget_login, way_out
+from service.http.visit import Visit, VisitDependency
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["access"])
+
+Password = Annotated[str, Field(min_length=1, max_length=LONGEST)]
+
+
+class LoginIn(BaseModel):
+    """A name and its password; or the code of a link."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field("", max_length=64)
+    password: str = Field("", max_length=LONGEST)
+    link: str = Field("", max_length=LONGEST)
+
+
+class PasswordIn(BaseModel):
+    """old: needed where there is one."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    old: str = Field("", max_length=LONGEST)
+    new: Password
+
+
+class LogoutOut(BaseModel):
+    """provider: the address at which the browser's session at the OpenID provider ends, and which leads back here."""
+
+    provider: str
+
+
+class SessionOut(BaseModel):
+    """Who the service takes you for. login: whether one is needed here; name: null where nobody is logged in."""
+
+    login: bool
+    name: str | None
+    role: str | None
+    kind: str | None = Field(description="session, token, owner; open: this machine is let in without a login")
+    provider: str | None = Field(description="what the OpenID provider is called by which one may log in; null: there is none")
+
+
+@router.get("/api/session", response_model=SessionOut)
+def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
+    """Who you are here, and whether a login is needed."""
+    return _session_out(visit.caller, visit.needs_login, farm)
+
+
+@router.post("/api/login", response_model=SessionOut)
+async def log_in(
+    asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency
+) -> SessionOut:
+    """Log in; the answer sets the session's cookie."""
+    return await run_sync(_log_in, asked, request, response, visit, farm, limiter=farm.logins)
+
+
+def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, farm: Farm) -> SessionOut:
+    access = farm.access
+    if asked.link:
+        name = access.keys.use_link(asked.link)
+        if name is None:
+            access.audit.add("", "login refused", kind="link", address=visit.address, status=401)
+            raise Problem(
+                401, "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`."
+            )
+        role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
+        kind = "link"
+    else:
+        name, role, kind = *_by_password(asked.name, asked.password, farm, visit.address), "password"
+    _end(request, farm)
+    secret, row = access.keys.make("session", name, Role.ADMIN, name=_browser(request), lasts_s=SESSION_S)
+    _set_cookie(request, response, farm, secret, SESSION_S)
+    forget_login(request, response, farm)
+    access.audit.add(name, "login", kind=kind, address=visit.address, status=200)
+    return _session_out(Caller(name, role, "session", row.id), visit.needs_login, farm)
+
+
+@router.post("/api/logout", status_code=204, response_model=None, responses={200: {"model": LogoutOut}})
+def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> Response:
+    """End the session that the cookie shows. Where an OpenID provider let it in, the answer says where it ends there too."""
+    provider = None
+    if _end(request, farm) and visit.caller is not None:
+        farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
+        provider = way_out(request, farm)
+    response = Response(status_code=204) if provider is None else JSONResponse(LogoutOut(provider=provider).model_dump())
+    _set_cookie(request, response, farm, "", 0)
+    forget_login(request, response, farm)
+    return response
+
+
+@router.put("/api/session/password", status_code=204)
+async def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
+    """Change your own password. All else that you have open is logged out."""
+    await run_sync(_change_password, asked, visit, farm, limiter=farm.logins)
+
+
+def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
+    access, caller = farm.access, visit.caller
+    assert caller is not None
+    if caller.kind != "session" or caller.name == OWNER:
+        raise Conflict("Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.")
+    if access.users.find(caller.name).password is not None:
+        _by_password(caller.name, asked.old, farm, visit.address)
+    access.users.set_password(caller.name, asked.new, stays=caller.key)
+
+
+def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
+    """Verifies a name and password; returns the user's name and role. Raises Problem."""
+    access = farm.access
+    wait = access.attempts.begin(address, name)
+    if wait is not None:
+        minutes = math.ceil(wait / 60)
+        raise Problem(
+            429,
+            f"Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
+            {"Retry-After": str(math.ceil(wait))},
+        )
+    user = access.users.log_in(name, password)
+    if user is None:
+        access.audit.add(name, "login refused", kind="password", address=address, status=401)
+        raise Problem(401, "The name or the password is not right. Look at both, and try again.")
+    access.attempts.succeeded(address, name)
+    return user.name, Role.of(user.role)
+
+
+def _end(request: Request, farm: Farm) -> bool:
+    """Ends the session of the request's cookie; returns whether there was one."""
+    access = farm.access
+    shown = cookie_parser(request.headers.get("cookie", "")).get(cookie_name(access, request.scope), "")
+    caller = access.keys.find(shown) if shown else None
+    if caller is None or caller.key is None or caller.kind != "session":
+        return False
+    try:
+        access.keys.withdraw("session", caller.key)
+    except FarmError:
+        return False
+    return True
+
+
+def _set_cookie(request: Request, response: Response, farm: Farm, secret: str, lasts_s: float) -> None:
+    set_cookie(request, response, cookie_name(farm.access, request.scope), secret, lasts_s)
+
+
+def _browser(request: Request) -> str:
+    return printable(request.headers.get("user-agent", ""))[:255]
+
+
+def _session_out(caller: Caller | None, needs_login: bool, farm: Farm) -> SessionOut:
+    provider = farm.access.oidc.name if farm.access.oidc is not None else None
+    if caller is None or caller.is_worker:
+        return SessionOut(login=needs_login, name=None, role=None, kind=None, provider=provider)
+    return SessionOut(login=needs_login, name=caller.name, role=caller.role.word, kind=caller.kind, provider=provider)

@@ -1,0 +1,104 @@
+"""/api/login/openid: login through an OpenID provider. The browser is redirected there, and returns with a one-time code."""
+
+from __future__ import annotations
+
+import logging
+
+from fastapi import APIRouter, Query, Request
+from starlette.requests import cookie_parser
+from starlette.responses import RedirectResponse
+
+from renderer.printable import printable
+from service.access.access import SESSION_S
+from service.access.oidc import WAIT_S, Oidc, Refused
+from service.access.roles import Role
+from service.access.secrets import fingerprint
+from service.errors import NotFound
+from service.farm import Farm, FarmDependency
+from service.http.cookies import set_cookie
+from service.http.gate import cookie_name
+from service.http.sessions import base_url, keep_login
+from service.http.visit import VisitDependency
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/login/openid", tags=["access"])
+log = logging.getLogger(__name__)
+
+LONGEST = 2048
+MOST_PENDING = 8  # logins of one browser; their cookies, of 410 characters each, fit a proxy's 8 kB for a header
+
+
+@router.get("", status_code=302, response_class=RedirectResponse)
+def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
+    """Send the browser to the provider."""
+    oidc = _oidc(farm)
+    try:
+        begun = oidc.begin(f"{base_url(request, farm)}/api/login/openid/answer")
+    except Refused as refusal:
+        return _refused(request, refusal)
+    answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
+    for name in _pending(farm, request)[: 1 - MOST_PENDING]:  # browsers send the oldest first (RFC 6265, 5.4)
+        set_cookie(request, answer, name, "", 0, same_site="lax")
+    # Not SameSite=Strict: the cookie must be sent when the provider redirects back.
+    set_cookie(request, answer, _cookie(farm, request, begun.state), begun.sealed, WAIT_S, same_site="lax")
+    return answer
+
+
+@router.get("/answer", status_code=302, response_class=RedirectResponse)
+def finish(
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    state: str = Query("", max_length=LONGEST),
+    code: str = Query("", max_length=LONGEST),
+    error: str = Query("", max_length=LONGEST),
+) -> RedirectResponse:
+    """The browser comes back; the answer sets the session's cookie, and leads to the page."""
+    access, oidc = farm.access, _oidc(farm)
+    cookie = _cookie(farm, request, state)
+    try:
+        found = oidc.finish(state, code, error, _cookies(request).get(cookie, ""))
+    except Refused as refusal:
+        access.audit.add("", "login refused", kind="openid", address=visit.address, status=401)
+        answer = _refused(request, refusal)
+    else:
+        user = found.user
+        access.keys.forget()  # the role may have changed
+        browser = printable(request.headers.get("user-agent", ""))[:255]
+        secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
+        access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)
+        answer = RedirectResponse(f"{request.base_url.path}#/", 302, {"Cache-Control": "no-store"})
+        set_cookie(request, answer, cookie_name(access, request.scope), secret, SESSION_S)
+        keep_login(request, answer, farm, found.token)
+    set_cookie(request, answer, cookie, "", 0, same_site="lax")
+    return answer
+
+
+def _refused(request: Request, refusal: Refused) -> RedirectResponse:
+    log.warning("a login by the OpenID provider is refused: %s", refusal)
+    return RedirectResponse(f"{request.base_url.path}#/login?refused={refusal.why}", 302, {"Cache-Control": "no-store"})
+
+
+def _cookie(farm: Farm, request: Request, state: str) -> str:
+    """The name of a login's cookie: one for each login, so that several tabs can be logging in."""
+    return f"{_prefix(farm, request)}{fingerprint(state)[:16]}"
+
+
+def _pending(farm: Farm, request: Request) -> list[str]:
+    """The names of the cookies of all logins that this browser has begun and not finished."""
+    return [name for name in _cookies(request) if name.startswith(_prefix(farm, request))]
+
+
+def _prefix(farm: Farm, request: Request) -> str:
+    return f"{cookie_name(farm.access, request.scope)}-login-"
+
+
+def _cookies(request: Request) -> dict[str, str]:
+    return cookie_parser(request.headers.get("cookie", ""))
+
+
+def _oidc(farm: Farm) -> Oidc:
+    if farm.access.oidc is None:
+        raise NotFound("This farm knows no OpenID provider. Log in with a name and a password, or by a link.")
+    return farm.access.oidc

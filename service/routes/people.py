@@ -1,0 +1,136 @@
+"""/api/users, /api/links, /api/audit: users, login links and the audit log. For administrators."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import select
+
+from service.access.access import LINK_S
+from service.access.passwords import LONGEST
+from service.access.roles import OWNER, Role, RoleName
+from service.errors import Conflict
+from service.farm import FarmDependency
+from service.http.paged import PageDependency
+from service.http.visit import VisitDependency
+from service.store.models import User
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["access"])
+
+MOST_LINES = 1000
+Name = Annotated[str, Field(min_length=1, max_length=64)]
+Password = Annotated[str | None, Field(max_length=LONGEST)]
+
+
+class UserIn(BaseModel):
+    """A new user. Without a password it is let in by a link alone, and may set one then."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: Name
+    role: RoleName = "submit"
+    password: Password = None
+
+
+class UserChange(BaseModel):
+    """What is to be another."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    role: RoleName | None = None
+    password: Password = None
+
+
+class UserOut(BaseModel):
+    """Somebody who may log in. sessions: how many browsers are."""
+
+    name: str
+    role: str
+    has_password: bool
+    created: float
+    sessions: int
+
+
+class LinkIn(BaseModel):
+    """user: whom it lets in; the farm's owner unless told."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    user: Name = OWNER
+
+
+class LinkOut(BaseModel):
+    """code: told this once. The page's address with #/login?code=CODE behind it lets the user in, once."""
+
+    user: str
+    code: str
+    expires: float | None
+
+
+class AuditLine(BaseModel):
+    """Something that was done."""
+
+    model_config = ConfigDict(extra="allow")
+
+    at: float
+    who: str
+    what: str
+
+
+@router.get("/api/users", response_model=list[UserOut])
+def list_users(farm: FarmDependency, page: PageDependency) -> list[UserOut]:
+    """A page of the users, by name. The header X-Total-Count has their number."""
+    with farm.sessions() as session:
+        _, rows = page.rows(select(User).order_by(User.name), session)
+    sessions = farm.access.keys.count("session", [user.name for user in rows])
+    return [_out(user, sessions[user.name]) for user in rows]
+
+
+@router.post("/api/users", status_code=201, response_model=UserOut)
+def add_user(asked: UserIn, farm: FarmDependency) -> UserOut:
+    """Add a user."""
+    return _out(farm.access.users.add(asked.name, Role.of(asked.role), asked.password), 0)
+
+
+@router.patch("/api/users/{name}", response_model=UserOut)
+def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
+    """Another role, which holds at once; another password, which logs the user out everywhere."""
+    users = farm.access.users
+    user = users.find(name)
+    if asked.password is not None:
+        user = users.set_password(name, asked.password)
+    if asked.role is not None:
+        user = users.set_role(name, Role.of(asked.role))
+    return _out(user, farm.access.keys.count("session", [name])[name])
+
+
+@router.delete("/api/users/{name}", status_code=204)
+def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None:
+    """Remove a user, and all that lets it in. Its scenes and jobs stay."""
+    if visit.caller is not None and visit.caller.name == name:
+        raise Conflict("You cannot remove yourself. Another administrator can, or `rayfarm user remove`.")
+    farm.access.users.remove(name)
+
+
+@router.post("/api/links", status_code=201, response_model=LinkOut)
+def make_link(asked: LinkIn, farm: FarmDependency) -> LinkOut:
+    """A link that lets somebody in once, within a day."""
+    if asked.user != OWNER:
+        farm.access.users.find(asked.user)
+    code, row = farm.access.keys.make("link", asked.user, Role.ADMIN, lasts_s=LINK_S)
+    return LinkOut(user=asked.user, code=code, expires=row.expires)
+
+
+@router.get("/api/audit", response_model=list[AuditLine])
+def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MOST_LINES)) -> list[dict[str, Any]]:
+    """What was done, by whom, from where; the newest first."""
+    return farm.access.audit.latest(limit)
+
+
+def _out(user: User, sessions: int) -> UserOut:
+    has_password = user.password is not None
+    return UserOut(name=user.name, role=user.role, has_password=has_password, created=user.created, sessions=sessions)

@@ -1,0 +1,171 @@
+"""/api/references: pictures uploaded for comparison, such as another renderer's or an earlier one."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, Literal
+
+import anyio
+from fastapi import APIRouter, Query, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel, Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+
+from renderer.image import tonemap
+from service.errors import Invalid
+from service.farm import Farm, FarmDependency
+from service.http.file_names import named
+from service.http.heads import headers_alone, is_head
+from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one
+from service.http.paged import PageDependency
+from service.http.visit import InProject, IntoProject, VisitDependency
+from service.intake.projects import Owner, serving
+from service.intake.references import SUFFIXES, keep_reference
+from service.jobs.lookup import no_reference
+from service.store.models import Reference
+from service.watching import film_picture
+from service.watching.film_packet import unpacked
+from service.watching.pictures import MEDIA
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/references", tags=["references"])
+
+KEPT = {"Cache-Control": "max-age=86400, immutable"}  # the id is a hash of the content
+IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+FILM = {"content": {"application/octet-stream": {}}, "description": "The picture."}
+Id = Annotated[str, PathParameter(max_length=100)]
+
+
+class ReferenceOut(BaseModel):
+    """A picture to compare with. Its light is taken for linear Rec.709, and kept true to 0.2 % of the brightest channel."""
+
+    id: str
+    name: str
+    created: float = Field(description="unix time")
+    bytes: int = Field(description="of the file that was uploaded")
+    width: int
+    height: int
+    display_referred: bool = Field(description="8 bits a channel, decoded by sRGB: tone mapping, if any, is still in it")
+    clipped: int = Field(description="pixels with a value below 0, which became 0, or above 65408, which became that")
+    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+
+
+@router.get("", response_model=list[ReferenceOut])
+def list_references(
+    farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
+) -> list[ReferenceOut]:
+    """A page of them, the newest first. With a project: its own, and those of none. The header X-Total-Count has their number."""
+    seen = select(Reference).where(visit.sight.clause(Reference.project))
+    seen = seen if project is None else seen.where(serving(Reference.project, project))
+    with farm.sessions() as session:
+        _, rows = page.rows(seen.order_by(Reference.created.desc(), Reference.id), session)
+        return [_out(row) for row in rows]
+
+
+@router.post("", status_code=201, response_model=ReferenceOut, openapi_extra=UPLOAD_FORM)
+async def add_reference(
+    request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
+) -> ReferenceOut:
+    """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
+    await run_in_threadpool(farm.access.projects.check, project, visit.sight)
+    await check_room(request, farm, visit)
+    form = await read_one(request, farm, "picture")
+    try:
+        name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")
+        temporary = farm.settings.data / "tmp"
+        await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
+        owner = Owner(project, visit.user, visit.token)
+        kept = partial(keep_reference, name, file, farm.sessions, farm.blobs, farm.garbage, temporary, owner)
+        row = await anyio.to_thread.run_sync(kept, limiter=farm.reading)
+    finally:
+        form.discard()
+    response.headers["Location"] = f"/api/references/{row.id}"
+    return _out(row)
+
+
+@router.get("/{id}", response_model=ReferenceOut)
+def get_reference(id: Id, farm: FarmDependency) -> ReferenceOut:
+    """One of them."""
+    return _out(_find(id, farm))
+
+
+@router.get("/{id}/film", response_class=Response, responses={200: FILM})
+def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
+    """Its light, in the form of /api/jobs/{id}/frames/{n}/film: one tile of one sample."""
+    blob = farm.blobs.serve(_find(id, farm).film["sha256"])
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        headers = {**KEPT, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
+        return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers=headers)
+    headers = {**KEPT, "Vary": "Accept-Encoding"}
+    return StreamingResponse(unpacked(blob.chunks), media_type="application/octet-stream", headers=headers)
+
+
+@router.get("/{id}/image.{extension}", response_class=Response, responses={200: IMAGE})
+async def reference_image(
+    id: Id,
+    extension: Literal["png", "exr", "jpg", "hdr"],
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    tonemap_curve: str = Query(
+        "neutral", alias="tonemap", json_schema_extra={"enum": list(tonemap.CURVES)}, description="for png and jpg"
+    ),
+) -> Response:
+    """It as it is compared, as a picture file; /file has the one that was uploaded."""
+    if tonemap_curve not in tonemap.CURVES:
+        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+    row = await run_in_threadpool(_find, id, farm)
+    headers = {**KEPT, "Content-Disposition": named(f"{row.name.rpartition('.')[0]}.{extension}")}
+    if is_head(request):
+        return headers_alone(headers, MEDIA[extension])
+    made = await farm.pictures.make(
+        ("reference", id, extension, exposure, tonemap_curve),
+        film_picture.memory(row.width, row.height),
+        lambda: film_picture.picture(
+            farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, tonemap_curve, farm.settings.data / "tmp"
+        ),
+        user=visit.queue,
+    )
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+@router.get("/{id}/file", response_class=Response, responses={200: FILM})
+def reference_file(id: Id, farm: FarmDependency) -> Response:
+    """The file that was uploaded, byte for byte."""
+    row = _find(id, farm)
+    blob = farm.blobs.serve(row.file["sha256"])
+    headers = {**KEPT, "Content-Length": str(blob.size), "Content-Disposition": named(row.name, "attachment")}
+    return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers=headers)
+
+
+@router.delete("/{id}", status_code=204)
+def delete_reference(id: Id, farm: FarmDependency) -> None:
+    """Delete one, and its file."""
+
+    def forget(session: Session) -> set[str]:
+        found = session.get(Reference, id, with_for_update=True)
+        if found is None:
+            raise no_reference(id)
+        session.delete(found)
+        return found.blobs
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+
+
+def _find(id: str, farm: Farm) -> Reference:
+    with farm.sessions() as session:
+        found = session.get(Reference, id)
+    if found is None:
+        raise no_reference(id)
+    return found
+
+
+def _out(row: Reference) -> ReferenceOut:
+    facts = {name: getattr(row, name) for name in ("id", "name", "created", "width", "height", "clipped", "project")}
+    return ReferenceOut(**facts, bytes=row.file["size"], display_referred=row.is_display)

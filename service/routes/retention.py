@@ -1,0 +1,83 @@
+"""/api/retention: lists or deletes what a farm's retention rules, or given ones, would delete."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Literal
+
+from fastapi import APIRouter, Response
+from pydantic import BaseModel, Field
+
+from service.errors import NotFound
+from service.farm import FarmDependency
+from service.keeping.retention import Rules, Run
+from service.models.strict import Strict
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/retention", tags=["farm"])
+MOST_DAYS = 36500.0
+
+
+class RetentionIn(Strict):
+    """By which rules; where none is given, by the farm's own (RAYFARM_KEEP_*)."""
+
+    films_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="films of jobs that were over for longer go")
+    films_bytes: int | None = Field(None, ge=0, le=1 << 60, description="films beyond that go, the oldest first")
+    compiled_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="what unused scenes were compiled to goes")
+    uploads_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="scenes that were not used for longer go")
+    dry_run: bool = Field(True, description="only tell")
+
+
+class ItemOut(BaseModel):
+    """Something that may go, or went."""
+
+    what: Literal["film", "compiled", "upload"]
+    id: str
+    name: str
+    bytes: int = Field(description="of disk; what scenes share is counted with each")
+    age_s: float
+    why: str
+
+
+class RetentionOut(BaseModel):
+    """What may go, or went. A film is rendered again and a scene compiled again when somebody asks; an upload is gone."""
+
+    state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
+        description="planned: nothing is deleted; stopped: the service has ended before all was done"
+    )
+    items: list[ItemOut] = Field(description="that may go (planned), or that went so far")
+    bytes: int = Field(description="of these")
+    planned: int | None = Field(description="how many may go; null while they are looked for")
+    done: int = Field(description="of these, looked at so far; some may be needed again by then, and stay")
+    error: str | None = None
+
+
+@router.post("", response_model=RetentionOut, responses={202: {"model": RetentionOut, "description": "It has begun."}})
+def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> RetentionOut:
+    """What the farm would let go by these rules. With dry_run false it begins to, and answers at once with 202; `GET` says how
+    far it is. What unfinished and pinned jobs need stays."""
+    rules = Rules(**wish.model_dump(exclude={"dry_run"}))
+    rules = farm.rules if rules.is_empty else rules
+    if wish.dry_run:
+        items = farm.retention.plan(rules)
+        return _out(Run("running", len(items), 0, items), "planned")
+    response.status_code, response.headers["Location"] = 202, router.prefix
+    return _out(farm.retention.begin(rules))
+
+
+@router.get("", response_model=RetentionOut)
+def retention_run(farm: FarmDependency) -> RetentionOut:
+    """How far the latest deletion is that somebody has asked for."""
+    run = farm.retention.latest
+    if run is None:
+        raise NotFound("No deletion by rules was asked for since the service started. POST /api/retention begins one.")
+    return _out(run)
+
+
+def _out(run: Run, state: Literal["planned"] | None = None) -> RetentionOut:
+    now, items = state or run.state, list(run.gone)  # in this order, so that a finished state has all items
+    shown = [ItemOut(**asdict(item)) for item in items]
+    return RetentionOut(
+        state=now, items=shown, bytes=sum(item.bytes for item in items), planned=run.planned, done=run.done, error=run.error
+    )

@@ -1,0 +1,126 @@
+"""/api/shares: how slots are shared between users, and projects with their own terms."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+from pydantic import BaseModel, Field
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from service.access.users import NAME
+from service.errors import Invalid
+from service.farm import Farm, FarmDependency
+from service.http.paged import PageDependency
+from service.http.visit import Visit, VisitDependency
+from service.models.strict import Strict
+from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of
+from service.store.models import ACTIVE, Job, ShareTerms, User
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/shares", tags=["shares"])
+
+SHARE = re.compile(rf"{EVERYBODY}|(?:user|project):{NAME.pattern}")
+
+Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs that are nobody's; else user:NAME or project:NAME")]
+
+
+class ShareIn(Strict):
+    """What a share is to get."""
+
+    weight: float = Field(1.0, ge=1e-3, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
+    max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
+
+
+class ShareOut(BaseModel):
+    """What a share gets, and has now."""
+
+    share: str
+    weight: float
+    max_slots: int | None
+    slots: int = Field(description="that work on its jobs now")
+    jobs: int = Field(description="that are not over")
+
+
+@router.get("", response_model=list[ShareOut])
+def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ShareOut]:
+    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name: a page.
+
+    The header X-Total-Count has their number. Who else there is, administrators alone are told: others see their own share, and
+    those of their projects.
+    """
+    with farm.sessions() as session:
+        terms = _terms(session)
+        jobs = _jobs(session, terms)
+        names = {share_of(user) for user in session.scalars(select(User.name))}
+    told = page.of([share for share in sorted(names | terms.keys() | jobs.keys()) if _is_told(share, visit)])
+    slots = _slots(farm, terms)
+    return [_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
+
+
+def _is_told(share: str, visit: Visit) -> bool:
+    kind, _, name = share.partition(":")
+    if visit.sight.everything or kind == EVERYBODY:
+        return True
+    return name == visit.user if kind == "user" else visit.sight.sees(name)
+
+
+def _terms(session: Session) -> dict[str, Terms]:
+    return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
+
+
+def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
+    """The number of unfinished jobs of each share."""
+    found = Counter[str]()
+    by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
+    for user, project, number in session.execute(by_owner):
+        found[share_of(user, project or "", terms)] += number
+    return found
+
+
+@router.put("/{share}", response_model=ShareOut)
+def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
+    """Give a share other terms, from the next batch on. What was handed out before comes back first."""
+    if not SHARE.fullmatch(share):
+        raise Invalid(f"share: there is no {share[:60]!r}. It is {EVERYBODY}, user:NAME or project:NAME.")
+    with farm.sessions.begin() as session:
+        session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
+    return _changed(share, farm)
+
+
+@router.delete("/{share}", response_model=ShareOut)
+def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
+    """Let a share have what all have by themselves: the weight 1, and no limit. A project's is none any more."""
+    with farm.sessions.begin() as session:
+        if (row := session.get(ShareTerms, share)) is not None:
+            session.delete(row)
+    return _changed(share, farm)
+
+
+def _changed(share: str, farm: Farm) -> ShareOut:
+    farm.engine.changed("terms", "")
+    with farm.sessions() as session:
+        terms = _terms(session)
+        jobs = _jobs(session, terms)
+    return _out(share, terms.get(share, Terms()), _slots(farm, terms), jobs)
+
+
+def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
+    """The number of slots that work on each share's jobs."""
+    busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
+    with farm.sessions() as session:
+        rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()
+    found: Counter[str] = Counter()
+    for id, user, project in rows:
+        found[share_of(user, project or "", terms)] += busy[id]
+    return found
+
+
+def _out(share: str, terms: Terms, slots: Counter[str], jobs: Counter[str]) -> ShareOut:
+    now = {"slots": slots[share], "jobs": jobs[share]}
+    return ShareOut(share=share, weight=terms.weight, max_slots=terms.max_slots, **now)

@@ -1,0 +1,197 @@
+"""/api/jobs/{id}: a shot's frames as a zip file, and as a movie."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
+
+from renderer import aovs
+from renderer.errors import SettingsError
+from renderer.frames import frame_key, frame_name, frame_number, parse_frames
+from renderer.image import tonemap
+from service.errors import Conflict, Invalid
+from service.farm import Farm, FarmDependency
+from service.http.file_names import named, title_of
+from service.http.heads import headers_alone, is_head
+from service.http.visit import VisitDependency
+from service.jobs.describe_frames import frame_numbers
+from service.jobs.lookup import find_job, without_samples
+from service.jobs.motion import motion_of
+from service.scheduling.jobs.active_frame import FrameNumbers
+from service.shot import Shot
+from service.store.films import Film
+from service.store.models import FINAL, Job, Scene
+from service.watching.movie import MOVIE_MEDIA
+from service.watching.pictures import PictureWish, memory, picture
+from service.watching.shot_files import ZipStream, movie, movie_memory
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/jobs/{id}", tags=["frames"])
+
+CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
+LOOK_EVERY_S = 1.0
+DEFAULT_FPS = 24.0
+Frames = Query(None, max_length=2000, description="these alone, as 10-20 or 7,9")
+Exposure = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")
+Curve = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg")
+
+
+@router.get("/frames.zip", response_class=Response, responses={200: {"content": {"application/zip": {}}}})
+async def frames_zip(
+    id: str,
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    format: Literal["exr", "png", "jpg"] = "exr",
+    which: Literal["finished", "all", "coming"] = "finished",
+    frames: str | None = Frames,
+    aov: str = Query("color", max_length=200, description="for exr: layers beside the colour, as normal,depth or all"),
+    exposure: float = Exposure,
+    tonemap_curve: str = Curve,
+) -> StreamingResponse:
+    """The frames as numbered files in a zip, sent while it is made.
+
+    which: those that are finished; all that have samples, as they are now; or all, each as soon as it is finished (coming).
+    """
+    wish = _wish(format, aov, exposure, tonemap_curve)
+    job = await run_in_threadpool(find_job, id, farm)
+    found = await run_in_threadpool(_chosen, job, frames, farm)
+    film = await run_in_threadpool(_film, job, farm)
+    if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
+        raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
+    if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
+        raise without_samples(job, farm)
+    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
+    if is_head(request):
+        return headers_alone(headers, "application/zip")
+    stream = _zipped(job, film, wish, frames, which, farm, visit.queue)
+    return StreamingResponse(stream, media_type="application/zip", headers=headers)
+
+
+@router.get(
+    "/movie.{extension}",
+    response_class=Response,
+    responses={200: {"content": {media: {} for media in MOVIE_MEDIA.values()}, "description": "The film."}},
+)
+async def get_movie(
+    id: str,
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    extension: Literal["mp4", "webm", "webp"],
+    frames: str | None = Frames,
+    fps: float | None = Query(None, ge=1, le=240, allow_inf_nan=False, description="the shot's unless told"),
+    width: int | None = Query(None, ge=16, description="a smaller film, at least this wide"),
+    exposure: float = Exposure,
+    tonemap_curve: str = Curve,
+) -> StreamingResponse:
+    """The frames that have samples as a film: H.264, AV1, or an animated WebP; tone mapped as a png is."""
+    wish = PictureWish(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
+    job = await run_in_threadpool(find_job, id, farm)
+    chosen = await run_in_threadpool(_chosen, job, frames, farm)
+    shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
+    if not shown:
+        raise Conflict("No frame has samples yet. Try again in a moment.")
+    film = await run_in_threadpool(_film, job, farm)
+    if await run_in_threadpool(lambda: film.is_empty):
+        raise without_samples(job, farm)
+    speed = await run_in_threadpool(_fps, job, farm) if fps is None else fps
+    keys, content = list(shown), tuple(shown.items())
+    headers = {"Content-Disposition": named(f"{_title(job, frames)}.{extension}"), "Cache-Control": "no-cache"}
+    headers["X-Frames"] = str(len(keys))
+    if is_head(request):
+        return headers_alone(headers, MOVIE_MEDIA[extension])
+    make = partial(movie, film, keys, wish, speed, farm.settings.data / "tmp")
+    made = await farm.pictures.make((id, "movie", wish, speed, content), movie_memory(film, wish), make, user=visit.queue)
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
+
+
+async def _zipped(
+    job: Job, film: Film, wish: PictureWish, frames: str | None, which: str, farm: Farm, user: str
+) -> AsyncIterator[bytes]:
+    stream = ZipStream()
+    folder = farm.settings.data / "tmp"
+    done: set[int] = set()
+    with farm.broadcast.listen(job.id) as listener:
+        while True:
+            now = await run_in_threadpool(find_job, job.id, farm)
+            found = await run_in_threadpool(_chosen, now, frames, farm)
+            for key, frame in found.items():
+                if key in done or not _is_wanted(frame, which):
+                    continue
+                done.add(key)
+                if aovs.MOTION in wish.planes:
+                    wish = replace(wish, motion=await motion_of(now, frame_number(key), film, farm))
+                about = (job.id, "zip", key, film.version(key), wish)
+                made = await farm.pictures.make(about, memory(film, wish), picture, film, key, wish, folder, user=user)
+                name = frame_name(f"{_title(job)}.####.{wish.extension}", frame_number(key))
+                async for piece in iterate_in_threadpool(stream.file(name, made)):
+                    yield piece
+            is_over = now.state in FINAL or all(frame.state in ("finished", "failed") for frame in found.values())
+            if which != "coming" or is_over or farm.broadcast.closing:
+                break
+            await listener.wait(LOOK_EVERY_S)
+    yield stream.end()
+
+
+def _is_wanted(frame: FrameNumbers, which: str) -> bool:
+    return frame.samples > 0 if which == "all" else frame.state == "finished"
+
+
+def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
+    try:
+        planes = aovs.known(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
+    except SettingsError as error:
+        raise Invalid(f"{error}.") from None
+    planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
+    wish = PictureWish(format, tuple(planes), bool(planes), exposure, _curve(curve))
+    wish.check()
+    return wish
+
+
+def _curve(name: str) -> str:
+    if name not in tonemap.CURVES:
+        raise Invalid(f"tonemap: {name[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+    return name
+
+
+def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
+    """The chosen frames' numbers by key, in order."""
+    try:
+        keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
+    except SettingsError as error:
+        raise Invalid(f"{error}.") from None
+    with farm.sessions() as session:
+        found = frame_numbers(job, session, farm.engine)
+    return {key: frame for key, frame in found if keys is None or key in keys}
+
+
+def _film(job: Job, farm: Farm) -> Film:
+    film = farm.film(job)
+    if film is None:
+        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+    return film
+
+
+def _fps(job: Job, farm: Farm) -> float:
+    shot = Shot.of(job.shot)
+    if shot is not None and shot.fps is not None:
+        return shot.fps
+    with farm.sessions() as session:
+        scene = session.get(Scene, job.scene)
+    return float(((scene.info if scene else None) or {}).get("fps") or DEFAULT_FPS)
+
+
+def _title(job: Job, frames: str | None = None) -> str:
+    """A file name's title: the job's name, and the numbers of its frames."""
+    which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
+    return f"{title_of(job)}.{which}" if which else title_of(job)

@@ -1,0 +1,122 @@
+"""/api/jobs/{id}/snapshots: intermediate pictures of a job, at 1, 2, 4, 8 ... samples a pixel."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+
+from renderer.image import tonemap
+from service.errors import Invalid, NotFound
+from service.farm import Farm, FarmDependency
+from service.http.file_names import named, picture_name
+from service.http.heads import headers_alone, is_head
+from service.http.visit import VisitDependency
+from service.jobs.lookup import find_job
+from service.store.film_snapshots import FilmSnapshot
+from service.watching import film_picture
+from service.watching.film_packet import unpacked
+from service.watching.pictures import MEDIA
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/jobs/{id}/snapshots", tags=["snapshots"])
+
+IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
+CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
+Spp = Annotated[int, Path(ge=1, le=1 << 31, description="samples a pixel: one of those that are listed")]
+
+
+class SnapshotOut(BaseModel):
+    """The picture when every tile had `spp` samples a pixel, or was complete with fewer. Light as RGB9E5, nothing beside it."""
+
+    spp: int
+    least: int = Field(description="samples a pixel of the tile that had fewest then")
+    most: int = Field(description="and of the one that had most")
+    samples: int = Field(description="of all pixels together")
+    seconds: float = Field(description="of rendering until then, pauses left out")
+    noise: float | None = Field(description="relative, as the job's was then; null where it was not known yet")
+    created: float = Field(description="unix time")
+
+
+@router.get("", response_model=list[SnapshotOut])
+def list_snapshots(id: str, farm: FarmDependency) -> list[SnapshotOut]:
+    """All that is kept of a still, in order. Of shots nothing is kept; what comes too fast is left out."""
+    find_job(id, farm)
+    return [SnapshotOut(**vars(found)) for found in farm.snapshots.facts(id)]
+
+
+@router.get("/{spp}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
+def snapshot_film(id: str, spp: Spp, request: Request, farm: FarmDependency) -> Response:
+    """One of them as /frames/{n}/film has the frame as it is now."""
+    found = _find(id, spp, farm)
+    gzip = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"ETag": _etag(id, found, str(gzip)), "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    size, pieces = _packed(id, spp, farm)
+    if gzip:
+        headers |= {"Content-Encoding": "gzip", "Content-Length": str(size)}
+    return StreamingResponse(pieces if gzip else unpacked(pieces), media_type="application/octet-stream", headers=headers)
+
+
+@router.get("/{spp}/image.{extension}", response_class=Response, responses={200: IMAGE, 304: {"description": "Not changed."}})
+async def snapshot_image(
+    id: str,
+    spp: Spp,
+    extension: Literal["png", "exr", "jpg", "hdr"],
+    request: Request,
+    farm: FarmDependency,
+    visit: VisitDependency,
+    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
+) -> Response:
+    """One of them as a picture file, true to 0.2 % of the brightest channel."""
+    if tonemap_curve not in tonemap.CURVES:
+        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+    job = await run_in_threadpool(find_job, id, farm)
+    found = await run_in_threadpool(_find, id, spp, farm)
+    headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    headers["Content-Disposition"] = named(picture_name(job, 0, found.samples, "", extension))
+    if is_head(request):
+        return headers_alone(headers, MEDIA[extension])
+    width, height = (int((job.settings or {}).get(name, 0)) for name in ("width", "height"))
+    made = await farm.pictures.make(
+        (id, "snapshot", headers["ETag"]),
+        film_picture.memory(width, height),
+        lambda: film_picture.picture(_packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"),
+        user=visit.queue,
+    )
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+def _find(id: str, spp: int, farm: Farm) -> FilmSnapshot:
+    find_job(id, farm)
+    found = farm.snapshots.find(id, spp)
+    if found is None:
+        raise _no_snapshot(spp)
+    return found
+
+
+def _packed(id: str, spp: int, farm: Farm) -> tuple[int, Iterator[bytes]]:
+    try:
+        return farm.snapshots.packed(id, spp)
+    except FileNotFoundError:
+        raise _no_snapshot(spp) from None
+
+
+def _etag(id: str, found: FilmSnapshot, form: str) -> str:
+    return f'"{hashlib.sha256(f"{id} {found} {form}".encode()).hexdigest()[:32]}"'
+
+
+def _no_snapshot(spp: int) -> NotFound:
+    return NotFound(f"Nothing is kept of this picture at {spp} samples. GET /api/jobs/{{id}}/snapshots lists what is.")

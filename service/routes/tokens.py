@@ -1,0 +1,119 @@
+"""/api/tokens: access tokens of programs and workers. A token's secret is returned once, when it is created."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.access.roles import Caller, Role
+from service.errors import Conflict
+from service.farm import FarmDependency
+from service.http.paged import PageDependency
+from service.http.problems import Problem
+from service.http.visit import VisitDependency
+from service.intake.names import plain_title
+from service.store.models import Key
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/tokens", tags=["access"])
+
+DAY_S = 86400.0
+MOST_DAYS = 3650
+
+Scope = Literal["view", "submit", "admin", "worker"]
+
+
+class TokenIn(BaseModel):
+    """name: what it is for. role: at most this, and at most what its maker may; worker: it lets workers join, and nothing else.
+
+    days: for how long; null: until it is withdrawn.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(min_length=1, max_length=100)
+    role: Scope = "submit"
+    days: float | None = Field(90.0, gt=0, le=MOST_DAYS, allow_inf_nan=False)
+
+
+class TokenOut(BaseModel):
+    """A token, without its secret. seen: when it was last shown, to some minutes."""
+
+    id: str
+    name: str
+    role: str
+    user: str
+    created: float
+    expires: float | None
+    seen: float | None
+
+
+class NewToken(TokenOut):
+    """secret: told this once."""
+
+    secret: str
+
+
+@router.get("", response_model=list[TokenOut])
+def list_tokens(
+    visit: VisitDependency,
+    farm: FarmDependency,
+    page: PageDependency,
+    everybody: Annotated[bool, Query(alias="all", description="for administrators: everybody's")] = False,
+) -> list[TokenOut]:
+    """Your own tokens, the newest first; an administrator sees those of workers too. The header X-Total-Count has the number."""
+    caller = _caller(visit.caller)
+    is_admin = caller.role >= Role.ADMIN
+    if everybody and not is_admin:
+        raise Problem(403, "Only administrators see others' tokens. Leave `all` out to see your own.")
+    query = farm.access.keys.holding(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
+    with farm.sessions() as session:
+        _, rows = page.rows(query, session)
+    return [_out(row) for row in rows]
+
+
+@router.post("", status_code=201, response_model=NewToken)
+def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> NewToken:
+    """Make one. A token cannot make tokens: one that fell into wrong hands must end with it."""
+    caller = _caller(visit.caller)
+    if caller.kind == "token":
+        raise Conflict("A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.")
+    name = plain_title(asked.name)
+    lasts_s = None if asked.days is None else asked.days * DAY_S
+    if asked.role == "worker":
+        if caller.role < Role.ADMIN:
+            raise Problem(403, "Only administrators let workers in. Ask one of them for a worker's token.")
+        secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, name, lasts_s)
+    else:
+        role = Role.of(asked.role)
+        if role > caller.role:
+            raise Problem(403, f"Your role is {caller.role.word}: a token of yours cannot have {asked.role}.")
+        secret, row = farm.access.keys.make("token", caller.name, role, name, lasts_s)
+    return NewToken(**_out(row).model_dump(), secret=secret)
+
+
+@router.delete("/{id}", status_code=204)
+def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> None:
+    """It lets nobody in from now on. Administrators withdraw everybody's and workers'; a token that only looks itself alone."""
+    caller = _caller(visit.caller)
+    if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
+        raise Problem(403, "This token may look and change nothing: it can withdraw itself, and no other.")
+    is_admin = caller.role >= Role.ADMIN
+    if is_admin and farm.access.keys.is_there("worker", id):
+        farm.access.keys.withdraw("worker", id)
+        farm.redis_users.look_now()
+    else:
+        farm.access.keys.withdraw("token", id, None if is_admin else caller.name)
+
+
+def _caller(caller: Caller | None) -> Caller:
+    assert caller is not None  # service.http.needs
+    return caller
+
+
+def _out(row: Key) -> TokenOut:
+    role = "worker" if row.kind == "worker" else row.role
+    return TokenOut(id=row.id, name=row.name, role=role, user=row.user, created=row.created, expires=row.expires, seen=row.seen)

@@ -1,0 +1,270 @@
+"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is kept when the page leaves.
+
+The page sends JSON:
+
+    {"id": n, ...}        the new view, which replaces all earlier ones: a job's request (POST /api/jobs), with size, camera or
+                          view, settings, frame, clip, fps and turntable in effect; spp limits the samples a pixel (256 at
+                          most), and a tile that has reached `noise` is complete with fewer
+    {"ack": seq}          the picture of this number, and all before, have been shown
+    {"pick": [x, y]}      requests what lies under a pixel of the view
+    {"paused": true}      the page is hidden; false: it is visible again
+
+and gets JSON:
+
+    {"type": "state", "id", "samples", "bound", "mean", "noise", "done", "slots", "message"}
+                          samples: minimum over the view's pixels; mean: average per pixel; noise: relative, null while unknown;
+                          message: why nothing new comes; null while pictures come
+    {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, is invalid
+    {"type": "picked", "x", "y", "direction", "depth", "position", "normal"}   the last three are null: nothing is there
+
+and pictures (service/viewing/view_packet.py): a small one first, then the whole view with increasing samples. Each has the tiles
+that have at least half as many samples again as last sent, and complete tiles exactly. At most two pictures are unacknowledged: a
+slow client gets fewer pictures, but never older ones.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+from typing import Any
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from pydantic import Field, ValidationError
+from starlette.concurrency import run_in_threadpool
+
+from service.errors import FarmError, NotFound
+from service.farm import Farm, FarmDependency
+from service.http.problems import told
+from service.http.websocket_messages import heard
+from service.jobs.lookup import find_scene
+from service.models.jobs import JobIn
+from service.viewing.session import ViewSession
+from service.viewing.view_request import ViewRequest, resolve_view
+
+__all__ = ["router"]
+
+router = APIRouter()
+
+MAX_UNACKNOWLEDGED = 2
+STATE_EVERY_S = 0.2
+SPEAK_EVERY_S = 5.0
+WAIT_S = 0.25
+PREPARING_S = 0.1
+PATIENCE_S = 3.0  # seconds to wait for an environment that is already superseded
+AGAIN_S = 1.0  # seconds between attempts to render a view
+MOST_BYTES = 1 << 16  # of a message
+NOT_UNDERSTOOD = (
+    'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
+    f"of at most {MOST_BYTES} characters."
+)
+NOT_FOUND = 4404
+
+
+class ViewIn(JobIn):
+    """What the page wants to see: a job's request, and the page's number for it."""
+
+    id: int = Field(ge=0, lt=1 << 32)
+    scene: str = Field("", max_length=100)
+    noise: float | None = Field(None, gt=0, allow_inf_nan=False)
+
+
+@router.websocket("/api/scenes/{id}/viewport")
+async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
+    """ViewRequest at a scene."""
+    await socket.accept()
+    try:
+        await run_in_threadpool(find_scene, id, farm)
+    except NotFound as error:
+        await socket.close(NOT_FOUND, str(error)[:120])
+        return
+    except FarmError as error:
+        await socket.close(1013, str(error)[:120])
+        return
+    viewer = _Viewer(socket, id, farm)
+    tasks = [asyncio.create_task(each) for each in (viewer.receive(), viewer.settle(), viewer.send())]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        farm.views.leave(viewer.session)
+        try:
+            for task in tasks:
+                task.cancel()
+            for task in tasks:
+                with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, OSError):
+                    await task
+        finally:
+            viewer.release()
+
+
+class _Viewer:
+    def __init__(self, socket: WebSocket, scene: str, farm: Farm) -> None:
+        self._socket = socket
+        self._scene = scene
+        self._farm = farm
+        self._changed = asyncio.Event()
+        self._asked = asyncio.Event()
+        self._ask: ViewIn | None = None
+        self._awaited: ViewIn | None = None  # the view whose environment is being prepared
+        self._patient_until = 0.0
+        self._errors: deque[dict[str, Any]] = deque(maxlen=16)
+        self._unacknowledged: deque[int] = deque()
+        self._seq = 0
+        self._told: dict[str, Any] = {}
+        self._told_at = 0.0
+        self._notice: str | None = None  # why the requested view is not rendered yet
+        self._rests_s = AGAIN_S
+        self._held: str | None = None  # id of the scene's row
+        loop = asyncio.get_running_loop()
+
+        def wake() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed
+                loop.call_soon_threadsafe(self._changed.set)
+
+        self.session = ViewSession(wake)
+
+    async def receive(self) -> None:
+        """Processes messages until the page leaves."""
+        async for text in heard(self._socket):
+            try:
+                self._hear(text)
+            except ValidationError as error:
+                self._refuse(f"{told(error.errors()[0])}.")
+            except (ValueError, TypeError, OverflowError, RecursionError):
+                self._refuse(NOT_UNDERSTOOD)
+
+    def _hear(self, text: str) -> None:
+        """Processes a message. Raises ValueError, TypeError, OverflowError or RecursionError."""
+        if len(text) > MOST_BYTES:
+            raise ValueError("too long")
+        said = json.loads(text)
+        if not isinstance(said, dict):
+            raise TypeError("no object")
+        if "ack" in said:
+            while self._unacknowledged and self._unacknowledged[0] <= int(said["ack"]):
+                self._unacknowledged.popleft()
+            self._changed.set()
+        elif "pick" in said:
+            x, y = said["pick"]
+            self._farm.views.pick(self.session, int(x), int(y))
+        elif "paused" in said:
+            self._farm.views.pause(self.session, bool(said["paused"]))
+        else:
+            self._ask = ViewIn.model_validate(said)
+            self._asked.set()
+
+    def _refuse(self, detail: str, id: int | None = None) -> None:
+        self._errors.append({"type": "error", "id": id, "detail": detail})
+        self._changed.set()
+
+    async def settle(self) -> None:
+        """Resolves the most recently requested view and has it rendered, until cancelled.
+
+        Environments are prepared one after the other: dragging the sun requests new ones faster than they can be prepared, and
+        each prepared one is shown.
+        """
+        while True:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._asked.wait(), self._rests_s)
+            is_new = self._asked.is_set()
+            self._asked.clear()
+            newest, awaited = self._ask, self._awaited
+            if newest is None or not (is_new or self._is_unprepared()):
+                continue
+            self._notice, self._rests_s = None, AGAIN_S
+            if awaited is None or awaited is newest or time.monotonic() > self._patient_until:
+                if not await self._settles(newest, makes=True, tries_again=is_new) and self._awaited is not newest:
+                    self._awaited, self._patient_until = newest, time.monotonic() + PATIENCE_S
+            elif not await self._settles(newest, makes=False) and await self._settles(awaited, makes=True):
+                self._asked.set()
+
+    async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
+        """Resolves a view; returns whether it is being rendered or was refused, False while it is being prepared.
+
+        Does not raise.
+        """
+        try:
+            view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
+        except FarmError as error:
+            self._refuse(str(error), ask.id)
+            self._ask = None if ask is self._ask else self._ask
+        else:
+            if view is None:
+                of_light = self._held != self._scene
+                self._notice, self._rests_s = f"The scene is prepared{' for this light' * of_light}.", PREPARING_S
+                return False
+            self._farm.views.show(self.session, view)
+            self._notice = None
+        self._awaited = None
+        return True
+
+    def _is_unprepared(self) -> bool:
+        """Whether to resolve the view again, as the scene may have been compiled meanwhile for the connected workers."""
+        return self._notice is not None or (self.session.request is not None and self.session.message is not None)
+
+    def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
+        """The view to render; None while its scene is being prepared, or if it does not exist and `makes` is false.
+
+        Raises FarmError.
+        """
+        request = ask.model_dump(mode="json", exclude={"id"})
+        lighting = self._farm.lighting
+        about = self._scene, request["environment"], request["variant"]
+        row = None if tries_again else lighting.known(*about)
+        if row is None and makes:
+            row = lighting.row(*about)
+        if row is None or (row.status == "preparing" and not makes):
+            return None
+        if row.id != self._held:
+            lighting.hold(row.id)
+            self.release()
+            self._held = row.id
+        return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
+
+    def release(self) -> None:
+        """Releases the scene of the current view, so that it may be deleted."""
+        if self._held is not None:
+            self._farm.lighting.release(self._held)
+            self._held = None
+
+    async def send(self) -> None:
+        """Sends pictures and states until the service ends."""
+        while not self._farm.broadcast.closing:
+            while self._errors:
+                await self._socket.send_text(json.dumps(self._errors.popleft()))
+            while self.session.picked:
+                await self._socket.send_text(json.dumps({"type": "picked", **self.session.picked.pop(0)}))
+            picture = None
+            if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_due():
+                picture = await run_in_threadpool(self.session.take, self._seq + 1)
+            if picture is not None:
+                self._seq += 1
+                self._unacknowledged.append(self._seq)
+                await self._socket.send_bytes(picture)
+            await self._send_state()
+            if picture is None:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._changed.wait(), WAIT_S)
+                self._changed.clear()
+        await self._socket.close(1012, "The service is going down.")
+
+    async def _send_state(self) -> None:
+        session, now = self.session, time.monotonic()
+        state: dict[str, Any]
+        if session.request is None:
+            nothing: dict[str, Any] = {"samples": 0, "bound": 0, "mean": 0, "noise": None, "done": False, "slots": 0}
+            state = {"id": None, **nothing, "message": self._notice}
+        else:
+            about: dict[str, Any] = {"id": session.request.id, "samples": session.samples, "bound": session.bound}
+            about |= {"mean": round(session.mean_samples, 1), "noise": session.noise, "done": session.is_done}
+            state = {**about, "slots": session.slots, "message": self._notice or session.message}
+            if session.error is not None and self._told.get("error") != (session.request.id, session.error):
+                self._told["error"] = (session.request.id, session.error)
+                await self._socket.send_text(json.dumps({"type": "error", "id": session.request.id, "detail": session.error}))
+        has_changed = state != self._told.get("state")
+        is_urgent = has_changed and state["message"] != (self._told.get("state") or {}).get("message")
+        if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
+            self._told["state"], self._told_at = state, now
+            await self._socket.send_text(json.dumps({"type": "state", **state}))

@@ -1,0 +1,86 @@
+"""/api/workers: lists, changes and pauses workers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import redis
+from fastapi import APIRouter
+
+from service.errors import Conflict, NotFound, Unavailable
+from service.farm import Farm, FarmDependency
+from service.http.redaction import seen_slots
+from service.http.visit import VisitDependency
+from service.models.workers import WorkerOut, WorkerPatch, worker_out
+from service.scheduling.faults.redis_says import away
+from service.scheduling.fleet.workers import BY_A_PERSON
+from service.store.models import WorkerTerms
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/workers", tags=["workers"])
+
+
+@router.get("", response_model=list[WorkerOut])
+def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut]:
+    """The workers that are connected, by name: slots, processor, speed, and what each slot does now.
+
+    Of a slot that works for a project that you do not see: {"hidden": true}.
+    """
+    view = farm.engine.snapshot
+    roster = view.roster
+    found = [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    for worker in found:
+        worker.current = seen_slots(worker.current, visit.sight, farm.access.projects)
+    return found
+
+
+@router.patch("/{name:path}", response_model=WorkerOut)  # a worker's name may contain slashes, as in rack/3
+def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
+    """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside.
+
+    Its hours, limits and nice level are told to it within a second or two; what it has in hand it finishes in any case. They are
+    kept by its name, also for when it comes back. The answer has what it keeps now.
+    """
+    roster = farm.engine.snapshot.roster
+    report = roster.reports.get(name)
+    if report is None:
+        raise _no_worker(name)
+    if change.terms:
+        if name not in roster.offers:
+            raise Conflict(f"The worker {name} is of an older release: it can only be paused. Run this release there.")
+        _ask(name, change.terms, farm)
+    why = roster.orders.get(name)
+    if change.state is not None:
+        why = None if change.state == "running" else BY_A_PERSON
+        try:
+            farm.engine.order(name, why)
+        except redis.RedisError as error:
+            raise away(error) from None
+    return worker_out(report, why, farm.engine.snapshot)
+
+
+def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
+    with farm.sessions.begin() as session:
+        row = session.get(WorkerTerms, name, with_for_update=True)
+        asked = {**(row.terms if row is not None else {}), **terms}
+        session.merge(WorkerTerms(name=name, terms={key: value for key, value in asked.items() if value is not None}))
+    farm.engine.changed("terms", "")
+
+
+@router.get("/{name:path}/log")
+def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
+    """The last lines of a worker's log, the newest last. The worker is asked for them, which takes a second or two."""
+    if name not in farm.engine.snapshot.roster.reports:
+        raise _no_worker(name)
+    try:
+        lines = farm.engine.worker_log(name)
+    except redis.RedisError as error:
+        raise away(error) from None
+    if lines is None:
+        raise Unavailable("The worker does not tell its log: it is still starting, is of an older release, or hangs.")
+    return lines
+
+
+def _no_worker(name: str) -> NotFound:
+    return NotFound(f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
