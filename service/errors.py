@@ -67,7 +67,11 @@ class NotAllowed(FarmError):  # noqa: N818
 
 
 class Invalid(FarmError):  # noqa: N818
-    """What is asked for makes no sense."""
+    """What is asked for makes no sense. field: of the request, where one is to blame."""
+
+    def __init__(self, sentence: str = "", *, field: str | None = None, advice: str = "") -> None:
+        super().__init__(sentence, advice=advice)
+        self.field = field
 
 
 class TooLarge(FarmError):  # noqa: N818

@@ -8,12 +8,9 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Annotated
 
 import redis
 from anyio import CapacityLimiter
-from fastapi import Depends
-from starlette.requests import HTTPConnection
 
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
@@ -50,7 +47,7 @@ from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
 from service.watching.shared import Shared
 
-__all__ = ["Farm", "FarmDependency", "get_farm"]
+__all__ = ["Farm"]
 
 log = logging.getLogger(__name__)
 
@@ -187,12 +184,3 @@ def open_blobs(settings: Settings) -> BlobStore:
         return S3Blobs(settings.blobs, temporary)
     except VariableError as error:
         raise CannotStart(str(error)) from error
-
-
-async def get_farm(connection: HTTPConnection) -> Farm:
-    """The farm of the application that answers."""
-    farm: Farm = connection.app.state.farm
-    return farm
-
-
-FarmDependency = Annotated[Farm, Depends(get_farm)]

@@ -7,11 +7,11 @@ from pathlib import PurePosixPath
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
+from service.access.visit import Visit
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.problems import Problem
 from service.http.security import is_beyond
-from service.http.visit import Visit
 from service.intake.multipart import Form, read_form
 from service.intake.names import safe_name
 from service.intake.uploads import gathered

@@ -128,7 +128,10 @@ def install(app: FastAPI) -> None:
             request.app.state.farm.events.publish(FilmSuspected(request.path_params["id"]))
         seconds = error.retry_after_s if isinstance(error, Unavailable | OverQuota) else None
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
-        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers)
+        more: dict[str, Any] = {}
+        if isinstance(error, Invalid) and error.field is not None:
+            more["errors"] = [{"field": error.field, "message": str(error).removesuffix(".")}]
+        return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers, **more)
 
     @app.exception_handler(HTTPException)
     async def _http(request: Request, error: HTTPException) -> Response:

@@ -2,64 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from pydantic import BaseModel, Field, model_validator
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access.projects import only_looks
+from service.access.visit import Visit
 from service.errors import FarmError
 from service.events import RowWritten
 from service.farm import Farm
-from service.http.visit import Visit
-from service.jobs.listing import MOST_JOBS
 from service.jobs.lookup import find_job, no_job
-from service.models.jobs import JobState
-from service.models.strict import Strict
+from service.models.changes import ChangesIn, ChangesOut, RefusedOut, WasOut
 from service.scheduling.jobs.wishes import begins_anew, set_state, wait_no_longer_in_vain
 from service.store.models import FINAL, Job
 
-__all__ = ["ChangesIn", "ChangesOut", "change_many", "may_begin_anew"]
+__all__ = ["change_many", "may_begin_anew"]
 
 AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine and with it all jobs
-
-
-class ChangesIn(Strict):
-    """What is to become of many jobs."""
-
-    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
-    state: Literal["running", "paused", "cancelled", "deleted"] | None = None
-    priority: int | None = Field(None, ge=-100, le=100)
-    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
-
-    @model_validator(mode="after")
-    def _says_something(self) -> ChangesIn:
-        if self.state is None and self.priority is None:
-            raise ValueError("say what is to change: give state or priority")
-        return self
-
-
-class WasOut(BaseModel):
-    """A job that changed, as it was before."""
-
-    id: str
-    state: str
-    priority: int
-
-
-class RefusedOut(BaseModel):
-    """A job to which it could not be done."""
-
-    id: str
-    why: str
-
-
-class ChangesOut(BaseModel):
-    """What came of it."""
-
-    changed: list[WasOut]
-    refused: list[RefusedOut]
 
 
 def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:

@@ -12,7 +12,10 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from renderer.frames import frame_number, frames_text
+from service.farm import Farm
 from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest, one_frame, still_numbers
+from service.jobs.lookup import find_job
+from service.jobs.queue import waits_of, waits_sentence, warning_of
 from service.jobs.shot_sums import ShotSums, sums_of
 from service.models.jobs import (
     FrameState,
@@ -23,7 +26,7 @@ from service.models.jobs import (
     ShotOut,
     TakenOut,
 )
-from service.models.queue import WaitOut, waits_of, waits_sentence, warning_of
+from service.models.queue import WaitOut
 from service.models.workers import worker_out
 from service.scheduling.engine import Engine
 from service.scheduling.fleet.needs import Needs
@@ -33,7 +36,7 @@ from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job, Scene
 
-__all__ = ["UNREADABLE", "job_out", "jobs_out", "scene_out", "snapshot"]
+__all__ = ["UNREADABLE", "describe", "job_out", "jobs_out", "scene_out", "snapshot"]
 
 log = logging.getLogger(__name__)
 
@@ -73,6 +76,13 @@ def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = 
     A row that this release cannot interpret is described as far as possible, as failed.
     """
     return jobs_out([job], session, engine, view)[0]
+
+
+def describe(id: str, farm: Farm) -> JobOut:
+    """Describes a job by its id. Raises NotFound."""
+    view = farm.engine.snapshot  # before the row, so that the numbers are not newer than the state
+    with farm.sessions() as session:
+        return job_out(find_job(id, farm), session, farm.engine, view)
 
 
 def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections import namedtuple
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, cast
+from typing import Any, Literal, cast
 
-from fastapi import Depends, Query
 from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
 from service.access.projects import NOTHING, Sight
-from service.http.visit import InProject, VisitDependency
-from service.models.jobs import JobState
 from service.store.models import Job, Scene
 
-__all__ = ["MOST_JOBS", "Choice", "Chosen", "Order", "says", "words_of"]
+__all__ = ["Chosen", "Order", "says", "words_of"]
 
-MOST_JOBS = 1000  # jobs in one answer, or in one change of many
 MOST_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
@@ -118,22 +114,3 @@ def _ordered(order: Order) -> tuple[Any, ...]:
             return Job.priority.desc(), *newest
         case "state":
             return case({state: n for n, state in enumerate(_STATES)}, value=Job.state), *newest
-
-
-def _chosen(
-    visit: VisitDependency,
-    project: InProject = None,
-    state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
-    scene: Annotated[str | None, Query(max_length=100)] = None,
-    search: Annotated[
-        str, Query(max_length=200, description="words that its name, its note or its scene's name has, or the begin of its id")
-    ] = "",
-    shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
-    ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
-) -> Chosen:
-    return Chosen(
-        tuple(state or ()), scene, words_of(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
-    )
-
-
-Choice = Annotated[Chosen, Depends(_chosen)]

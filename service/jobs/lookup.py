@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from fastapi import Path
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from renderer.frames import MAX_FRAME, frame_key, frame_text
+from renderer.frames import frame_key, frame_text
 from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
@@ -16,7 +13,6 @@ from service.store.films import Film
 from service.store.models import FINAL, Frame, Job, Scene
 
 __all__ = [
-    "Number",
     "find_film",
     "find_job",
     "find_picture",
@@ -30,8 +26,6 @@ __all__ = [
     "no_thing",
     "without_samples",
 ]
-
-Number = Annotated[float, Path(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False, description="the frame; a still is 0")]
 
 
 def find_job(id: str, farm: Farm) -> Job:
@@ -88,7 +82,7 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
         return Conflict("The film of this job is gone. Set the job to running: its picture is then rendered again.")
     if job.state in FINAL:
         why = job.error or "It was cancelled before."
-        return Conflict(f"The job ended without a picture. {why}")
+        return Conflict(f"The job ended without a picture. {why.rstrip('.')}.")
     return Conflict("The picture has no samples yet. Try again when its first tiles are there.")
 
 

@@ -1,4 +1,4 @@
-"""Motion vectors of a job's frames, for the routers that make pictures of them."""
+"""Motion vectors of a job's frames, made by workers on request."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import BinaryIO
 
-from starlette.concurrency import run_in_threadpool
+from anyio.to_thread import run_sync
 
 from renderer.frames import frame_key
 from service.errors import Conflict
@@ -25,8 +25,8 @@ async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], 
 
     Raises Unavailable if no worker can make them, and the worker's error if it failed.
     """
-    wish = await run_in_threadpool(_wish, job, n, film, farm)
-    made = await run_in_threadpool(farm.engine.vectors, wish)
+    wish = await run_sync(_wish, job, n, film, farm)
+    made = await run_sync(farm.engine.vectors, wish)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     found = await asyncio.shield(asyncio.wrap_future(made))
     return partial(farm.blobs.open, found.sha256)

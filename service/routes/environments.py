@@ -19,7 +19,8 @@ from starlette.concurrency import run_in_threadpool
 from renderer.presets import PRESETS
 from service.access.projects import hold_project
 from service.errors import Conflict
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.paged import PageDependency
 from service.http.visit import InProject, IntoProject, VisitDependency

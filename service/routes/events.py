@@ -11,9 +11,11 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
-from service.farm import Farm, FarmDependency
+from service.access.visit import Visit
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
-from service.http.visit import Visit, VisitDependency
+from service.http.visit import VisitDependency
 from service.jobs.describe import jobs_out, snapshot
 from service.jobs.lookup import is_lit
 from service.store.models import Job

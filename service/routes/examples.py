@@ -8,7 +8,7 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel
 
 from service.errors import NotFound
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.visit import IntoProject, VisitDependency
 from service.intake.examples import examples, form_of
 from service.intake.projects import Owner, id_in

@@ -13,7 +13,8 @@ from renderer.frames import MAX_FRAME, frame_key
 from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid, Unavailable
 from service.events import PreparationRequested
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.jobs.lookup import find_film, find_job
 from service.shot import Shot
 from service.store.films import Film

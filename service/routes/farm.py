@@ -16,7 +16,7 @@ from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
 from service.errors import Conflict, Invalid, NotFound, TooLarge
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.visit import VisitDependency
 from service.intake.uploads import gathered
 from service.jobs.describe import UNREADABLE

@@ -9,7 +9,8 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from sqlalchemy import text
 
 from service.errors import Unavailable
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.routes import metrics
 
 __all__ = ["router"]

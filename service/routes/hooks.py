@@ -10,9 +10,10 @@ from fastapi import APIRouter, Response
 from sqlalchemy import func, select
 
 from service.errors import NotFound, Unavailable
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
 from service.hooks.deliver import UndeliveredError, shown
 from service.hooks.message import trial
+from service.http.farm import FarmDependency
 from service.store.models import Delivery
 
 __all__ = ["router"]

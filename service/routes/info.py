@@ -11,7 +11,7 @@ from renderer.aovs import NAMES
 from renderer.described import described
 from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 
 __all__ = ["router"]
 

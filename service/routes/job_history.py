@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field
 
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.jobs.lookup import find_job
 from service.scheduling.jobs.history import History
 

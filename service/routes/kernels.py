@@ -11,10 +11,11 @@ from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
 from renderer.artefact import MAX_BYTES
+from service.access.visit import Visit
 from service.errors import NotFound, TooLarge
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.problems import Problem
-from service.http.visit import Visit, VisitDependency, shown_secret
+from service.http.visit import VisitDependency, shown_secret
 from service.store.room import full_disk
 
 __all__ = ["router"]

@@ -27,7 +27,8 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import MAX_FRAME, frame_key
 from service.errors import FarmError
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.websocket_messages import heard
 from service.jobs.describe import snapshot
 from service.jobs.describe_frames import frame_numbers, plain_frames

@@ -21,13 +21,15 @@ from renderer.printable import printable
 from service.access.access import SESSION_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Caller, Role
+from service.access.visit import Visit
 from service.errors import Conflict, FarmError
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
 from service.http.cookies import set_cookie
+from service.http.farm import FarmDependency
 from service.http.gate import cookie_name
 from service.http.problems import Problem
 from service.http.sessions import forget_login, way_out
-from service.http.visit import Visit, VisitDependency
+from service.http.visit import VisitDependency
 
 __all__ = ["router"]
 

@@ -14,8 +14,9 @@ from service.access.oidc import WAIT_S, Oidc, Refused
 from service.access.roles import Role
 from service.access.secrets import fingerprint
 from service.errors import NotFound
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
 from service.http.cookies import set_cookie
+from service.http.farm import FarmDependency
 from service.http.gate import cookie_name
 from service.http.sessions import base_url, keep_login
 from service.http.visit import VisitDependency

@@ -12,7 +12,7 @@ from service.access.access import LINK_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Role, RoleName
 from service.errors import Conflict
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.paged import PageDependency
 from service.http.visit import VisitDependency
 from service.store.models import User

@@ -8,7 +8,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.projects import Kind, MemberRole, Summary
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.paged import PageDependency
 from service.http.visit import VisitDependency
 

@@ -16,7 +16,8 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
 from service.errors import Invalid
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.file_names import named
 from service.http.heads import headers_alone, is_head
 from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
 
 from service.errors import NotFound
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.keeping.retention import Rules, Run
 from service.models.strict import Strict
 

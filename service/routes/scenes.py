@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.errors import Conflict, NotFound
 from service.events import RowWritten
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.one_file import check_length, check_room
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import Owner, id_in

@@ -13,10 +13,12 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.access.users import NAME
+from service.access.visit import Visit
 from service.errors import Invalid
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.paged import PageDependency
-from service.http.visit import Visit, VisitDependency
+from service.http.visit import VisitDependency
 from service.models.strict import Strict
 from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of
 from service.store.models import ACTIVE, Job, ShareTerms, User

@@ -17,7 +17,8 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image import tonemap
 from service.errors import Conflict, Invalid
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.file_names import named, title_of
 from service.http.heads import headers_alone, is_head
 from service.http.visit import VisitDependency

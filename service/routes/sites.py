@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from worker.protocol.site import SITE
 
 __all__ = ["router"]

@@ -13,7 +13,8 @@ from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
 from service.errors import Invalid, NotFound
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.file_names import named, picture_name
 from service.http.heads import headers_alone, is_head
 from service.http.visit import VisitDependency

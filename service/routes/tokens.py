@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.roles import Caller, Role
 from service.errors import Conflict
-from service.farm import FarmDependency
+from service.http.farm import FarmDependency
 from service.http.paged import PageDependency
 from service.http.problems import Problem
 from service.http.visit import VisitDependency

@@ -36,7 +36,8 @@ from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from service.errors import FarmError, NotFound
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.problems import told
 from service.http.websocket_messages import heard
 from service.jobs.lookup import find_scene

@@ -8,7 +8,8 @@ import redis
 from fastapi import APIRouter
 
 from service.errors import Conflict, NotFound, Unavailable
-from service.farm import Farm, FarmDependency
+from service.farm import Farm
+from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out

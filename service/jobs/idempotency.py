@@ -6,9 +6,7 @@ Keys are per user: the same key from two users means two requests.
 from __future__ import annotations
 
 import hashlib
-from typing import Annotated
 
-from fastapi import Header, Response
 from sqlalchemy import select
 
 from service.access.projects import Sight
@@ -18,12 +16,7 @@ from service.jobs.describe import job_out
 from service.models.jobs import JobOut
 from service.store.models import Job
 
-__all__ = ["Key", "earlier", "kept_key", "repeat"]
-
-Key = Annotated[
-    str | None,
-    Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST of a user's with the same key makes one job."),
-]
+__all__ = ["earlier", "kept_key", "repeat"]
 
 
 def kept_key(key: str | None, user: str | None) -> str | None:
@@ -43,11 +36,9 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
         )
 
 
-def repeat(found: Job, asked: dict[str, object], farm: Farm, response: Response, sight: Sight) -> JobOut:
+def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: Sight) -> JobOut:
     """The current answer for the job of the first request. Raises Conflict if the key was used for another request."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
-    response.headers["Idempotent-Replayed"] = "true"
-    response.headers["Location"] = f"/api/jobs/{found.id}"
     with farm.sessions() as session:
         return job_out(found, session, farm.engine)

@@ -1,0 +1,21 @@
+"""The farm, as a dependency of routes."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from service.farm import Farm
+
+__all__ = ["FarmDependency"]
+
+
+async def get_farm(connection: HTTPConnection) -> Farm:
+    """The farm of the application that answers."""
+    farm: Farm = connection.app.state.farm
+    return farm
+
+
+FarmDependency = Annotated[Farm, Depends(get_farm)]

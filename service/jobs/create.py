@@ -1,0 +1,231 @@
+"""Creating jobs: a new job, the repeat of a request, and a job begun anew."""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy.exc import IntegrityError
+
+from renderer.errors import SettingsError
+from renderer.frames import frame_key, frame_number, frames_text
+from service.access.visit import Visit
+from service.clock import deadline_of
+from service.errors import Conflict, Invalid, NotFound
+from service.events import RowWritten
+from service.farm import Farm
+from service.intake.resolve import resolve
+from service.jobs.describe import describe, job_out
+from service.jobs.frame_changes import carried_out
+from service.jobs.idempotency import earlier, kept_key, repeat
+from service.jobs.lookup import find_job
+from service.jobs.queue import needs_of, wait_for
+from service.keeping.reuse import Begun
+from service.models.jobs import JobIn, JobOut
+from service.scheduling.jobs.shot_wishes import samples_of
+from service.scheduling.jobs.wishes import set_state
+from service.shot import IN_TURN, Shot
+from service.store.frame_changes import Step, apply_at_once, begin, is_short
+from service.store.models import FINAL, Job, Scene
+from service.store.room import need_room
+from worker.telemetry import tracing
+
+__all__ = ["Created", "begin_anew", "create"]
+
+
+@dataclass(frozen=True)
+class Created:
+    """The answer to a request. is_repeat: an earlier request with the same idempotency key created the job."""
+
+    job: JobOut
+    is_repeat: bool = False
+
+
+def create(
+    request: JobIn, visit: Visit, farm: Farm, idempotency_key: str | None = None, traceparent: str | None = None
+) -> Created:
+    """Creates a job with its frames, or returns the job of an earlier request with the same key.
+
+    Raises NotFound, Conflict, Invalid, OverQuota, NoRoom and NotAllowed.
+    """
+    asked = request.model_dump(mode="json", exclude=_omitted(request))
+    if (first := earlier(idempotency_key, visit.user, farm)) is not None:
+        return Created(repeat(first, asked, farm, visit.sight), is_repeat=True)
+    if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
+        raise _no_scene(request.scene)
+    farm.access.projects.check(farm.access.projects.of("scene", request.scene) or "", visit.sight)
+    need_room(farm.settings.data, farm.settings.min_free_bytes)
+    job = _row(request, asked, idempotency_key, visit, farm)
+    try:
+        answer = _stored(job, request, visit, farm)
+    except IntegrityError:  # a request with the same key was faster
+        if (first := earlier(idempotency_key, visit.user, farm)) is None:
+            raise
+        return Created(repeat(first, asked, farm, visit.sight), is_repeat=True)
+    root, asked_in = tracing.root_of("job", job.id), tracing.where(traceparent)
+    tracing.record("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
+    farm.events.publish(RowWritten("job", job.id))
+    return Created(answer)
+
+
+def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
+    """Creates a job for the same picture from the first sample, and cancels this one. Raises Conflict, and as `create`."""
+    with farm.sessions.begin() as session:
+        job = find_job(id, farm)
+        if job.state in FINAL:
+            raise Conflict(f"The job is {job.state}; only one that is not over begins anew.")
+        request = _current_request(job)
+        set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
+    try:
+        made = create(request, visit, farm).job
+    except Exception:
+        with farm.sessions.begin() as session:
+            row = session.get_one(Job, id, with_for_update=True)
+            row.state, row.finished = job.state, None
+        raise
+    finally:
+        farm.events.publish(RowWritten("job", id))
+    with farm.sessions.begin() as session:
+        new = session.get_one(Job, made.id, with_for_update=True)
+        new.max_slots, new.needs, new.deadline = job.max_slots, job.needs, job.deadline
+        new.focus, new.pinned, new.note = job.focus, job.pinned, job.note
+    farm.events.publish(RowWritten("job", made.id))
+    return describe(made.id, farm)
+
+
+def _row(request: JobIn, asked: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm) -> Job:
+    """The new job's row. asked: the request as stored."""
+    rendered = _rendered(request, asked, farm)
+    return Job(
+        id=uuid.uuid4().hex[:20],
+        scene=request.scene,
+        lit=None if rendered == request.scene else rendered,
+        light=farm.lighting.name_of(asked["environment"]),
+        name=request.name or "",
+        state="queued",
+        priority=request.priority,
+        created=time.time(),
+        request=asked,
+        active_s=0.0,
+        tile_size=request.tile_size,
+        spp=request.spp,
+        noise=request.noise,
+        seconds=request.seconds,
+        shot=_shot(request).to_json() if request.is_shot else None,
+        idempotency_key=kept_key(idempotency_key, visit.user),
+        user=visit.user,
+        key=visit.token,
+        max_slots=request.max_slots,
+        needs=needs_of(request.needs),
+        deadline=None if request.deadline is None else deadline_of(request.deadline),
+    )
+
+
+def _stored(job: Job, request: JobIn, visit: Visit, farm: Farm) -> JobOut:
+    """Stores a job with its frames and dependencies, and returns its description."""
+    keys = _keys(request)
+    with (
+        farm.lighting.held(job.lit or job.scene),
+        _begun(job, keys, request.fresh or bool(request.verify), farm) as begun,
+        farm.sessions.begin() as session,
+    ):
+        scene = session.get(Scene, request.scene, with_for_update=True)
+        _check(job, scene, farm)
+        farm.quotas.check_job(visit.caller, session, samples_of(job) * len(keys))
+        session.add(job)
+        session.flush()
+        wait_for(job, request.after, session)
+        # Quotas count these frames from now on, even before they are rendered.
+        frames = [Step.of("add", keys, target=samples_of(job))]
+        if is_short(frames):
+            apply_at_once(job, frames, session, begun)
+            return job_out(job, session, farm.engine)
+        begin(job.id, frames, session)
+    return carried_out(job.id, farm, begun)
+
+
+def _current_request(job: Job) -> JobIn:
+    """Returns a job's request with its later changes (goals, frames, name, priority), without dependencies and queue options."""
+    now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
+    if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
+        now |= {"frames": shot.frames, "order": shot.order}
+    given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
+    return JobIn.model_validate({**given, **now, "fresh": True})
+
+
+def _omitted(request: JobIn) -> set[str]:
+    """Returns the names of default fields to omit from the stored request, so that those of older releases compare equal."""
+    return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
+        {"verify"} if request.verify == 0 else set()
+    )
+
+
+@contextmanager
+def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
+    """Starts a new job with the films of earlier jobs of the same picture; yields the resulting numbers of its frames.
+
+    Deletes the films again if the context raises.
+    """
+    begun: Begun = {}
+    if not is_fresh and farm.settings.reuse_films:
+        with farm.sessions() as session:
+            _check(job, session.get(Scene, job.scene), farm)
+        begun = farm.reuse.begin(job, keys)
+    try:
+        yield begun
+    except BaseException:
+        if begun:
+            farm.films.delete(job.id)
+        raise
+
+
+def _keys(request: JobIn) -> list[int]:
+    return sorted(map(frame_key, request.numbers()))
+
+
+def _shot(request: JobIn) -> Shot:
+    """Returns the requested shot.
+
+    If only a time limit ends it, frames are rendered breadth-first, so that all get a share of the time.
+    """
+    only_time = request.seconds is not None and request.spp is None and request.noise is None
+    order = request.order or ("breadth-first" if only_time else IN_TURN)
+    frames = frames_text(map(frame_number, _keys(request)))
+    return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
+
+
+def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
+    """Returns the id of the scene to render.
+
+    For another environment or material variant this is a derived scene, which may be new.
+    """
+    if asked["environment"] is None and request.variant is None:
+        return request.scene
+    return farm.lighting.row(request.scene, asked["environment"], request.variant).id
+
+
+def _no_scene(id: str) -> NotFound:
+    return NotFound(f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+
+
+def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
+    """Fixes the job's settings if its scene is ready; raises an error for a request that can never be rendered."""
+    if scene is None or scene.of is not None:
+        raise _no_scene(job.scene)
+    if scene.status == "failed":
+        raise Conflict(f"The scene cannot be rendered: {scene.error}")
+    job.name, job.project = job.name or scene.name, scene.project
+    width, height = job.request["width"], job.request["height"]
+    if width and height and width * height > farm.settings.max_pixels:
+        raise Invalid(
+            f"width x height is {width * height} pixels; at most {farm.settings.max_pixels} are rendered.", field="width"
+        )
+    if scene.status == "ready":
+        try:
+            resolve(job, scene, farm.settings.max_pixels)
+        except SettingsError as error:
+            raise Invalid(f"{error}.", field=str(error).split()[0]) from None

@@ -1,0 +1,26 @@
+"""Changes of a job's frames that are too many for one transaction."""
+
+from __future__ import annotations
+
+import logging
+
+from service.errors import FarmError
+from service.events import RowWritten
+from service.farm import Farm
+from service.jobs.describe import describe
+from service.keeping.reuse import Begun
+from service.models.jobs import JobOut
+
+__all__ = ["carried_out"]
+
+log = logging.getLogger(__name__)
+
+
+def carried_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
+    """Carries out the pending changes of a job's frames and describes the job. Failed changes are retried in the background."""
+    try:
+        farm.frame_changes.carry_out(id, begun)
+    except FarmError as error:
+        log.warning("job %s: its frames are changed later: %s", id, error)
+    farm.events.publish(RowWritten("job", id))
+    return describe(id, farm)

@@ -1,0 +1,94 @@
+"""Dependencies, deadlines and requirements of jobs: stored, and described."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.errors import Conflict, NotFound
+from service.intake.projects import serves
+from service.models.queue import WaitOut
+from service.scheduling.fleet.needs import Needs
+from service.store.models import ACTIVE, Job, Wait
+
+__all__ = ["needs_of", "wait_for", "wait_for_fewer", "waits_of", "waits_sentence", "warning_of"]
+
+MOST_NAMED = 500  # jobs in one query
+SHOWN = 3
+
+
+def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
+    """The requirements as stored in the job's row; None if there are none."""
+    needs = Needs.parse(texts)
+    return None if needs is None else needs.to_json()
+
+
+def warning_of(job: Job, expected: float | None, now: float) -> str | None:
+    """A warning that an unfinished job is late, and by how much; None if it is not."""
+    if job.deadline is None or job.late is None or job.state not in ACTIVE:
+        return None
+    if now > job.deadline:
+        return f"Its deadline passed {_roughly(now - job.deadline)} ago."
+    by = f"{_roughly(expected - job.deadline)} " if expected is not None and expected > job.deadline else ""
+    return f"By the forecast it is ready {by}after its deadline."
+
+
+def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
+    """Makes a new job depend on these, except finished ones. Raises NotFound and Conflict.
+
+    A dependency belongs to the same project or to none, so that those who see the job may see it too.
+    """
+    for id in dict.fromkeys(after):
+        other = session.get(Job, id)
+        if other is None or not serves(other.project, job.project):
+            raise NotFound(f"after: there is no job {id[:60]!r}. A job can come after those that are there.")
+        if other.state in ACTIVE:
+            session.add(Wait(job=job.id, other=id))
+        elif other.state != "finished":
+            raise Conflict(f"after: the job {id} ({other.name}) has {_ended(other.state)}. Nothing can come after it.")
+
+
+def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
+    """Reduces a job's dependencies to these. Raises Conflict."""
+    waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
+    unknown = [other for other in after if other not in waits]
+    if unknown:  # a new dependency on an existing job could create a cycle
+        raise Conflict(f"after: the job does not wait for {unknown[0][:60]!r}. One that is there can only wait for fewer.")
+    for other, wait in waits.items():
+        if other not in after:
+            session.delete(wait)
+
+
+def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
+    """The dependencies of jobs, by job id."""
+    ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
+    found: dict[str, list[WaitOut]] = {}
+    for at in range(0, len(ids), MOST_NAMED):
+        query = select(Wait.job, Wait.other, Job.name, Job.state).join(Job, Job.id == Wait.other, isouter=True)
+        query = query.where(Wait.job.in_(ids[at : at + MOST_NAMED])).order_by(Wait.job, Job.created)
+        for job, other, name, state in session.execute(query):
+            found.setdefault(job, []).append(WaitOut(id=other, name=name, state=state))
+    return found
+
+
+def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
+    """A sentence about a job's unfinished dependencies; None if there are none."""
+    if not waits:
+        return None
+    named = ", ".join(f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN])
+    more = f" and {len(waits) - SHOWN} more" if len(waits) > SHOWN else ""
+    return f"Waits until {named}{more} {'is' if len(waits) == 1 else 'are'} finished."
+
+
+def _roughly(seconds: float) -> str:
+    for size, unit in ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.0f} {unit}s"
+    return "a minute" if seconds >= 45 else f"{max(seconds, 1.0):.0f} s"
+
+
+def _ended(state: str) -> str:
+    return "been cancelled" if state == "cancelled" else "failed"

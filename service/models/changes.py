@@ -1,0 +1,51 @@
+"""Models of changes to many jobs at once."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field, model_validator
+
+from service.models.jobs import JobState
+from service.models.strict import Strict
+
+__all__ = ["ChangesIn", "ChangesOut", "RefusedOut", "WasOut"]
+
+MOST_JOBS = 1000  # in one change
+
+
+class ChangesIn(Strict):
+    """What is to become of many jobs."""
+
+    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
+    state: Literal["running", "paused", "cancelled", "deleted"] | None = None
+    priority: int | None = Field(None, ge=-100, le=100)
+    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> ChangesIn:
+        if self.state is None and self.priority is None:
+            raise ValueError("say what is to change: give state or priority")
+        return self
+
+
+class WasOut(BaseModel):
+    """A job that changed, as it was before."""
+
+    id: str
+    state: str
+    priority: int
+
+
+class RefusedOut(BaseModel):
+    """A job to which it could not be done."""
+
+    id: str
+    why: str
+
+
+class ChangesOut(BaseModel):
+    """What came of it."""
+
+    changed: list[WasOut]
+    refused: list[RefusedOut]
