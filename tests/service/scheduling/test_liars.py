@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import threading
 import time
 from typing import Any
 
@@ -150,7 +151,10 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
     service.wait_for(job, "finished")
     assert service.http.get(picture).status_code == 200
     assert service.http.delete(f"/api/jobs/{job}").status_code == 204
-    service.farm._collector.submit(lambda: None).result(20)
+    handled = threading.Event()
+    service.farm.events.subscribe(threading.Event, lambda event: event.set(), in_background=True)
+    service.farm.events.publish(handled)  # after the blob was released, in the same thread
+    assert handled.wait(20)
     assert service.farm.blobs.exists(hashlib.sha256(upload).hexdigest())
 
 
