@@ -23,7 +23,7 @@ SHOWN = (
     "service/routes/explain.py",
     "service/routes/login.py",
     "service/http/one_file.py",
-    "service/routes/scenes.py",
+    "service/scenes",
     "service/errors.py",
     "service/intake",
     "service/scheduling",

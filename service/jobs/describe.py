@@ -20,23 +20,19 @@ from service.jobs.shot_sums import ShotSums, sums_of
 from service.models.jobs import (
     FrameState,
     JobOut,
-    MeasuredOut,
-    SceneOut,
-    SceneStatus,
     ShotOut,
     TakenOut,
 )
 from service.models.queue import WaitOut
-from service.models.workers import worker_out
 from service.scheduling.engine import Engine
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.shot import Shot
-from service.store.models import ACTIVE, Frame, Job, Scene
+from service.store.models import ACTIVE, Frame, Job
 
-__all__ = ["UNREADABLE", "describe", "job_out", "jobs_out", "scene_out", "snapshot"]
+__all__ = ["UNREADABLE", "describe", "job_out", "jobs_out", "why_nothing_runs"]
 
 log = logging.getLogger(__name__)
 
@@ -52,22 +48,6 @@ UNREADABLE = (
     "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release."
 )
-
-
-def scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    """A scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
-    try:
-        return _scene_out(scene, engine)
-    except Exception as error:
-        log.warning("scene %s cannot be described: %r", scene.id, error)
-        plain = Scene(
-            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
-            status="failed",
-            error=UNREADABLE.format(what="scene"),
-            files=[],
-            notes=[],
-        )
-        return _scene_out(plain, engine)
 
 
 def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
@@ -126,40 +106,6 @@ def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine
         return _job_out(plain, recorded, None, view, [])
 
 
-def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    info: dict[str, Any] = scene.info or {}
-    waits = scene.status == "preparing"
-    view = engine.snapshot
-    preparing = view.preparing.get(scene.id) if waits else None
-    return SceneOut(
-        id=scene.id,
-        name=scene.name,
-        status=cast(SceneStatus, scene.status),
-        error=scene.error,
-        step=_why_preparing(scene.id, view) if waits else None,
-        progress=preparing.fraction if preparing else 0.0 if waits else None,
-        created=scene.created,
-        main=scene.main,
-        files=scene.files,
-        bytes=scene.bytes,
-        cameras=info.get("cameras", []),
-        counts=info.get("counts", {}),
-        bounds=info.get("bounds"),
-        animations=info.get("animations", []),
-        fps=info.get("fps"),
-        clips=info.get("clips", []),
-        variants=info.get("variants", []),
-        variant=scene.variant,
-        environment=scene.environment,
-        measured=MeasuredOut(**scene.measured) if scene.measured else None,
-        warnings=[*scene.notes, *info.get("warnings", [])],
-        strict=bool(scene.strict),
-        defaults=info.get("defaults", {}),
-        thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
-        project=scene.project or "",
-    )
-
-
 def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snapshot, waits: list[WaitOut]) -> JobOut:
     known = view.jobs.get(job.id)
     live = known if job.state in ACTIVE else None
@@ -187,7 +133,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
         active_s=live.active_s if live else max(job.active_s, known.active_s if known else 0.0),
         progress=live.progress if live and about else sums.progress / max(about.count if about else len(frames), 1),
         eta_s=live.eta_s
-        if live and job.state == "running" and not _in_the_way(view.roster)
+        if live and job.state == "running" and not why_nothing_runs(view.roster)
         else 0.0
         if job.state == "finished"
         else None,
@@ -234,19 +180,6 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
     return _Sums(now.samples, now.bad_samples, now.progress), about
 
 
-def snapshot(what: str, id: str, session: Session, engine: Engine) -> dict[str, Any] | None:
-    """A job, scene or worker as JSON-ready data; None if it no longer exists."""
-    view = engine.snapshot
-    if what == "job":
-        job = session.get(Job, id)
-        return job_out(job, session, engine, view).model_dump() if job else None
-    if what == "scene":
-        scene = session.get(Scene, id)
-        return scene_out(scene, engine).model_dump() if scene else None
-    report = view.roster.reports.get(id)
-    return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None
-
-
 def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     """Why a job does not progress, as a sentence for the user; None if it does."""
     if job.state == "paused" or job.state not in ACTIVE:
@@ -257,7 +190,7 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return why
     if job.settings is None:
         return "Waits for its scene to be prepared."
-    if why := _in_the_way(view.roster):
+    if why := why_nothing_runs(view.roster):
         return why
     if job.needs and (why := _unmet(job, view.roster)):
         return why
@@ -299,13 +232,7 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
     return f"Finished without {which}. Set the job to running to try again."
 
 
-def _why_preparing(scene: str, view: Snapshot) -> str:
-    """The current step of preparing a scene, or what it waits for."""
-    progress = view.preparing.get(scene)
-    return view.waits.get(scene) or (progress.step if progress else _in_the_way(view.roster) or "Waits for a free worker.")
-
-
-def _in_the_way(roster: Roster) -> str | None:
+def why_nothing_runs(roster: Roster) -> str | None:
     """Why the whole farm does not progress; None if a worker takes work."""
     if roster.ready():
         return None

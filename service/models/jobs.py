@@ -25,16 +25,12 @@ __all__ = [
     "JobIn",
     "JobOut",
     "JobPatch",
-    "MeasuredOut",
-    "SceneOut",
-    "SceneStatus",
     "ShotOut",
     "SkyIn",
     "TakenOut",
     "ViewModel",
 ]
 
-SceneStatus = Literal["preparing", "ready", "failed"]
 FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
 
@@ -237,45 +233,6 @@ class JobPatch(QueuePatch):
         if value is not None and value not in ORDERS:
             raise ValueError(f"there is no order {value[:60]!r}; known are {', '.join(ORDERS)}")
         return value
-
-
-class MeasuredOut(BaseModel):
-    """What the latest job of a scene that was rendered to its end has measured."""
-
-    sample_s: float = Field(description="seconds that one slot takes for one sample of one pixel")
-    noise: float | None = Field(
-        description="relative standard error of a pixel at one sample; it falls with the square root of the samples"
-    )
-
-
-class SceneOut(BaseModel):
-    """An uploaded scene."""
-
-    id: str
-    name: str
-    status: SceneStatus
-    error: str | None
-    step: str | None = Field(description="what preparing does at the moment")
-    progress: float | None = Field(description="of preparing, 0 to 1")
-    created: float = Field(description="unix time in seconds")
-    main: str
-    files: list[dict[str, Any]]
-    bytes: int
-    cameras: list[dict[str, Any]]
-    counts: dict[str, int]
-    bounds: list[list[float]] | None
-    animations: list[str]
-    fps: float | None = Field(description="the file's own, else 24; null where that is not known")
-    clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
-    variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
-    variant: str | None = Field(description="the one that is shown; null: the file's own materials")
-    environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
-    measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
-    warnings: list[str]
-    strict: bool = Field(description="whether warnings fail it: then `error` and `warnings` list them")
-    defaults: dict[str, Any]
-    thumbnail: str | None
-    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
 
 
 class BadSampleOut(BaseModel):

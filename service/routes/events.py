@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import AsyncIterator
+from typing import Any
 
 from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from service.access.visit import Visit
@@ -16,9 +18,11 @@ from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
 from service.http.visit import VisitDependency
-from service.jobs.describe import jobs_out, snapshot
+from service.jobs.describe import jobs_out
 from service.jobs.lookup import is_lit
-from service.store.models import Job
+from service.models.workers import worker_out
+from service.scenes.describe import scene_out
+from service.store.models import Job, Scene
 
 __all__ = ["router"]
 
@@ -70,7 +74,7 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
         jobs = {job.id: job.model_dump() for job in jobs_out(list(rows), session, farm.engine, view)}
-        found = [(what, id, jobs.get(id) if what == "job" else snapshot(what, id, session, farm.engine)) for what, id in seen]
+        found = [(what, id, jobs.get(id) if what == "job" else _described(what, id, session, farm)) for what, id in seen]
     told = []
     for what, id, data in found:
         if what == "worker" and data is not None:
@@ -80,3 +84,13 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
         if what == "worker" or sight.sees(data["project"] if data else projects.known("job" if what == "job" else "scene", id)):
             told.append((what, id, data))
     return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in told]
+
+
+def _described(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:
+    """Returns a scene or worker as JSON-ready data; None if it no longer exists."""
+    if what == "scene":
+        scene = session.get(Scene, id)
+        return scene_out(scene, farm.engine).model_dump() if scene else None
+    view = farm.engine.snapshot
+    report = view.roster.reports.get(id)
+    return worker_out(report, view.roster.orders.get(id), view).model_dump() if report else None

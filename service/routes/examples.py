@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 from fastapi import APIRouter, Response
 from pydantic import BaseModel
 
-from service.errors import NotFound
 from service.http.farm import FarmDependency
 from service.http.visit import IntoProject, VisitDependency
-from service.intake.examples import examples, form_of
-from service.intake.projects import Owner, id_in
-from service.intake.record import record
-from service.intake.uploads import Upload, keep
-from service.jobs.describe import scene_out
-from service.models.jobs import SceneOut
-from service.store.models import Scene
-from service.store.room import full_disk
+from service.intake.examples import examples
+from service.models.scenes import SceneOut
+from service.scenes.describe import scene_out
+from service.scenes.upload import open_example as store_example
 
 __all__ = ["router"]
 
@@ -45,24 +40,6 @@ def open_example(
     name: str, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
 ) -> SceneOut:
     """Make a scene of an example, as if its files had been uploaded. Opened again, it is the same scene."""
-    owner = Owner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
-
-    def write(stored: Upload) -> Scene:
-        farm.quotas.check_bytes(visit.caller, stored.size)
-        return record(replace(stored, id=id_in(project, stored.id)), farm.sessions, farm.events, owner=owner)
-
-    found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
-    if found is None:
-        raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
-    with full_disk():
-        form = form_of(*found, farm.blobs)
-    scene = keep(
-        form,
-        farm.blobs,
-        farm.garbage,
-        farm.settings,
-        lambda size: None,
-        write,
-    )
+    scene = store_example(name, project, visit, farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)

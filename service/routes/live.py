@@ -30,7 +30,7 @@ from service.errors import FarmError
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.websocket_messages import heard
-from service.jobs.describe import snapshot
+from service.jobs.describe import job_out
 from service.jobs.describe_frames import frame_numbers, plain_frames
 from service.jobs.lookup import no_job
 from service.scheduling.jobs.active_frame import FrameNumbers
@@ -260,5 +260,6 @@ def _film(farm: Farm, id: str) -> Film | None:
 def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
     """A job's state, and its message."""
     with farm.sessions() as session:
-        state = snapshot("job", id, session, farm.engine)
+        job = session.get(Job, id)
+        state = None if job is None else job_out(job, session, farm.engine).model_dump()
     return state, json.dumps({"type": "state", "job": state})

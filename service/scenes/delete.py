@@ -1,0 +1,39 @@
+"""Deleting a scene."""
+
+from __future__ import annotations
+
+from sqlalchemy import func, or_, select
+from sqlalchemy.orm import Session
+
+from service.errors import Conflict
+from service.events import RowWritten
+from service.farm import Farm
+from service.jobs.lookup import no_scene
+from service.store.models import ACTIVE, Job, Scene
+
+__all__ = ["delete"]
+
+
+def delete(id: str, farm: Farm) -> None:
+    """Deletes a scene with the scenes derived from it and its files. Raises NotFound; Conflict if unfinished jobs need it."""
+    derived: list[str] = []
+
+    def forget(session: Session) -> set[str]:
+        scene = session.get(Scene, id, with_for_update=True)
+        if scene is None or scene.of is not None:
+            raise no_scene(id)
+        is_needed = or_(Job.scene == id, Job.lit == id)
+        needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE)))
+        if needed:
+            raise Conflict(f"{needed} unfinished job(s) need this scene. Cancel them first.")
+        blobs = scene.blobs
+        for lit in session.scalars(select(Scene).where(Scene.of == id)):
+            blobs |= lit.blobs
+            derived.append(lit.id)
+            session.delete(lit)
+        session.delete(scene)
+        return blobs
+
+    farm.reserve.spend_on(lambda: farm.garbage.collect(forget))
+    for each in (*derived, id):
+        farm.events.publish(RowWritten("scene", each))

@@ -1,0 +1,72 @@
+"""Converts rows of scenes, with the engine's current state, to the API's model."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, cast
+
+from service.jobs.describe import UNREADABLE, why_nothing_runs
+from service.models.scenes import MeasuredOut, SceneOut, SceneStatus
+from service.scheduling.engine import Engine
+from service.scheduling.snapshot import Snapshot
+from service.store.models import Scene
+
+__all__ = ["scene_out"]
+
+log = logging.getLogger(__name__)
+
+
+def scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    """A scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
+    try:
+        return _scene_out(scene, engine)
+    except Exception as error:
+        log.warning("scene %s cannot be described: %r", scene.id, error)
+        plain = Scene(
+            **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
+            status="failed",
+            error=UNREADABLE.format(what="scene"),
+            files=[],
+            notes=[],
+        )
+        return _scene_out(plain, engine)
+
+
+def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
+    info: dict[str, Any] = scene.info or {}
+    waits = scene.status == "preparing"
+    view = engine.snapshot
+    preparing = view.preparing.get(scene.id) if waits else None
+    return SceneOut(
+        id=scene.id,
+        name=scene.name,
+        status=cast(SceneStatus, scene.status),
+        error=scene.error,
+        step=_why_preparing(scene.id, view) if waits else None,
+        progress=preparing.fraction if preparing else 0.0 if waits else None,
+        created=scene.created,
+        main=scene.main,
+        files=scene.files,
+        bytes=scene.bytes,
+        cameras=info.get("cameras", []),
+        counts=info.get("counts", {}),
+        bounds=info.get("bounds"),
+        animations=info.get("animations", []),
+        fps=info.get("fps"),
+        clips=info.get("clips", []),
+        variants=info.get("variants", []),
+        variant=scene.variant,
+        environment=scene.environment,
+        measured=MeasuredOut(**scene.measured) if scene.measured else None,
+        warnings=[*scene.notes, *info.get("warnings", [])],
+        strict=bool(scene.strict),
+        defaults=info.get("defaults", {}),
+        thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
+        project=scene.project or "",
+    )
+
+
+def _why_preparing(scene: str, view: Snapshot) -> str:
+    """The current step of preparing a scene, or what it waits for."""
+    progress = view.preparing.get(scene)
+    return view.waits.get(scene) or (progress.step if progress else why_nothing_runs(view.roster) or "Waits for a free worker.")

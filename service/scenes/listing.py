@@ -1,0 +1,32 @@
+"""Pages of the scenes that a caller may see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import ColumnElement, func, select
+from sqlalchemy.orm import Session
+
+from service.access.projects import Sight
+from service.jobs.listing import says, words_of
+from service.store.models import Scene
+
+__all__ = ["SceneFilter"]
+
+
+class SceneFilter:
+    """Uploaded scenes that the caller may see. search: words that the name contains, or a prefix of the id."""
+
+    def __init__(self, sight: Sight, project: str | None, search: str) -> None:
+        self._conditions: list[ColumnElement[Any]] = [Scene.of.is_(None), sight.clause(Scene.project)]
+        self._conditions += [says(word, Scene.name, Scene.id) for word in words_of(search)]
+        self._conditions += [] if project is None else [Scene.project == project]
+
+    def count(self, session: Session) -> int:
+        """Returns the number of matching scenes."""
+        return session.scalar(select(func.count()).select_from(Scene).where(*self._conditions)) or 0
+
+    def rows(self, session: Session, limit: int, offset: int) -> list[Scene]:
+        """Returns a page of the matching scenes, newest first."""
+        query = select(Scene).where(*self._conditions).order_by(Scene.created.desc(), Scene.id)
+        return list(session.scalars(query.limit(limit).offset(offset)))

@@ -1,0 +1,97 @@
+"""Storing scenes: from an upload, or from one of the examples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, replace
+
+from anyio.to_thread import run_sync
+
+from service.access.visit import Visit
+from service.errors import NotFound
+from service.farm import Farm
+from service.intake.examples import examples, form_of
+from service.intake.projects import Owner, id_in
+from service.intake.record import record
+from service.intake.uploads import Upload, keep, receive
+from service.jobs.lookup import find_scene, no_scene
+from service.store.models import Scene
+from service.store.room import full_disk
+from worker.telemetry import tracing
+
+__all__ = ["UploadRequest", "open_example", "upload"]
+
+
+@dataclass(frozen=True)
+class UploadRequest:
+    """The body of an upload, as multipart/form-data. project: empty for none. strict: whether warnings fail the scene.
+
+    traceparent: W3C Trace Context of the client.
+    """
+
+    content_type: str
+    chunks: AsyncIterator[bytes]
+    project: str
+    strict: bool
+    traceparent: str | None = None
+
+
+async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
+    """Stores the files of an upload as a scene, which workers then prepare. The same files give the same scene.
+
+    Raises FarmError.
+    """
+    begun = time.time()
+    owner = await run_sync(_owner, request.project, visit, farm)
+    bases: list[Scene] = []
+
+    def find_base(id: str) -> Scene:
+        found = find_scene(id, farm)
+        if not visit.sight.sees(found.project):
+            raise no_scene(id)
+        bases[:] = [found]
+        return found
+
+    def write(stored: Upload) -> Scene:
+        its = replace(owner, project=bases[0].project) if bases and not request.project else owner
+        farm.access.projects.check_again(its.project, visit.caller, visit.sight)
+        return _recorded(stored.as_strict() if request.strict else stored, its, visit, farm)
+
+    scene = await receive(request.content_type, request.chunks, farm.blobs, farm.garbage, farm.settings, write, find_base)
+    _trace(scene, begun, request.traceparent)
+    return scene
+
+
+def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
+    """Stores an example as a scene, as if its files had been uploaded. Raises FarmError."""
+    owner = _owner(project, visit, farm)
+    found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
+    if found is None:
+        raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
+    with full_disk():
+        form = form_of(*found, farm.blobs)
+    write: Callable[[Upload], Scene] = lambda stored: _recorded(stored, owner, visit, farm)  # noqa: E731
+    return keep(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
+
+
+def _owner(project: str, visit: Visit, farm: Farm) -> Owner:
+    return Owner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
+
+
+def _recorded(stored: Upload, owner: Owner, visit: Visit, farm: Farm) -> Scene:
+    farm.quotas.check_bytes(visit.caller, stored.size)
+    return record(replace(stored, id=id_in(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
+
+
+def _trace(scene: Scene, begun: float, traceparent: str | None) -> None:
+    first = tracing.root_of("scene", scene.id)
+    is_new = scene.created >= begun  # otherwise its trace started earlier
+    tracing.record(
+        *("upload", begun, time.time(), None if is_new else first),
+        own=first if is_new else None,
+        links=[tracing.where(traceparent)],
+        scene=scene.id,
+        bytes=scene.bytes,
+        files=len(scene.files),
+    )
