@@ -82,7 +82,7 @@ class Explaining:
                 if isinstance(answer, Fault):
                     unfit.add(work.job, answer)
                 if work.job in unfit:
-                    able = [report for report in self._roster().ready() if report.kind == kind and report.explains]
+                    able = [report for report in self._board.roster.ready() if report.kind == kind and report.explains]
                     place = unfit.next(work.job, able)
                     if place is None:
                         raise Failed(unfit.sentence(work.job, "explain this pixel"))

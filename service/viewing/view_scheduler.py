@@ -267,7 +267,7 @@ class ViewScheduler:
             return
         queue = ""
         if session.id in self._unfit:
-            able = [report for report in self._roster().ready() if report.kind == kind and report.views]
+            able = [report for report in self._board.roster.ready() if report.kind == kind and report.views]
             place = self._unfit.next(session.id, able)
             if place is None:
                 self._fail(session, self._unfit.sentence(session.id, "prepare this frame"))
