@@ -9,7 +9,9 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
+from service.api import gate
 from tests.helpers import ROOT
+from tests.service.conftest import Service, until
 
 
 class Answers(BaseHTTPRequestHandler):
@@ -40,3 +42,9 @@ def test_where_nothing_answers_it_is_not() -> None:
     with HTTPServer(("127.0.0.1", 0), Answers, bind_and_activate=False) as server:
         server.server_bind()
         assert not is_healthy(server.server_port)
+
+
+def test_the_check_is_not_taken_for_a_proxy(service: Service, caplog: pytest.LogCaptureFixture) -> None:
+    gate._warn_of_proxy.cache_clear()
+    until(lambda: is_healthy(service.port), "it is ready")
+    assert [record for record in caplog.records if "proxy" in record.getMessage()] == []
