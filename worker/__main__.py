@@ -28,6 +28,7 @@ from pathlib import Path
 from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
+from renderer.confine.running import confinement
 from renderer.printable import printable
 from renderer.render import helpers_for
 from renderer.shipped_kernels import take_shipped
@@ -107,6 +108,8 @@ def _work(options: argparse.Namespace) -> int:
     cache = BlobCache(link, joined.farm, options.cache, options.cache_bytes)
     cache.check()
     begin_launcher()
+    confined, is_whole = confinement()
+    log.log(logging.INFO if is_whole else logging.WARNING, confined)
     worker = WorkerContext(
         name=joined.name,
         slots=options.slots,

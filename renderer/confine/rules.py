@@ -22,6 +22,7 @@ __all__ = [
     "READ",
     "RUN",
     "WRITE",
+    "available",
     "die_with_parent",
     "drop_capabilities",
     "filter_calls",
@@ -80,6 +81,20 @@ def gain_nothing() -> None:
 def leave_network() -> bool:
     """Moves this process into an empty network namespace; returns whether the kernel lets this user."""
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
+
+
+def available() -> tuple[list[str], list[str]]:
+    """Returns what of Landlock and seccomp this system offers, and what it lacks, by name. Changes nothing."""
+    version = _libc.syscall(_CREATE, None, 0, _VERSION) if _libc is not None else 0
+    # Asked for a filter at no address, a kernel that has filters answers EFAULT, others EINVAL.
+    has_filters = (
+        _libc is not None
+        and platform.machine() in DENIED
+        and _libc.prctl(_SET_SECCOMP, _FILTER, None, 0, 0) != 0
+        and ctypes.get_errno() == errno.EFAULT
+    )
+    found = {f"Landlock {version}" if version > 0 else "Landlock": version > 0, "seccomp": has_filters}
+    return [name for name, has in found.items() if has], [name for name, has in found.items() if not has]
 
 
 def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:

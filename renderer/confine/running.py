@@ -26,10 +26,11 @@ from renderer.confine.endings import Bounds, TooLargeError, error_of, how_it_end
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
+from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.places import cache_home
 
-__all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "error_of", "how_it_ended", "run"]
+__all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "how_it_ended", "run"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
@@ -109,6 +110,14 @@ def begin_launcher(preload: Sequence[str] = ()) -> None:
 def _close_current() -> None:
     if _current is not None:
         _current.close()
+
+
+def confinement() -> tuple[str, bool]:
+    """Returns by what readers are confined on this machine, as a sentence, and whether that is all there is."""
+    has, lacks = available()
+    kept = ", ".join([*has, "limits and an empty environment"])
+    sentence = f"files are read in processes of their own, confined by {kept}"
+    return (f"{sentence}; this system lacks {' and '.join(lacks)}" if lacks else sentence), not lacks
 
 
 def _give_up(launcher: _Launcher) -> None:

@@ -12,11 +12,13 @@ from typing import Any
 
 import pytest
 
+from renderer.confine import rules, running
 from renderer.confine.reader import told
 from renderer.confine.running import Bounds, run
 from renderer.errors import MachineError, SceneError
 from renderer.scene.load import Shot
 from renderer.scene.readers import by_format
+from tests.helpers import ROOT
 from tests.renderer.confine import jobs
 
 BOUNDS = Bounds(512 << 20, 60.0, "truck.glb")
@@ -104,3 +106,28 @@ def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch:
     with pytest.raises(type(what)) as raised:
         Shot(tmp_path, "a.ply").at()
     assert "machine" in told(raised.value)
+
+
+def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    has, lacks = rules.available()
+    sentence, is_whole = running.confinement()
+    assert sorted(name.split()[0] for name in [*has, *lacks]) == ["Landlock", "seccomp"]
+    assert is_whole == (lacks == [])
+    assert all(name in sentence for name in [*has, *lacks])
+    monkeypatch.setattr(rules, "_libc", None)
+    sentence, is_whole = running.confinement()
+    assert sentence == (
+        "files are read in processes of their own, confined by limits and an empty environment; "
+        "this system lacks Landlock and seccomp"
+    )
+    assert not is_whole
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux")
+def test_what_is_available_is_what_a_process_gets() -> None:
+    """A process that restricts itself, since there is no way back."""
+    has, _ = rules.available()
+    program = "from renderer.confine import rules; print(rules.restrict_files([('/', rules.READ)]), rules.filter_calls())"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    names = [name.split()[0] for name in has]
+    assert done.stdout.split() == [str("Landlock" in names), str("seccomp" in names)]
