@@ -112,8 +112,8 @@ class RedisCare:
                 for name in names:
                     sizes.memory_usage(name)
                 for name, size in zip(names, sizes.execute(), strict=True):
-                    if size is not None and name != RESULTS and (kind := KIND.match(name)):
-                        kinds.setdefault(kind[0], []).append((size, name))
+                    if size is not None and name != RESULTS and (found := KIND.match(name)):
+                        kinds.setdefault(found[0], []).append((size, name))
         for kind, known in kinds.items():
             over = sum(size for size, _ in known) - MOST_OF_MEMORY * limit
             gone: list[bytes] = []

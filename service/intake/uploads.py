@@ -149,7 +149,7 @@ def _added(
     find: Callable[[], Scene],
     files: dict[str, BlobWriter],
     asked: str,
-    is_strict: bool,
+    is_strict: bool | None,
     garbage: Garbage,
     settings: Settings,
     record: Callable[[Upload], T],
@@ -176,15 +176,15 @@ def _added(
             name = PurePosixPath(main).stem if name == PurePosixPath(scene.main).stem else name
         id = _id(refs, main, scene.environment, variant)
         upload = Upload(id, name, main, scene.environment, refs, notes, variant)
-        return record(upload.as_strict() if is_strict or scene.strict else upload)
+        return record(upload.as_strict() if (scene.strict if is_strict is None else is_strict) else upload)
 
 
-def _flag(name: str, form: Form) -> bool:
-    """A form's field that says yes or no. Raises Invalid."""
+def _flag(name: str, form: Form) -> bool | None:
+    """A form's field that says yes or no; None where it is not there. Raises Invalid."""
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
         raise Invalid(f"{name} is {text[:60]!r}; true and false are possible.")
-    return text in ("true", "1")
+    return text in ("true", "1") if text else None
 
 
 def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:

@@ -48,6 +48,9 @@ def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
         assert prepared(service, again)["warnings"] == WARNINGS, "once, although it was prepared again"
         added = service.http.post("/api/scenes", data={"base": strict["id"]}, files={"files": ("x.mtl", b"newmtl a")}).json()
         assert added["strict"], "a strict scene with more files is strict too"
+        freed = {"base": strict["id"], "strict": "false"}
+        added = service.http.post("/api/scenes", data=freed, files={"files": ("x.mtl", b"newmtl a")}).json()
+        assert not added["strict"]
 
 
 def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
