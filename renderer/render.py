@@ -23,7 +23,6 @@ from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.options import kernel_options
-from renderer.kernel.surface.departure import MAX_PASSED
 from renderer.preparing import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
@@ -55,6 +54,7 @@ _SAMPLES_AT_ONCE = 64
 _LAST_TILES = 2  # for each thread: of so many the samples are cut into
 _CUTS = 4  # parts, so that the threads come to an end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+_MOST_PASSED = 1 << 12  # surfaces passed through that a replay records
 _NO_LOG = np.empty((0, record.COLUMNS))
 
 
@@ -186,7 +186,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(f"sample is {sample}; it lies between 0 and {MAX_SPP - 1}")
     options = kernel_options(settings, scene)
-    most = options.max_depth + options.transmission_depth + MAX_AGAIN + MAX_PASSED
+    most = options.max_depth + options.transmission_depth + MAX_AGAIN + _MOST_PASSED
     log = np.zeros((most, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
     return read_log(batch, settings.film_exponent, settings.max_depth, log, scene.origin)

@@ -128,8 +128,17 @@ def _count(binary, solids, root, least, aside, members, stack):
 
 @device
 def _fill_packet(packet, p, order, first, count, shapes):
-    """Writes the primitives order[first : first + count], all of one kind, into packet p."""
+    """Writes the primitives order[first : first + count], all of one kind, into packet p, by ascending number.
+
+    The first of several lanes at equal distance then has the lowest number.
+    """
     triangles = len(shapes.triangle)
+    for end in range(first + 1, first + count):
+        primitive, lane = order[end], end
+        while lane > first and order[lane - 1] > primitive:
+            order[lane] = order[lane - 1]
+            lane -= 1
+        order[lane] = primitive
     for row in range(PACKET_ROWS):
         store(packet, np.uintp(p * PACKET_SIZE + row * WIDTH), splat(np.float32(np.nan)))
     for lane in range(count):

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from renderer.bvh.keys import exceeding
 from renderer.bvh.layout import WIDTH
 from renderer.bvh.simd import (
     flip,
@@ -24,10 +25,11 @@ from renderer.bvh.simd import (
 )
 from renderer.jit import device, out_of_line, subroutine
 
-__all__ = ["meet_spheres", "meet_triangles"]
+__all__ = ["is_beyond", "meet_spheres", "meet_triangles"]
 
 _ZERO = np.float32(0.0)
 # Share of a distance by which front faces are nearer and back faces farther: 16 ulps, above the rounding of coincident faces.
+# The error of the coordinates is part of it: see `margin_of` in renderer/bvh/slabs.py.
 _FACING = np.float32(2.0**-20)
 _W = np.uintp(WIDTH)
 _CORNER = np.uintp(3 * WIDTH)
@@ -35,7 +37,7 @@ _CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 
 
 @device
-def meet_triangles(base, axes, shear, origin, t_max):
+def meet_triangles(base, axes, shear, origin, margin, t_max):
     """The triangles of a packet that the ray meets: (mask8, and, still to be divided by the f32x8 determinant that comes
     last, f32x8 distance, barycentric of b, of c).
 
@@ -44,8 +46,9 @@ def meet_triangles(base, axes, shear, origin, t_max):
     The products must be rounded before the difference (no fma), or the sign would not be exact.
 
     Of two faces back to back at one place, rounding would decide which is nearer. Distances of front faces are reduced, and
-    those of back faces enlarged, by `_FACING`: the face towards the ray's origin is the nearer one, whatever the order, the
-    tessellation and the space of the two.
+    those of back faces enlarged, by `_FACING` times the sum of distance and `margin`: the face towards the ray's origin is the
+    nearer one, whatever the order, the tessellation and the space of the two. With margin None, for shadow rays, distances stay
+    as they are.
 
     axes: row offsets (kx, ky, kz), kz of the direction's largest component; shear: (d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]);
     origin: permuted alike; base: the packet's address.
@@ -74,15 +77,29 @@ def meet_triangles(base, axes, shear, origin, t_max):
     inside = less_equal(zero, minimum(u, minimum(v, w))) | less_equal(maximum(u, maximum(v, w)), zero)
     determinant = u + v + w
     t = fma(u, az, fma(v, bz, w * cz)) * splat(shear[2])
+    if margin is not None:
+        facing = flip(splat(math.copysign(_FACING, -shear[2])), determinant)
+        t = fma(fma(splat(margin), determinant, t), facing, t)
     ahead = flip(t, determinant)
     hit = inside & less(zero, ahead) & less(ahead, flip(determinant, determinant) * splat(t_max))
-    facing = flip(splat(math.copysign(_FACING, -shear[2])), determinant)
-    return hit, fma(t, facing, t), v, w, determinant
+    return hit, t, v, w, determinant
+
+
+@device
+def is_beyond(after, limit, t, numbers):
+    """mask8 of the primitives beyond a hit: farther than `after[0]`, or as far and of a higher number than `limit`.
+
+    numbers: the bits of the primitives' numbers, f32x8.
+    """
+    before = splat(after[0])
+    return less(before, t) | (less_equal(before, t) & exceeding(numbers, limit))
 
 
 @subroutine
-def meet_spheres(base, origin, direction, t_max):
+def meet_spheres(base, origin, direction, t_max, after, limit, numbers):
     """Where the ray first meets the spheres of a packet ahead of its origin: (mask8, f32x8 distance).
+
+    after, limit, numbers: as for `is_beyond`, to which the hits are then limited; None: they are not.
 
     In double precision: in single, the distance to a sphere of radius 1e5 would be wrong by its third decimal, and the
     sphere would shadow itself in rings.
@@ -102,5 +119,9 @@ def meet_spheres(base, origin, direction, t_max):
     root = sqrt(b * b - a * c)  # NaN, and so no hit below, where the ray's line misses
     near = (b - root) / a
     far = (b + root) / a
+    if after is not None:
+        first, last = to_single(near), to_single(far)
+        t = select(is_beyond(after, limit, first, numbers), first, last)
+        return is_beyond(after, limit, t, numbers) & less(t, splat(t_max)), t
     t = to_single(select(less(zero, near), near, far))
     return less(splat(_ZERO), t) & less(t, splat(t_max)), t

@@ -5,6 +5,10 @@ own constants (and that the builder adds to the boxes), so that no box is missed
 touch along an edge included. A node's children are visited from the nearest to the farthest that is not farther than the
 hit so far: a vector of keys, distances whose last bits tell the lane, is all that there is to keep of a node, and the next
 key is found while the leaf of the last one is looked at. Shadow rays take them as they come, leaves first.
+
+Hits are ordered by (distance, instance, primitive), the world's before those of instances: of hits at equal distance the one
+with the lower number is the nearest. A ray that passes through a surface continues from the same origin, beyond that hit
+(`after`): it misses no surface and meets none twice, however close they lie.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ from renderer.bvh.layout import (
     WIDTH,
 )
 from renderer.bvh.motion import step_at
-from renderer.bvh.packet import meet_spheres, meet_triangles
+from renderer.bvh.packet import is_beyond, meet_spheres, meet_triangles
 from renderer.bvh.simd import (
     address,
     bits,
@@ -47,9 +51,11 @@ from renderer.bvh.simd import (
     store,
     store_int,
 )
+from renderer.bvh.slabs import MORE, NEARER, begins_at, margin_of, planes_of
 from renderer.jit import device, out_of_line, subroutine
 
 __all__ = [
+    "FROM_ORIGIN",
     "NO_PRIMITIVE",
     "Hit",
     "any_hit",
@@ -63,12 +69,14 @@ __all__ = [
 ]
 
 NO_PRIMITIVE = np.int32(-1)
+_ANY_PRIMITIVE = np.int32(2**31 - 1)
 _WORLD = np.int32(-1)
+_YES, _NO = np.bool_(True), np.bool_(False)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
-_SLACK = np.float32(4 * 2.0**-24)
+FROM_ORIGIN = (_ZERO, _ANY_PRIMITIVE, _ANY_PRIMITIVE)  # `after` of a ray that has passed nothing yet
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
 _NEARBY = 8192  # nodes that the caches of a core hold: a ray that goes alone waits for little there, and asking takes time
@@ -99,23 +107,26 @@ def new_stack() -> npt.NDArray[np.float32]:
 
 
 @device
-def _slab(o, d):
-    """What a ray needs of one axis: (f32x8 of 1/d, of the near plane's constant, of the far plane's, the near row's offset,
-    the far row's, and 1/d once more).
-
-    A component near zero is taken as +-1e-18: 0 * inf would be NaN, and turn a ray into a walk of the whole tree.
-    """
+def _inverse(d):
+    """Returns 1/d. A component near zero is taken as +-1e-18: 0 * inf would be NaN, and the ray would visit the whole tree."""
     size = abs(d)
-    inverse = _ONE / math.copysign(_TINY if size < _TINY else size, d)
-    constant = -o * inverse
-    slack = abs(constant) * _SLACK
-    near = np.uintp(0) if inverse > _ZERO else _W
-    return splat(inverse), splat(constant - slack), splat(constant + slack), near, _W - near, inverse
+    return _ONE / math.copysign(_TINY if size < _TINY else size, d)
 
 
 @device
-def _boxes(node, base, x, y, z, t_max):
-    """The ray against a node's eight boxes: (mask of those met, f32x8 distances)."""
+def _slab(o, inverse, margin):
+    """Returns a ray's constants for one axis: (f32x8 of 1/d, of the near plane's constant, of the far plane's, the near row's
+    offset, the far row's).
+    """
+    inverse = inverse * NEARER
+    nearer, farther = planes_of(o, inverse, margin)
+    near = np.uintp(0) if inverse > _ZERO else _W
+    return splat(inverse), splat(nearer), splat(farther), near, _W - near
+
+
+@device
+def _boxes(node, base, x, y, z, t_min, t_max):
+    """The ray against a node's eight boxes between two distances: (mask of those met, f32x8 distances)."""
     two = _W + _W
     four = two + two
     x_near = fma(load(node, base + x[3]), x[0], x[1])
@@ -126,7 +137,7 @@ def _boxes(node, base, x, y, z, t_max):
     z_far = fma(load(node, base + four + z[4]), z[0], z[2])
     # NaN, which both hand on from their second operand, must reach the end: a ray that is no number meets nothing, where
     # it would else walk in circles through lanes without a child.
-    near = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
+    near = maximum(maximum(x_near, y_near), maximum(splat(t_min), z_near))
     far = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
     return less_equal(near, far), near
 
@@ -152,6 +163,16 @@ def _axes(o, d, inverse):
     oz = select(first, o[0], select(second, o[1], o[2]))
     scale = select(first, inverse[0], select(second, inverse[1], inverse[2]))
     return (kx, ky, kz), (dx * scale, dy * scale, scale), (ox, oy, oz)
+
+
+@device
+def _prepared(o, d):
+    """Returns a ray's constants: ((slabs of x, y, z), (axes, shear, permuted origin, margin) for `meet_triangles`)."""
+    inverse = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    axes, shear, permuted = _axes(o, d, inverse)
+    margin = margin_of(o, shear[2])
+    x, y, z = _slab(o[0], inverse[0], margin), _slab(o[1], inverse[1], margin), _slab(o[2], inverse[2], margin)
+    return (x, y, z), (axes, shear, permuted, margin)
 
 
 @device
@@ -183,33 +204,67 @@ def place_at(bvh, leaf, stack, time):
 
 
 @device
-def _met(place, leaf, o, d, axes, shear, permuted, t_max):
-    """As `meet_triangles`, of a leaf of either kind, its packet at that address."""
+def _blocks(place, leaf, o, d, constants, t_max):
+    """Whether a leaf's packet, at that address, occludes a shadow ray. constants: of `_prepared`."""
+    axes, shear, permuted, _ = constants
     if leaf & SPHERES:
-        hit, t = meet_spheres(place, o, d, t_max)
-        return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
-    return meet_triangles(place, axes, shear, permuted, t_max)
+        return bits(meet_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
+    return bits(meet_triangles(place, axes, shear, permuted, None, t_max)[0]) != np.uint32(0)
 
 
 @device
-def _meet(packet, place, leaf, o, d, axes, shear, permuted, best, primitive, u, v):
-    """What a leaf's packet makes of the nearest hit so far: (distance, primitive, u, v)."""
-    hit, t, b, c, determinant = _met(place, leaf, o, d, axes, shear, permuted, best)
+def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
+    """Returns (mask8, distance, u, v, determinant that the three are still to be divided by) of a leaf's packet."""
+    axes, shear, permuted, margin = constants
+    if leaf & SPHERES:
+        hit, t = meet_spheres(place, o, d, t_max, after, limit, numbers)
+        return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
+    return meet_triangles(place, axes, shear, permuted, margin, t_max)
+
+
+@device
+def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
+    """Updates the nearest hit so far, (whether there is one, distance, primitive, u, v), with a leaf's packet.
+
+    tie: a hit at the same distance is nearer if its primitive's number is lower than this. after: as of `closest_hit`; limit: of
+    `_limit`.
+    """
+    numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
+    hit, t, b, c, determinant = _met(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
     if bits(hit) != np.uint32(0):
         inverse = splat(_ONE) / determinant
-        distance, lane = nearest(hit, t * inverse)
-        if distance < best:
-            best = distance
-            u = extract(b * inverse, lane)
-            v = extract(c * inverse, lane)
-            primitive = load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
-    return best, primitive, u, v
+        t = t * inverse
+        if after is not None:
+            hit = hit & is_beyond(after, limit, t, numbers)
+        distance, lane = nearest(hit, t)  # NaN, if the mask is empty
+        primitive = load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+        if distance < found[1] or (distance == found[1] and primitive < tie):
+            found = _YES, distance, primitive, extract(b * inverse, lane), extract(c * inverse, lane)
+    return found
 
 
 @device
-def _enter(node, base, x, y, z, best):
+def _limit(after, number):
+    """Returns the primitive that ends a ray's `after` in one space, the world's (-1) or an instance's."""
+    limit = _ANY_PRIMITIVE
+    if after is not None:
+        limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], _ANY_PRIMITIVE, after[2]))
+    return limit
+
+
+@device
+def _begins(after, margin):
+    """Returns the distance before which boxes need not be visited."""
+    begins = _ZERO
+    if after is not None:
+        begins = begins_at(after[0], margin)
+    return begins
+
+
+@device
+def _enter(node, base, slabs, t_min, best):
     """The children of a node that the ray meets nearer than `best`: their keys, and the least of them."""
-    met, distance = _boxes(node, base, x, y, z, best)
+    met, distance = _boxes(node, base, slabs[0], slabs[1], slabs[2], t_min, best)
     keys = ranked(met, distance)
     return keys, least(keys)
 
@@ -237,22 +292,27 @@ def _pop(stack, top):
 
 
 @subroutine
-def closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
-    """The nearest hit nearer than `best` in an instance's tree: (distance, primitive, u, v); NO_PRIMITIVE where there is none."""
+def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, after):
+    """The hit in an instance's tree that is nearer than one at distance `best`: (distance, primitive, u, v); NO_PRIMITIVE where
+    there is none.
+
+    holder: the instance of that hit, -1 for the world; after: as of `closest_hit`.
+    """
     out_of_line()
+    number = np.int32(number)
     o, d = into(bvh, number, o, d, time)
-    x = _slab(o[0], d[0])
-    y = _slab(o[1], d[1])
-    z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
-    primitive, u, v = NO_PRIMITIVE, _ZERO, _ZERO
+    slabs, constants = _prepared(o, d)
+    limit = _limit(after, number)
+    t_min = _begins(after, constants[3])
+    any_tie = number < holder
+    found = _NO, best, NO_PRIMITIVE, _ZERO, _ZERO
     top = bottom
     base = np.uintp(bvh.instance_root[number]) * _NODE
-    keys, key = _enter(bvh.node, base, x, y, z, best)
+    keys, key = _enter(bvh.node, base, slabs, t_min, best)
     while True:
-        if key > key_limit(best):
+        if key > key_limit(found[1]):
             if top == bottom:
-                return best, primitive, u, v
+                return found[1], found[2], found[3], found[4]
             top -= _ENTRY
             base, keys, key = _pop(stack, top)
             continue
@@ -260,13 +320,13 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, time):
         keys = beyond(keys, key)
         key = least(keys)
         if child >= 0:
-            if key <= key_limit(best):
+            if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
-            keys, key = _enter(bvh.node, base, x, y, z, best)
+            keys, key = _enter(bvh.node, base, slabs, t_min, found[1])
             continue
-        place = _place(bvh.packet, ~child)
-        best, primitive, u, v = _meet(bvh.packet, place, ~child, o, d, axes, shear, permuted, best, primitive, u, v)
+        tie = select(any_tie & (not found[0]), _ANY_PRIMITIVE, found[2])
+        found = _meet(bvh.packet, _place(bvh.packet, ~child), ~child, o, d, constants, found, tie, after, limit)
 
 
 @device
@@ -286,22 +346,22 @@ def shadow_root(bvh):
 
 
 @device
-def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
+def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
     """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`.
 
-    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle. root: the node to begin at.
+    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle. root: the node to begin at. after: only hits beyond
+    this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all.
     """
-    x = _slab(o[0], d[0])
-    y = _slab(o[1], d[1])
-    z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
-    best, primitive, u, v = t_max, NO_PRIMITIVE, _ZERO, _ZERO
+    slabs, constants = _prepared(o, d)
+    limit = _limit(after, _WORLD)
+    t_min = _begins(after, constants[3])
+    found = _NO, t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = _WORLD
     top = np.uintp(0)
     base = np.uintp(np.uint32(root)) * _NODE
-    keys, key = _enter(bvh.node, base, x, y, z, best)
+    keys, key = _enter(bvh.node, base, slabs, t_min, t_max)
     while True:
-        if key > key_limit(best):
+        if key > key_limit(found[1]):
             if top == np.uintp(0):
                 break
             top -= _ENTRY
@@ -312,24 +372,24 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
         key = least(keys)  # wanted next, and found while the leaf is looked at
         ask_for(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
         if child >= 0:
-            if key <= key_limit(best):
+            if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
-            keys, key = _enter(bvh.node, base, x, y, z, best)
+            keys, key = _enter(bvh.node, base, slabs, t_min, found[1])
             continue
         leaf = ~child
         if bvh.instances is not None and leaf & INSTANCE:
-            found = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, best, time)
-            if found[1] != NO_PRIMITIVE:
-                best, primitive, u, v = found
+            nearer = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, found[1], instance, time, after)
+            if nearer[1] != NO_PRIMITIVE:
+                found = _YES, nearer[0], nearer[1], nearer[2], nearer[3]
                 instance = np.int32(leaf >> 2)
         else:
-            nearer = best
-            place = place_at(bvh, leaf, stack, time)
-            best, primitive, u, v = _meet(bvh.packet, place, leaf, o, d, axes, shear, permuted, best, primitive, u, v)
-            if best < nearer:
+            tie = select(instance > _WORLD, _ANY_PRIMITIVE, found[2])
+            start = _NO, found[1], found[2], found[3], found[4]
+            found = _meet(bvh.packet, place_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit)
+            if found[0]:
                 instance = _WORLD
-    return Hit(best, primitive, u, v, instance, time)
+    return Hit(found[1], found[2], found[3], found[4], instance, time)
 
 
 @subroutine
@@ -337,22 +397,19 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """`any_hit` in an instance's tree."""
     out_of_line()
     o, d = into(bvh, number, o, d, time)
-    x = _slab(o[0], d[0])
-    y = _slab(o[1], d[1])
-    z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
+    slabs, constants = _prepared(o, d)
     top = bottom
     child = bvh.instance_root[number]
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(_boxes(bvh.node, base, x, y, z, t_max)[0])
+        met = bits(_boxes(bvh.node, base, slabs[0], slabs[1], slabs[2], _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
             if child >= 0:
                 store_int(stack, top, child)
                 top += np.uintp(1)
-            elif bits(_met(_place(bvh.packet, ~child), ~child, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+            elif _blocks(_place(bvh.packet, ~child), ~child, o, d, constants, t_max):
                 return True
         if top == bottom:
             return False
@@ -363,15 +420,12 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     """Whether anything lies along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
-    x = _slab(o[0], d[0])
-    y = _slab(o[1], d[1])
-    z = _slab(o[2], d[2])
-    axes, shear, permuted = _axes(o, d, (x[5], y[5], z[5]))
+    slabs, constants = _prepared(o, d)
     top = np.uintp(0)
     child = np.int32(root)
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(_boxes(bvh.node, base, x, y, z, t_max)[0])
+        met = bits(_boxes(bvh.node, base, slabs[0], slabs[1], slabs[2], _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
@@ -384,7 +438,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
             if bvh.instances is not None and leaf & INSTANCE:
                 if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif bits(_met(place_at(bvh, leaf, stack, time), leaf, o, d, axes, shear, permuted, t_max)[0]) != np.uint32(0):
+            elif _blocks(place_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
                 return True
         if top == np.uintp(0):
             return False

@@ -11,11 +11,10 @@ import math
 import numpy as np
 
 from renderer.bvh.motion import placed_at
-from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, out_of_line, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.material.material import is_lamp, is_transparent, opacity
-from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
@@ -103,11 +102,12 @@ def _of_sphere(scene, hit, o, d, time):
 
 @subroutine
 def _seen(scene, stack, o, d):
-    """Returns (the first Hit with an opacity of at least 1/2, the origin of the ray that hit it)."""
+    """Returns the first Hit with an opacity of at least 1/2."""
     out_of_line()
     root = camera_root(scene.bvh)
-    hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
-    for _ in range(MAX_PASSED):
+    after = FROM_ORIGIN
+    while True:
+        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root, after)
         if hit.primitive == NO_PRIMITIVE:
             break
         surface = surface_at(scene, o, d, hit)
@@ -116,9 +116,8 @@ def _seen(scene, stack, o, d):
                 break
             if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
                 break
-        o = onward(surface)
-        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root)
-    return hit, o
+        after = hit.t, hit.instance, hit.primitive
+    return hit
 
 
 @device
@@ -135,7 +134,7 @@ def _see_places(scene, stack, camera, top, places):
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
-            hit, o = _seen(scene, stack, o, d)
+            hit = _seen(scene, stack, o, d)
             for which in range(3):
                 time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
                 if hit.primitive == NO_PRIMITIVE:

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
+from renderer.absent import where_present
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, record_light, record_miss, record_surface
-from renderer.kernel.integrators.state import camera_path, with_origin, with_throughput
+from renderer.kernel.integrators.state import camera_path, with_throughput
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import transmittance
 from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
+from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["trace_ao"]
@@ -40,11 +41,11 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
     forget_first_hit(first)
     path = camera_path(o, d, None)
     radiance = _WHITE
-    depth = _ZERO
-    rays = 0
+    rays = passed = 0
     layers = local_floats(LAYER_SLOTS)
-    for passed in range(MAX_PASSED):
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, camera_root(scene.bvh))
+    after = where_present(scene.has.textures, FROM_ORIGIN)
+    while True:
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, camera_root(scene.bvh), after)
         rays += 1
         if hit.primitive == NO_PRIMITIVE:
             if passed < len(log):
@@ -52,16 +53,17 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
                 record_light(log, passed, DIRECT, radiance)
             break
         surface = surface_at(scene, path.o, path.d, hit)
-        depth += hit.t
         through, throughput = reach(scene, surface, path, options, stream, passed, time)
         if passed < len(log):
             record_surface(log, passed, surface, through, hit.t, with_throughput(path, throughput))
         if through:
-            path = with_origin(path, onward(surface))
+            if scene.has.textures is not None:
+                after = hit.t, hit.instance, hit.primitive
+            passed += 1
             continue
         s, t, n = shading_frame(scene, surface, vec.neg(path.d), time)
         albedo = fetch_material(scene, surface, (s, t, n), layers, time).base
-        keep_first_hit(first, surface, albedo, n, depth)
+        keep_first_hit(first, surface, albedo, n, hit.t)
         numbers = draw4(stream, np.uint32(1))
         towards = vec.to_world(s, t, n, square_to_cosine_hemisphere((numbers[0], numbers[1])))
         start = departure(surface, True, towards)

@@ -46,20 +46,21 @@ class Drift(NamedTuple):
 
 
 @device
-def fly(scene, path, reach, stream, row):
+def fly(scene, path, begin, reach, stream, row):
     """Samples the free flight to the next surface, at distance `reach`: (path with its new throughput, Drift).
 
-    reach: infinite for a miss. row: number of vertices and passed surfaces before it, which selects the flight's random numbers.
+    begin: distance of the surface that the ray passed through last, or 0; reach: infinite for a miss. row: number of
+    vertices and passed surfaces before it, which selects the flight's random numbers.
     """
     sigma_t, sigma_s, g = coefficients(scene, path.nest)
     u = draw4(stream, np.uint32(FLIGHT_BLOCK + row))
-    flight = free_flight(sigma_t, sigma_s, path.throughput, reach, (u[0], u[1]))
+    flight = free_flight(sigma_t, sigma_s, path.throughput, reach - begin, (u[0], u[1]))
     albedo = (
         sigma_s[0] / max(sigma_t[0], _LEAST),
         sigma_s[1] / max(sigma_t[1], _LEAST),
         sigma_s[2] / max(sigma_t[2], _LEAST),
     )
-    return with_throughput(path, flight.throughput), Drift(flight.scatters, flight.distance, albedo, g)
+    return with_throughput(path, flight.throughput), Drift(flight.scatters, begin + flight.distance, albedo, g)
 
 
 @device

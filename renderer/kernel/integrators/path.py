@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.absent import where_present
 from renderer.arrays.rows import MEDIUM, UNLIT
-from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.depths import spent
@@ -34,7 +35,6 @@ from renderer.kernel.integrators.state import (
     scattered,
     vertex_at,
     with_nest,
-    with_origin,
     with_radiance,
     with_throughput,
 )
@@ -47,7 +47,7 @@ from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_materi
 from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
+from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_path"]
@@ -95,17 +95,18 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
     other, passed_before, splits = path, 0, False
     lit = _has_lights(scene, options)
     layers = local_floats(LAYER_SLOTS)
+    after = where_present(scene.has.textures, FROM_ORIGIN)
     while True:
         # Needed only below, but independent of the ray: the processor computes them during the traversal.
         for_bounce = draw4(stream, np.uint32(2 * number + 2))
         for_light = draw4(stream, np.uint32(2 * number + 1))
         root = camera_root(scene.bvh) if number == 0 else _ROOT
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root, after)
         rays += 1
         row = number + passed
         drifts = _NO
         if scene.has.media is not None:
-            path, drift = fly(scene, path, hit.t, stream, row)
+            path, drift = fly(scene, path, after[0], hit.t, stream, row)
             drifts = drift.scatters
         if hit.primitive == NO_PRIMITIVE and not drifts:
             if row < len(log):
@@ -132,8 +133,8 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
                 if row < len(log):
                     record_light(log, row, EMITTED, path.radiance)
                 passed += 1
-                if passed == MAX_PASSED:
-                    break
+                if scene.has.textures is not None:
+                    after = hit.t, hit.instance, hit.primitive
                 path = _past(scene, surface, path)
                 continue
             vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
@@ -141,7 +142,7 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
             distance = hit.t
             if scene.has.media is not None:
                 distance = drift.distance
-            _keep_first(first, vertex, path, distance, passed)
+            _keep_first(first, vertex, distance)
         if vertex.material.kind == UNLIT:
             path = _add(path, vertex.material.base, 1, options)
         if row < len(log):
@@ -168,6 +169,7 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
         path, goes_on = _bounce(scene, vertex, path, number, options, for_bounce, branches)
         if not goes_on:
             break
+        after = where_present(scene.has.textures, FROM_ORIGIN)
         number += 1
         if number - path.depth > options.transmission_depth + MAX_AGAIN:
             break
@@ -179,17 +181,15 @@ def _past(scene, surface, path):
     """Returns the path beyond a surface that it passes through unchanged."""
     if scene.has.media is not None:
         path = with_nest(path, crossed(scene, path.nest, surface.material, surface.front))
-    return with_origin(path, onward(surface))
+    return path
 
 
 @template
-def _keep_first(first, vertex, path, distance, passed):
+def _keep_first(first, vertex, distance):
     """Records the path's first vertex; one in a medium has no normal."""
     normal = vertex.frame[2]
     if vertex.material.kind == MEDIUM:
         normal = _BLACK
-    if passed > 0:
-        distance = vec.length(vec.sub(vertex.surface.point, path.vertex))
     keep_first_hit(first, vertex.surface, vertex.material.base, normal, distance)
 
 

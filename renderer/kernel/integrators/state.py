@@ -29,7 +29,6 @@ __all__ = [
     "scattered",
     "vertex_at",
     "with_nest",
-    "with_origin",
     "with_radiance",
     "with_throughput",
 ]
@@ -46,7 +45,7 @@ MAX_AGAIN = 64  # segments that do not count, of one path: each has about an eve
 class Path(NamedTuple):
     """A path with its next ray o + t d. Vectors are tuples of float32 in world space."""
 
-    o: tuple[float, float, float]  # off the last vertex's surface, or off one passed through
+    o: tuple[float, float, float]  # off the last vertex's surface
     d: tuple[float, float, float]  # unit
     vertex: tuple[float, float, float]  # the last one; the camera's point to begin with
     normal: tuple[float, float, float]  # lights on its side count; zero: on both sides
@@ -73,24 +72,6 @@ class Vertex(NamedTuple):
 def camera_path(o, d, nest):
     """Returns a path that starts at the camera's point o in the unit direction d."""
     return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, _ZERO, nest)
-
-
-@device
-def with_origin(path, o):
-    """Returns the path with its ray's origin at o."""
-    return Path(
-        o,
-        path.d,
-        path.vertex,
-        path.normal,
-        path.pdf,
-        path.throughput,
-        path.radiance,
-        path.worth,
-        path.depth,
-        path.counts,
-        path.nest,
-    )
 
 
 @device

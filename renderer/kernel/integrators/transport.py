@@ -19,6 +19,7 @@ __all__ = [
     "COLOR_BLOCK",
     "FIRST_HIT_SLOTS",
     "PASSING_BLOCK",
+    "PASSING_BLOCKS",
     "TIME_BLOCK",
     "absorbed",
     "first_hit",
@@ -32,6 +33,7 @@ __all__ = [
 _ZERO = np.float32(0.0)
 _INDIRECT = np.float32(3)  # number of segments from which on light is indirect
 PASSING_BLOCK = 1 << 16  # first random number block of transparent surfaces; vertices use lower ones,
+PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass through more use the same again
 COLOR_BLOCK = 1 << 17  # first block of dispersive surfaces
 TIME_BLOCK = 1 << 18  # block whose first number is the sample's shutter time
 
@@ -88,7 +90,7 @@ def _is_passed(scene, surface, stream, row, time):
     """
     if not is_transparent(scene, surface.material):
         return False
-    u = draw1(stream, np.uint32(PASSING_BLOCK + row))
+    u = draw1(stream, np.uint32(PASSING_BLOCK + (np.uint32(row) & PASSING_BLOCKS)))
     return u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
 
 

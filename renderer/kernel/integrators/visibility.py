@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, shadow_root
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, any_hit, closest_hit, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.nesting import coefficients, crossed
-from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["light_left", "transmittance"]
@@ -22,28 +21,30 @@ _ZERO = np.float32(0.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 
 
+@device
+def _towards(start, end):
+    """Returns (unit direction, distance) from one point to another; NaN, which hits nothing, where they coincide."""
+    way = vec.sub(end, start)
+    distance = math.sqrt(vec.dot(way, way))
+    return vec.scale(way, _ONE / distance), distance
+
+
 @subroutine
 def _through(scene, stack, start, end, time):
     """Returns the product of the surfaces' transparencies, 1 - alpha, between the two points."""
     out_of_line()
     left = _ONE
-    o = start
-    way = vec.sub(end, start)
-    for _ in range(MAX_PASSED):
-        rest = vec.sub(end, o)
-        if not vec.dot(rest, way) > _ZERO:
-            return left
-        distance = math.sqrt(vec.dot(rest, rest))
-        d = vec.scale(rest, _ONE / distance)
-        hit = closest_hit(scene.bvh, stack, o, d, distance, time, shadow_root(scene.bvh))
+    d, distance = _towards(start, end)
+    after = FROM_ORIGIN
+    while True:
+        hit = closest_hit(scene.bvh, stack, start, d, distance, time, shadow_root(scene.bvh), after)
         if hit.primitive == NO_PRIMITIVE:
             return left
-        surface = surface_at(scene, o, d, hit)
+        surface = surface_at(scene, start, d, hit)
         left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
         if not left > _ZERO:
             return _ZERO
-        o = onward(surface)
-    return _ZERO
+        after = hit.t, hit.instance, hit.primitive
 
 
 @subroutine
@@ -54,27 +55,21 @@ def light_left(scene, stack, start, end, nest, time):
     """
     out_of_line()
     left = (_ONE, _ONE, _ONE)
-    o = start
-    way = vec.sub(end, start)
-    for _ in range(MAX_PASSED):
-        rest = vec.sub(end, o)
-        if not vec.dot(rest, way) > _ZERO:
-            return left
-        distance = math.sqrt(vec.dot(rest, rest))
-        d = vec.scale(rest, _ONE / distance)
-        hit = closest_hit(scene.bvh, stack, o, d, distance, time, shadow_root(scene.bvh))
+    d, distance = _towards(start, end)
+    after = FROM_ORIGIN
+    while True:
+        hit = closest_hit(scene.bvh, stack, start, d, distance, time, shadow_root(scene.bvh), after)
         sigma_t, _, _ = coefficients(scene, nest)
-        left = vec.mul(left, left_after(sigma_t, hit.t))
+        left = vec.mul(left, left_after(sigma_t, hit.t - after[0]))
         if hit.primitive == NO_PRIMITIVE:
             return left
-        surface = surface_at(scene, o, d, hit)
+        surface = surface_at(scene, start, d, hit)
         faint = _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
         left = vec.scale(left, faint)
         if not vec.maximum(left) > _ZERO:
             return _BLACK
         nest = crossed(scene, nest, surface.material, surface.front)
-        o = onward(surface)
-    return _BLACK
+        after = hit.t, hit.instance, hit.primitive
 
 
 @device

@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.absent import where_present
 from renderer.arrays.light_rows import CORNER_ERROR
 from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
-from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
@@ -22,7 +23,6 @@ from renderer.kernel.integrators.state import (
     camera_path,
     scattered,
     vertex_at,
-    with_origin,
     with_radiance,
     with_throughput,
 )
@@ -36,7 +36,7 @@ from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import MAX_PASSED, departure, onward
+from renderer.kernel.surface.departure import departure
 from renderer.kernel.surface.surface import shines, surface_at
 
 __all__ = ["trace_whitted"]
@@ -134,9 +134,10 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
     passed = 0
     lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
     layers = local_floats(LAYER_SLOTS)
+    after = where_present(scene.has.textures, FROM_ORIGIN)
     while True:
         root = camera_root(scene.bvh) if number == 0 else _ROOT
-        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root)
+        hit = closest_hit(scene.bvh, stack, path.o, path.d, _INF, time, root, after)
         rays += 1
         row = number + passed
         if hit.primitive == NO_PRIMITIVE:
@@ -162,16 +163,14 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             passed += 1
-            if passed == MAX_PASSED:
-                break
-            path = with_origin(path, onward(surface))
+            if scene.has.textures is not None:
+                after = hit.t, hit.instance, hit.primitive
             continue
 
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         material = vertex.material
         if number == 0:
-            distance = hit.t if passed == 0 else vec.length(vec.sub(surface.point, path.vertex))
-            keep_first_hit(first, surface, material.base, vertex.frame[2], distance)
+            keep_first_hit(first, surface, material.base, vertex.frame[2], hit.t)
         if material.kind == UNLIT:
             path = _add(path, material.base)
         elif not _is_mirror(material):
@@ -194,6 +193,7 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
         path = scattered(scene, vertex, path, number, wi, weight, _ZERO, eta2, _ONE, options)
         if vec.maximum(path.throughput) <= _ZERO:
             break
+        after = where_present(scene.has.textures, FROM_ORIGIN)
         number += 1
         if number - path.depth > MAX_AGAIN:
             break

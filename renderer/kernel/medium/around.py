@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.absent import where_present
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, closest_hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.medium.nesting import NO_MEDIUM, beneath, entered, holds, left
-from renderer.kernel.surface.departure import MAX_PASSED, departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.wide.values import u32
 
@@ -29,13 +28,13 @@ _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 def _nest_at(scene, stack, o, time):
     """Returns the nest of media that contains point o.
 
-    These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them; at most MAX_PASSED
-    surfaces are visited.
+    These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them.
     """
     out_of_line()
     nest, on_the_way, depth = _WORLD, _WORLD, _WORLD
-    for _ in range(MAX_PASSED):
-        hit = closest_hit(scene.bvh, stack, o, _UPWARDS, _INF, time, _ROOT)
+    after = FROM_ORIGIN
+    while True:
+        hit = closest_hit(scene.bvh, stack, o, _UPWARDS, _INF, time, _ROOT, after)
         if hit.primitive == NO_PRIMITIVE:
             break
         surface = surface_at(scene, o, _UPWARDS, hit)
@@ -48,7 +47,7 @@ def _nest_at(scene, stack, o, time):
             else:
                 nest = beneath(nest, depth, medium)
                 depth = u32(depth + _NEXT)
-        o = departure(surface, False, _UPWARDS)
+        after = hit.t, hit.instance, hit.primitive
     return nest
 
 

@@ -31,6 +31,7 @@ from renderer.kernel.pool.lists import (
 )
 from renderer.kernel.pool.rows import (
     AXES,
+    BEHIND,
     CARRIED,
     COUNTS,
     FIRST,
@@ -67,10 +68,9 @@ _DRIFTS = WAY  # whether the ray ends in its medium; shares columns with the tra
 
 
 @device
-def _keep_first(pool, rows, first, point, albedo, distance, passed):
+def _keep_first(pool, rows, first, point, albedo, distance):
     """Records the first hit of paths whose first vertex is in a medium: without normal, object and material."""
     none = nil(distance)
-    distance = where(passed == _ZERO, distance, vec.length(vec.sub(point, few(pool, rows, PLACE, 3))))
     distance = distance + few(pool, rows, START, 1)[0]
     rows = where(first, rows, SPARE)
     write(pool, rows, FIRST, (*albedo, distance, none, none, none, none))
@@ -103,23 +103,25 @@ def fly(scene, pool, lists, options):
         rx, ry, rz, depth, tx, ty, tz, number = read(pool, rows, CARRIED)
         sigma_t, sigma_s, g = coefficients(scene, as_ints(few(pool, rows, NEST, 1)[0]))
         u = draw4(stream_of(pool, rows, options), to_int(number + met[5]) + _FLIGHTS)
-        flight = free_flight(sigma_t, sigma_s, (tx, ty, tz), met[0], (u[0], u[1]))
+        begin = few(pool, rows, BEHIND, 1)[0]
+        flight = free_flight(sigma_t, sigma_s, (tx, ty, tz), met[0] - begin, (u[0], u[1]))
+        end = begin + flight.distance
         none = nil(number)
         if any_of(flight.scatters):
             ray = read(pool, rows, RAY)
             wo = -ray[3], -ray[4], -ray[5]
-            point = ray[0] - wo[0] * flight.distance, ray[1] - wo[1] * flight.distance, ray[2] - wo[2] * flight.distance
+            point = ray[0] - wo[0] * end, ray[1] - wo[1] * end, ray[2] - wo[2] * end
             first = flight.scatters & (number == _ZERO)
             if any_of(first):
                 r, g_, b = sigma_t
                 albedo = sigma_s[0] / max(r, _LEAST), sigma_s[1] / max(g_, _LEAST), sigma_s[2] / max(b, _LEAST)
-                _keep_first(pool, rows, first, point, albedo, flight.distance, met[5])
+                _keep_first(pool, rows, first, point, albedo, end)
             over = depth + _ONE >= np.float32(options.max_depth)
             if options.has_depths:
                 over = over | spent(few(pool, rows, COUNTS, 1)[0], options)
             which = where(over, _OVER, none + _IN_MEDIUM)
             _keep_vertices(pool, where(flight.scatters, rows, SPARE), point, wo, g, which)
-        distance = where(flight.scatters, flight.distance, met[0])
+        distance = where(flight.scatters, end, met[0])
         number_of_object = as_floats(where(flight.scatters, as_wide(NO_OBJECT, none), _FIRST))
         write(pool, rows, HIT, (distance, met[1], met[2], met[3], met[4], met[5], number_of_object, none))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *flight.throughput, number))

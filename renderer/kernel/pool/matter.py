@@ -29,7 +29,7 @@ from renderer.bvh.traverse import Hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns
-from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, absorbed
+from renderer.kernel.integrators.transport import COLOR_BLOCK, PASSING_BLOCK, PASSING_BLOCKS, absorbed
 from renderer.kernel.material.images import image_colors, is_rare
 from renderer.kernel.material.material import colored_index, opacity, texture_factors
 from renderer.kernel.material.normal_map import bent_frame
@@ -107,7 +107,7 @@ def passes(scene, surface, stream, row, options, time):
     if scene.has.textures is not None and options.transparent:
         may = _flagged(scene, surface.material, _TRANSPARENT)
         if any_of(may):
-            u = draw4(stream, to_int(row) + _PASSING_BLOCK)[0]
+            u = draw4(stream, (to_int(row) & PASSING_BLOCKS) + _PASSING_BLOCK)[0]
             faint = u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
             through = through | (may & faint)
     return through

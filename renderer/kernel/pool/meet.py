@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import load_int, store_int
-from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, shadow_root
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.integrators.transport import limited
@@ -33,20 +33,62 @@ from renderer.kernel.pool.lists import (
     put,
     row,
 )
-from renderer.kernel.pool.rows import CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
+from renderer.kernel.pool.rows import BEHIND, CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
-from renderer.kernel.pool.ways import BEST, BLOCKED, set_out, three, whole
+from renderer.kernel.pool.ways import BEST, BLOCKED, TOP, set_out, three, whole
 from renderer.wide.values import as_ints, nil, u32, where, where3
 
 __all__ = ["bring_light", "meet", "see_lights"]
 
 _ZERO = np.float32(0.0)
 _INF = np.float32(np.inf)
-_PRIMITIVE, _INSTANCE = HIT + np.uintp(3), HIT + np.uintp(4)
+_ROOT = np.int32(0)
+_GOES_ALONE = np.int32(-1)  # in column TOP: the ray was traced by `_go_past`
+_U, _V, _PRIMITIVE, _INSTANCE = (HIT + np.uintp(k) for k in (1, 2, 3, 4))
 _NUMBER = CARRIED + np.uintp(7)
 _SEGMENTS, _BEGINS_IN = LAMP + np.uintp(3), LAMP + np.uintp(6)
 _END, _WAITS, _GOES_ON = SHADOW + np.uintp(3), SHADOW + np.uintp(6), SHADOW + np.uintp(7)
+
+
+@subroutine
+def _go_past(scene, alone, pool, lists):
+    """Traces the rays on the list PASSED on, each alone, beyond the surfaces that they have passed through."""
+    out_of_line()
+    for k in range(length(lists, PASSED)):
+        number = row(lists, PASSED, k)
+        path = at(number, np.uintp(0))
+        o, d = three(pool, path + RAY), three(pool, path + RAY + np.uintp(3))
+        after = pool[path + HIT], load_int(pool, path + _INSTANCE), load_int(pool, path + _PRIMITIVE)
+        root = _ROOT
+        if scene.bvh.begin is not None and pool[path + _NUMBER] == _ZERO:
+            root = camera_root(scene.bvh)
+        hit = closest_hit(scene.bvh, alone, o, d, _INF, time_of(scene.has.motion, pool, number), root, after)
+        pool[path + BEST] = hit.t
+        pool[path + _U] = hit.u
+        pool[path + _V] = hit.v
+        store_int(pool, path + _PRIMITIVE, hit.primitive)
+        store_int(pool, path + _INSTANCE, hit.instance)
+        store_int(pool, path + TOP, _GOES_ALONE)
+        if scene.has.media is not None:
+            pool[path + BEHIND] = after[0]
+
+
+@device
+def _wait_for_nodes(scene, pool, lists, count):
+    """Puts the first `count` active rays that `_go_past` has not traced on the list NODES, without a hit."""
+    waiting = np.uintp(0)
+    for k in range(count):
+        path = row(lists, ACTIVE, k)
+        put(lists, NODES, waiting, path)
+        if scene.has.textures is not None and load_int(pool, at(path, TOP)) == _GOES_ALONE:
+            continue
+        waiting += np.uintp(1)
+        store_int(pool, at(path, _PRIMITIVE), NO_PRIMITIVE)
+        store_int(pool, at(path, _INSTANCE), NO_PRIMITIVE)
+        if scene.has.media is not None:
+            pool[at(path, BEHIND)] = _ZERO
+    cut(lists, NODES, waiting)
 
 
 @subroutine
@@ -63,12 +105,9 @@ def meet(scene, alone, stack, pool, lists):
             number = few(pool, rows, _NUMBER, 1)[0]
             root = where(number == _ZERO, whole(camera_root(scene.bvh), zero), zero)
         set_out(pool, rows, (ray[0], ray[1], ray[2]), (ray[3], ray[4], ray[5]), zero + _INF, root)
-    for k in range(count):
-        path = row(lists, ACTIVE, k)
-        store_int(pool, at(path, _PRIMITIVE), NO_PRIMITIVE)
-        store_int(pool, at(path, _INSTANCE), NO_PRIMITIVE)
-        put(lists, NODES, np.uintp(k), path)
-    cut(lists, NODES, np.uintp(count))
+    if scene.has.textures is not None:
+        _go_past(scene, alone, pool, lists)
+    _wait_for_nodes(scene, pool, lists, count)
     clear(lists, ENDED)
     walk(scene.bvh, scene.has.motion, alone, pool, stack, lists)
     triangles = len(scene.triangle)

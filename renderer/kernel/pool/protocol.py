@@ -6,6 +6,7 @@ import numpy as np
 
 from renderer.bvh.simd import load_int
 from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
 from renderer.kernel.integrators.record import (
     ARRIVED,
     BROUGHT,
@@ -116,7 +117,7 @@ def record_arrival(pool, lists, log, number, passed, before):
         record_medium(log, number, three(pool, PLACE), pool[HIT], path)
     else:
         through = pool[_PASSED] != passed
-        point = three(pool, RAY) if through else three(pool, PLACE)  # its next origin, off the surface it passed through
+        point = vec.add(path.o, vec.scale(path.d, pool[HIT])) if through else three(pool, PLACE)
         record_surface(log, number, _surface(pool, point), through, pool[HIT], path)
     log[number, OWN_SHARE] = pool[HIT + np.uintp(7)]
     log[number, TIME] = pool[_TIME]

@@ -15,6 +15,7 @@ from renderer.wide.rows import gather, gathered, scatter
 
 __all__ = [
     "AXES",
+    "BEHIND",
     "BRANCHES",
     "CARRIED",
     "COUNTS",
@@ -72,13 +73,15 @@ FIRST = np.uintp(64)  # first hit: albedo 3, distance, normal 3, 1 + object's nu
 MATTER = np.uintp(80)  # colour 3, metallic, roughness, eta, first texture coordinates 2
 AXES = np.uintp(88)  # the frame to scatter in: s 3, t 3; second texture coordinates 2
 MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side of 3
-# Traversal state of the ray (ways.py), three groups:
+# Traversal state of the ray (ways.py), four groups:
 WAY = np.uintp(104)
 # Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
-NEST = np.uintp(128)
+NEST = np.uintp(136)
 # Only where bounces by kind are limited (integrators/depths.py):
-COUNTS = np.uintp(129)
-ROW = np.uintp(136)  # not a power of two, which would map all rows' groups to the same cache sets
+COUNTS = np.uintp(137)
+# Only where there are media: distance of the surface that the ray passed through last; 0: none
+BEHIND = np.uintp(138)
+ROW = np.uintp(144)  # not a power of two, which would map all rows' groups to the same cache sets
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:

@@ -81,7 +81,7 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
         path = at(number, np.uintp(0))
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
-        blocked = bits(meet_triangles(place, axes, shear, origin, _ONE)[0]) != _NONE
+        blocked = bits(meet_triangles(place, axes, shear, origin, None, _ONE)[0]) != _NONE
         pool[path + BLOCKED] = select(blocked, _ONE, _ZERO)
     _send_on(bvh, pool, stack, lists, PACKETS, count)
 
@@ -100,7 +100,7 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
         if bvh.instances is not None and leaf & INSTANCE:
             blocked = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
         else:
-            blocked = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE)[0]) != _NONE
+            blocked = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE, None, None, None)[0]) != _NONE
         pool[path + BLOCKED] = select(blocked, _ONE, _ZERO)
     _send_on(bvh, pool, stack, lists, OTHERS, count)
 

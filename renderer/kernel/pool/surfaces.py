@@ -59,7 +59,6 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.pool.scatter import stream_of
-from renderer.kernel.surface.departure import MAX_PASSED, onward
 from renderer.kernel.surface.surface import shines, sphere_at
 from renderer.wide.values import any_of, as_floats, as_ints, lookup, nil, not_, u32, where, where3
 
@@ -81,7 +80,6 @@ _TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_
     np.float32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR)
 )
 _OVER, _THROUGH = np.float32(DONE), np.float32(PASSED)
-_MOST_PASSED = np.float32(MAX_PASSED)
 _WHICH, _LAMP_PDF = FRAME + np.uintp(7), LAMP + np.uintp(3)
 
 
@@ -137,10 +135,8 @@ def miss(scene, pool, lists, options, is_recorded):
 
 
 @device
-def _keep_first(scene, pool, rows, first, surface, albedo, n, distance, passed):
+def _keep_first(pool, rows, first, surface, albedo, n, distance):
     """Records the first hits of the paths for the film."""
-    if scene.has.textures is not None:
-        distance = where(passed == _ZERO, distance, vec.length(vec.sub(surface.point, few(pool, rows, PLACE, 3))))
     distance = distance + few(pool, rows, START, 1)[0]
     rows, none = where(first, rows, SPARE), nil(distance)
     write(pool, rows, FIRST, (*albedo, distance, *n, as_floats(surface.object + _NEXT)))
@@ -210,7 +206,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             radiance = _added(radiance, throughput, base, depth + _ONE, unlit, options.clamp)
         first = (number == _ZERO) & not_(through)
         if any_of(first):
-            _keep_first(scene, pool, rows, first, surface, base, n, hit.t, passed)
+            _keep_first(pool, rows, first, surface, base, n, hit.t)
 
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
         if options.has_depths:
@@ -223,8 +219,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         point = surface.point
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
-            which_next = where(through, where(passed >= _MOST_PASSED, _OVER, _THROUGH), which_next)
-            write(pool, rows, RAY, (*where3(through, onward(surface), o), *d, pdf, ray[7]))
+            which_next = where(through, _THROUGH, which_next)
             point = where3(through, few(pool, rows, PLACE, 3), point)  # keeps the last vertex
             if scene.has.media is not None:
                 nest, counts = few(pool, rows, NEST, 2)

@@ -28,6 +28,7 @@ from renderer.bvh.simd import (
     store,
     store_int,
 )
+from renderer.bvh.slabs import MORE
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance, place_at
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel.pool.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
@@ -41,6 +42,7 @@ from renderer.kernel.pool.ways import (
     HELD_SIZE,
     INVERSE,
     LEVEL,
+    MARGIN,
     NEAR,
     ORIGIN,
     PLANES,
@@ -57,6 +59,8 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _LANE = np.int32(WIDTH - 1)  # mask of the lane in a key
 _LEAF_KIND = np.int32(3)
+_ANY_PRIMITIVE = np.int32(2**31 - 1)
+_WORLD = np.int32(-1)
 _NEARBY = 128  # nodes that fit the L1 cache; smaller trees are not prefetched
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
@@ -177,7 +181,8 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
         path, held = at(number, np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = axes_of(pool, path)
-        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + BEST])
+        limit = pool[path + BEST] * MORE
+        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + MARGIN], limit)
         inverse = splat(_ONE) / determinant
         store(stack, held, masked(hit, t * inverse))
         store(stack, held + _W, b * inverse)
@@ -192,12 +197,17 @@ def _keep_nearest(bvh, pool, stack, lists, count):
         leaf = ~load_int(pool, path + CHILD)
         best = pool[path + BEST]
         distance, lane = nearest_of(load(stack, held))
-        nearer = distance < best  # false for a miss, whose distance is NaN
+        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+        present = load_int(pool, path + _PRIMITIVE)
+        tie = present
+        if bvh.instances is not None:
+            tie = select(load_int(pool, path + _INSTANCE) > _WORLD, _ANY_PRIMITIVE, present)
+        # False for a miss, whose distance is NaN.
+        nearer = (distance < best) | ((distance == best) & (found < tie))
         pool[path + BEST] = select(nearer, distance, best)
         _keep(pool, path + _U, nearer, stack[held + _W + np.uintp(lane)])
         _keep(pool, path + _V, nearer, stack[held + _W + _W + np.uintp(lane)])
-        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
-        store_int(pool, path + _PRIMITIVE, select(nearer, found, load_int(pool, path + _PRIMITIVE)))
+        store_int(pool, path + _PRIMITIVE, select(nearer, found, present))
         if bvh.instances is not None:
             store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
 
@@ -215,13 +225,18 @@ def _look_into_packets(bvh, motion, alone, pool, stack, lists):
 @device
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
     """Intersects a row's ray with a packet of spheres, and updates its hit."""
-    hit, t = meet_spheres(place_at(bvh, leaf, alone, time), three(pool, path + RAY), three(pool, path + _D), best)
+    place = place_at(bvh, leaf, alone, time)
+    hit, t = meet_spheres(place, three(pool, path + RAY), three(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
-    if distance < best:
+    found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+    tie = load_int(pool, path + _PRIMITIVE)
+    if bvh.instances is not None:
+        tie = select(load_int(pool, path + _INSTANCE) > _WORLD, _ANY_PRIMITIVE, tie)
+    if distance < best or (distance == best and found < tie):
         pool[path + BEST] = distance
         pool[path + _U] = _ZERO
         pool[path + _V] = _ZERO
-        store_int(pool, path + _PRIMITIVE, load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane)))
+        store_int(pool, path + _PRIMITIVE, found)
         store_int(pool, path + _INSTANCE, NO_PRIMITIVE)
 
 
@@ -229,7 +244,8 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
     """Intersects a row's ray with an instance, whose tree is traversed by this ray alone, and updates its hit."""
     o, d = three(pool, path + RAY), three(pool, path + _D)
-    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, time)
+    holder = load_int(pool, path + _INSTANCE)
+    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None)
     if found[1] != NO_PRIMITIVE:
         pool[path + BEST] = found[0]
         pool[path + _U] = found[2]

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import MAX_LEVELS, WIDTH
 from renderer.bvh.simd import load_int
+from renderer.bvh.slabs import NEARER, margin_of, planes_of
 from renderer.jit import device
 from renderer.kernel.pool.rows import ROWS, WAY, line_floats, write
 from renderer.wide.values import as_floats, as_wide, nil, where
@@ -23,6 +24,7 @@ __all__ = [
     "HELD_SIZE",
     "INVERSE",
     "LEVEL",
+    "MARGIN",
     "NEAR",
     "NEVER",
     "ORIGIN",
@@ -49,6 +51,7 @@ SHEAR = WAY + np.uintp(17)  # 3
 ORIGIN = WAY + np.uintp(20)  # by the same axes 3
 BEST = WAY + np.uintp(23)  # distance of the nearest hit so far,
 BLOCKED = BEST  # for a shadow ray: whether it is occluded
+MARGIN = WAY + np.uintp(24)  # of renderer/bvh/slabs.py
 
 # The stack holds one entry a level and ray, those of all rays of one level side by side: rays are mostly on few levels. An entry:
 # the keys of a node's children, the next of them, the node. Of a shadow ray: the children that are left, the node.
@@ -62,7 +65,6 @@ NEVER = np.int32(-(2**31))  # key of the sentinel below a ray's first entry
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
-_SLACK = np.float32(4 * 2.0**-24)
 _1, _2 = np.uintp(1), np.uintp(2)
 
 
@@ -86,16 +88,18 @@ def word(array, place):
 
 
 @device
-def _slab(o, d):
-    """Returns (1/d, constant of the near plane, constant of the far plane) of one axis for eight rays, f32x8 each.
-
-    As in renderer/bvh/traverse.py: components near zero become +-1e-18, and the constants include a rounding margin.
-    """
+def _inverse(d):
+    """Returns 1/d for eight rays, f32x8. As in renderer/bvh/traverse.py, components near zero become +-1e-18."""
     size = abs(d)
-    inverse = _ONE / math.copysign(where(size < _TINY, _TINY, size), d)
-    constant = -o * inverse
-    slack = abs(constant) * _SLACK
-    return inverse, constant - slack, constant + slack
+    return _ONE / math.copysign(where(size < _TINY, _TINY, size), d)
+
+
+@device
+def _slab(o, inverse, margin):
+    """Returns (1/d, constant of the near plane, constant of the far plane) of one axis for eight rays, f32x8 each."""
+    inverse = inverse * NEARER
+    near, far = planes_of(o, inverse, margin)
+    return inverse, near, far
 
 
 @device
@@ -118,14 +122,14 @@ def set_out(pool, rows, o, d, best, root):
     rows: u32x8; o, d: origins and directions, three f32x8 each; best: initial value of BEST or BLOCKED, f32x8; root: the node's
     number as bits, f32x8.
     """
-    x = _slab(o[0], d[0])
-    y = _slab(o[1], d[1])
-    z = _slab(o[2], d[2])
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
     zero = nil(d[0])
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
     first, second = ax > max(ay, az), ay > az
     a, b, c = whole(0, zero), whole(WIDTH, zero), whole(2 * WIDTH, zero)
-    scale = where(first, x[0], where(second, y[0], z[0]))
+    scale = where(first, ix, where(second, iy, iz))
+    margin = margin_of(o, scale)
+    x, y, z = _slab(o[0], ix, margin), _slab(o[1], iy, margin), _slab(o[2], iz, margin)
     planes = _planes(x[0], 0), _planes(y[0], 1), _planes(z[0], 2)
     kx = where(first, b, where(second, c, a))
     ky = where(first, c, where(second, a, b))
@@ -139,3 +143,4 @@ def set_out(pool, rows, o, d, best, root):
     write(pool, rows, WAY, (x[0], y[0], z[0], x[1], y[1], z[1], top, root))
     write(pool, rows, WAY + np.uintp(8), (x[2], y[2], z[2], *planes, kx, ky))
     write(pool, rows, WAY + np.uintp(16), (kz, sx, sy, scale, ox, oy, oz, best))
+    write(pool, rows, WAY + np.uintp(24), (margin, zero, zero, zero, zero, zero, zero, zero))

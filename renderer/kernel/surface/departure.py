@@ -6,17 +6,13 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.surface.surface import POINT_ERROR
 from renderer.wide.values import any_of, not_, where, where3
 
-__all__ = ["MAX_PASSED", "departure", "leave", "leaves", "onward"]
-
-MAX_PASSED = 56 << 10  # limit of transparent surfaces per ray; 64 << 10 random numbers are reserved (integrators/transport.py)
+__all__ = ["departure", "leave", "leaves"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_SHARE = np.float32(2.0 / 20.0)  # of the bound: 2 roundings of 2**-24
 _LEAST_BEND2 = np.float32(1e-12)
 
 
@@ -47,19 +43,6 @@ def departure(surface, reflected, d):
         higher = vec.add(start, vec.scale(surface.lift, max(_ONE - cosine * cosine / bend2, _ZERO)))
         start = where3(raised, higher, start)
     return start
-
-
-@device
-def onward(surface):
-    """Returns the origin of a ray that passes through the surface unchanged.
-
-    It is closer than that of `departure`, since a wall may be close behind a decal. `error` bounds the worst rounding: a quarter
-    of it is rarely exceeded, and a surface that is hit twice lets the ray pass again.
-    """
-    p, n = surface.point, surface.geometric
-    along = abs(n[0] * p[0]) + abs(n[1] * p[1]) + abs(n[2] * p[2])
-    away = _SHARE * max(surface.error - POINT_ERROR * (vec.magnitude(p) - along), _ZERO)
-    return vec.sub(p, vec.scale(n, away))
 
 
 @device

@@ -227,6 +227,13 @@ def _behind_cards(count: int, **card: Any) -> SceneDescription:
     return room(Material(), cards(count), materials=[Material(**card)])
 
 
+def _in_one_plane(count: int, **card: Any) -> SceneDescription:
+    """Cards of several sizes on the wall and on a face of the box, without any distance between them."""
+    walls = [square((0.1 * i, 2, -3), (4 - i, 0, 0), (0, 1.5 - 0.1 * i, 0), 3) for i in range(count)]
+    sides = [square((1.5, 0.45, 0.75), (0.4 - 0.1 * i, 0, 0), (0, 0.3, 0), 3) for i in range(count)]
+    return room(Material(), (*walls, *sides), materials=[Material(**card)])
+
+
 def _half_clear(**more: Any) -> Material:
     return Material(opacity=0.6, **BLEND, **more)
 
@@ -275,6 +282,7 @@ FEATURES: dict[str, Feature] = {
     "alpha at vertices": _feature(lambda: colored(room(Material(**BLEND)))),
     "cards": _feature(lambda: _behind_cards(6, opacity=0.3, **BLEND)),
     "so many cards that nothing is left": _feature(lambda: _behind_cards(300, opacity=0.0, **BLEND)),
+    "cards in one plane": _feature(lambda: _in_one_plane(3, opacity=0.4, double_sided=True, **BLEND)),
     "coloured glass": _of(Material(**GLASS, attenuation_color=(0.5, 0.9, 0.7), attenuation_distance=0.5)),
     "a prism": _of(Material(**GLASS, dispersion=10.0)),
     "rough glass": _of(Material(kind="glass", roughness=0.3)),
@@ -309,6 +317,9 @@ FEATURES: dict[str, Feature] = {
     "fog": _of(Material(kind="interface", sigma_a=(0.1, 0.2, 0.3), sigma_s=(1.0, 2.0, 3.0), g=0.4), max_depth=12),
     "smoke around the camera": _of(
         Material(kind="interface", sigma_a=gray(0.4), sigma_s=gray(1.0)), view=replace(VIEW, eye=(0.1, 0.8, 0.5))
+    ),
+    "cards in fog": _feature(
+        lambda: room(Material(), cards(4), materials=[_half_clear()], medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3))
     ),
     "milk in glass": _of(Material(**GLASS, sigma_s=(2.0, 3.0, 4.0), g=0.5), max_depth=12),
     "rough glass in haze": _feature(

@@ -97,7 +97,7 @@ class _Room:
             first, turn = first + count, turn + 1
 
 
-def _closest(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> Hits:
+def closest_together(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> Hits:
     out = np.zeros((len(o), 5), np.float32)
     _Room().batches(int(RAY), np.hstack([o, d]), _together, bvh, out)
     return Hits(out[:, 0], out[:, 3].astype(np.int32), out[:, 1:3], np.zeros(0, bool), out[:, 4].astype(np.int32))
@@ -138,7 +138,7 @@ def _rays(count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_rays_meet_together_what_they_meet_alone(name: str) -> None:
     bvh = _scenes()[name]
     o, d = _rays(3000)
-    alone, together = trace(bvh, o, d), _closest(bvh, o, d)
+    alone, together = trace(bvh, o, d), closest_together(bvh, o, d)
     hit = alone.primitive >= 0
     assert name == "nothing" or hit.mean() > 0.01
     np.testing.assert_array_equal(together.primitive, alone.primitive)
