@@ -19,7 +19,8 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
 from renderer.scene.readable import read_only
 from renderer.scene.readers.assimp.animation import Movement
-from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape, import_file
+from renderer.scene.readers.assimp.far import import_exactly
+from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape
 from renderer.scene.readers.assimp.materials import Materials
 from renderer.scene.readers.assimp.untrusted import judge
 from renderer.scene.readers.carried import carried
@@ -62,7 +63,7 @@ def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes]
         data = as_utf8(data)
     judge(data, main)
     data = change(data)
-    imported = import_file(data, main)
+    imported = import_exactly(data, main)
     if imported.nodes:
         imported.nodes[0].local = np.diag([scale, scale, scale, 1.0]) @ imported.nodes[0].local
     return imported

@@ -1,0 +1,152 @@
+"""Text files with coordinates far from the origin, which assimp reads as float32: imported a second time about their centres.
+
+Float32 rounds coordinates of a map projection (1e5 ... 6e6) to as little as 0.5. Numbers of a file that lie close together and
+far from zero, such as all northings, form a cluster. The file is imported once as it is, and once with the clusters' centres
+subtracted. Comparing both tells which axis of a mesh, a node, a light or a camera lies in which cluster; the second import then
+has the exact coordinates about the centre. All that is not a place is taken from the first.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import PurePosixPath
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.readers.assimp.library import Animation, Imported, Node, Shape, import_file
+
+__all__ = ["import_exactly"]
+
+F64 = npt.NDArray[np.float64]
+
+_TEXT = (
+    ".ac",
+    ".ac3d",
+    ".ase",
+    ".dae",
+    ".irrmesh",
+    ".nff",
+    ".ogex",
+    ".x",
+    ".x3d",
+    ".xgl",
+)  # whose importers read decimal numbers
+_NUMBER = re.compile(rb"(?<![\w.+#&-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
+# What holds indices, counts and angles: Collada's elements, X3D's attributes.
+_INDICES = re.compile(
+    rb"<(?:p|h|v|vcount|rotate|skew|scale)\b[^>]*>[^<]*|\b(?:\w*Index|count|rotation|orientation|scale)\s*=\s*[\"'][^\"']*"
+)
+_LEAST, _LARGE = 64.0, 4096.0  # float32 rounds to 4e-6, and to 2.5e-4
+_FAR = 16.0  # sizes of a cluster: as of a scene in renderer/scene/origin.py
+_ULPS = 4 * 2.0**-24
+_ALIKE = 0.3
+
+
+def import_exactly(data: bytes, name: str) -> Imported:
+    """Returns all that assimp finds in a file's bytes (`import_file`), with far coordinates in float64. Raises SceneError."""
+    found = import_file(data, name)
+    if PurePosixPath(name).suffix.lower() not in _TEXT:
+        return found
+    shifted, centres = _about_centres(data)
+    if not len(centres):
+        return found
+    try:
+        near = import_file(shifted, name)
+    except SceneError:
+        return found
+    if len(near.nodes) != len(found.nodes) or near.meshes.keys() != found.meshes.keys():
+        return found
+    return replace(
+        found,
+        nodes=[_node(*pair, centres) for pair in zip(found.nodes, near.nodes, strict=True)],
+        meshes={number: _shape(shape, near.meshes[number], centres) for number, shape in found.meshes.items()},
+        lamps=[_seen(*pair, centres, ("direction",)) for pair in zip(found.lamps, near.lamps, strict=True)],
+        cameras=[_seen(*pair, centres, ("towards", "up")) for pair in zip(found.cameras, near.cameras, strict=True)],
+        animations=[_animation(*pair, centres) for pair in zip(found.animations, near.animations, strict=True)],
+    )
+
+
+def _about_centres(data: bytes) -> tuple[bytes, F64]:
+    """Returns (the text with the centre of its cluster subtracted from each far number, the centres (n,))."""
+    indices = [match.span() for match in _INDICES.finditer(data)]
+    starts = np.array([first for first, _ in indices], np.int64)
+    ends = np.array([end for _, end in indices], np.int64)
+    places, values = [], []
+    for match in _NUMBER.finditer(data):
+        if len(match[0]) > 1 and abs(value := float(match[0])) >= _LEAST and np.isfinite(value):
+            before = int(np.searchsorted(starts, match.start(), "right")) - 1
+            if before < 0 or match.start() >= ends[before]:
+                places.append(match.span())
+                values.append(value)
+    number = np.array(values)
+    large = number[np.abs(number) >= _LARGE]
+    if (large.astype(np.float32) == large).all():
+        return data, np.zeros(0)
+    order = np.sort(number)
+    steps = np.flatnonzero(np.diff(order) * _FAR > np.abs(order[:-1])) + 1
+    clusters = [each for each in np.split(order, steps) if (each[-1] - each[0]) * _FAR < abs(each[0] + each[-1]) / 2]
+    centres = np.array([np.rint((each[0] + each[-1]) / 2) for each in clusters])
+    if not len(centres):
+        return data, centres
+    which = np.abs(number[:, None] - centres).argmin(axis=1)
+    within = np.array([(each[0], each[-1]) for each in clusters])[which]
+    moved = (number >= within[:, 0]) & (number <= within[:, 1])
+    pieces, last = [], 0
+    for k in np.flatnonzero(moved):
+        first, end = places[k]
+        pieces += [data[last:first], f"{number[k] - centres[which[k]]:.9f}".encode()]
+        last = end
+    return b"".join([*pieces, data[last:]]), centres
+
+
+def _offset(found: F64, near: F64, centres: F64) -> F64 | None:
+    """Returns what was subtracted from points (n, 3), for each axis 0 or a centre; None if the two are not the same points."""
+    if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
+        return None
+    boxes = [np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) for points in (found, near)]
+    difference = boxes[0] - boxes[1]
+    known = np.concatenate([[0.0], centres])
+    offset: F64 = known[np.abs(known - difference.mean(axis=0)[:, None]).argmin(axis=1)]
+    allowed = _ULPS * (np.abs(boxes[0]).max(axis=0) + np.abs(boxes[1]).max(axis=0)) + 1e-6
+    return offset if (np.abs(difference - offset) <= allowed).all() else None
+
+
+def _shape(found: Shape, near: Shape, centres: F64) -> Shape:
+    offset = _offset(found.positions, near.positions, centres)
+    if offset is None or not offset.any() or found.bones:
+        return found
+    points: Any = near.positions.astype(np.float64) + offset
+    return replace(near, positions=points, name=found.name, material=found.material)
+
+
+def _node(found: Node, near: Node, centres: F64) -> Node:
+    offset = _offset(found.local[None, :3, 3], near.local[None, :3, 3], centres)
+    if offset is None or not offset.any():
+        return found
+    local = found.local.copy()
+    if np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE:  # a view to a far place is exact in the second alone
+        local[:3, :3] = near.local[:3, :3]
+    local[:3, 3] = near.local[:3, 3] + offset
+    return replace(found, local=local)
+
+
+def _seen(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
+    """A lamp or a camera."""
+    offset = _offset(found.position[None], near.position[None], centres)
+    if offset is None or not offset.any():
+        return found
+    return replace(found, position=near.position + offset, **{name: getattr(near, name) for name in directions})
+
+
+def _animation(found: Animation, near: Animation, centres: F64) -> Animation:
+    channels = []
+    for one, other in zip(found.channels, near.channels, strict=False):
+        offset = _offset(one.places[1], other.places[1], centres)
+        if offset is not None and offset.any() and len(one.places[1]) == len(other.places[1]):
+            one = replace(one, places=(one.places[0], other.places[1] + offset))
+        channels.append(one)
+    return replace(found, channels=channels) if len(channels) == len(found.channels) else found
