@@ -91,3 +91,17 @@ def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:
 @grid("count", [100, 300, 1000], ordinary=(300,))
 def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: int, material: dict[str, object]) -> None:
     assert mean(layers(count, **material), 4) == pytest.approx(LIT, rel=1e-3)
+
+
+def test_more_layers_than_there_are_random_numbers_hide_nothing() -> None:
+    """A path that passes through more than 65,536 surfaces uses the same numbers again."""
+    count = 70_000
+    corners = np.array([(-3, -3), (3, -3), (3, 3), (-3, 3)])
+    positions = np.column_stack([np.tile(corners, (count, 1)), np.repeat(-3.0 * np.arange(count) / count, 4)]).astype(np.float32)
+    triangles = (np.array([(0, 1, 2), (0, 2, 3)]) + 4 * np.arange(count)[:, None, None]).reshape(-1, 3).astype(np.int32)
+    description = layers(0, alpha_mode="blend")
+    description.meshes.append(Mesh("layers", positions, triangles))
+    description.instances.append(Instance(1))
+    settings = RenderSettings(2, 2, VIEW)
+    sums = render_frame(compile_scene(description), settings, 1)
+    assert float(sums[COLOR].mean()) * 2.0**-settings.film_exponent == pytest.approx(LIT, rel=1e-3)
