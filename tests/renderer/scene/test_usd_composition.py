@@ -40,6 +40,35 @@ def test_sublayers_references_and_payloads_of_files_in_folders_come_together(tmp
     assert [np.ptp(world(found, k)) for k in range(3)] == pytest.approx([0.06, 0.02, 0.02])  # unless told, a unit is a centimetre
 
 
+def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_path):
+    """Paths of other folders are found by their bare names: both lead to files beside the layer."""
+    beside = stage(tmp_path / "b.usda")
+    mesh(beside, "/square")
+    beside.GetRootLayer().Save()
+    made = stage(tmp_path / "a.usda")
+    made.GetRootLayer().subLayerPaths = ["one/a.usda", "one/b.usda", "two/b.usda"]
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert len(found.meshes) == 1
+    sentences = " ".join(found.warnings)
+    assert "Sublayers that are the layer itself are left out (1): a.usda." in sentences
+    assert "Sublayers that a layer names twice are left out (1): a.usda." in sentences
+    assert "anon:" not in sentences
+
+
+def test_references_that_lead_nowhere_are_named_by_their_file(tmp_path):
+    beside = stage(tmp_path / "b.usda")
+    mesh(beside, "/square")
+    beside.GetRootLayer().Save()
+    made = stage(tmp_path / "a.usda")
+    mesh(made, "/own")
+    made.DefinePrim("/lost").GetReferences().AddReference("b.usda", "/gone")
+    made.GetRootLayer().Save()
+    said = next(w for w in read(tmp_path / "a.usda").warnings if "lead nowhere" in w)
+    assert "@a.usda@" in said
+    assert "0x" not in said
+
+
 def test_a_file_that_is_missing_is_named_and_the_rest_is_shown(tmp_path):
     main = written(tmp_path, main='def Cube "m" {}\ndef "a" (references = [@sub/chair.usda@, @gone/lamp.usd@</x>]) {}')
     warnings = read(main).warnings

@@ -87,7 +87,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
             if name in prim.GetVariantSets().GetNames():
                 prim.GetVariantSet(name).SetVariantSelection(choice)
     for error in stage.GetCompositionErrors():
-        notes.add("References that lead nowhere are left out", _place(error))
+        notes.add("References that lead nowhere are left out", _place(error, opener.names))
     return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
 
 
@@ -125,6 +125,8 @@ class _Opener:
             layer = self.opened[beside]
             for reference in filter(None, layer.GetCompositionAssetDependencies()):  # those within a layer have no path
                 found = self._found(reference, beside)
+                if found is not None and reference in layer.subLayerPaths and self._is_sublayer(found, beside, layer):
+                    found = None
                 if found is not None and found not in self.opened:
                     try:
                         self._read(found)
@@ -136,6 +138,17 @@ class _Opener:
                 self._replace(layer, reference, "" if found is None else self.opened[found].identifier)
             self._without_clips(layer)
         return self.opened[name]
+
+    def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
+        """Whether a file is the layer itself or already one of its sublayers, which USD refuses; notes it.
+
+        Files are found by their bare names too, so that several paths may lead to one file.
+        """
+        if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
+            return False
+        what = "Sublayers that are the layer itself" if found == beside else "Sublayers that a layer names twice"
+        self._notes.add(f"{what} are left out", beside)
+        return True
 
     @staticmethod
     def _replace(layer: Any, reference: str, identifier: str) -> None:
@@ -248,8 +261,17 @@ def _knots(layer: Any) -> list[float]:
     return [min(found), max(found)] if found else []
 
 
-def _place(error: Any) -> str:
-    return _words(getattr(error, "rootSite", None) or error).splitlines()[0]
+def _place(error: Any, names: dict[str, str]) -> str:
+    """Returns where a composition error is, with files in place of anonymous layers. names: of files, by identifiers."""
+    said = _words(getattr(error, "rootSite", None) or error).splitlines()[0]
+    for identifier, name in names.items():
+        said = said.replace(identifier, name)
+    return _without_addresses(said)
+
+
+def _without_addresses(said: str) -> str:
+    """Removes the identifiers of anonymous layers, which are addresses in memory."""
+    return re.sub(r",?@anon:[^@]*@|anon:0x[0-9a-fA-F]+(?::[\w.-]*)?", "", said)
 
 
 def _words(said: Any) -> str:
@@ -263,5 +285,5 @@ def _words(said: Any) -> str:
 def _reason(error: Exception, path: str) -> str:
     """Reason in a USD error message, without its source locations and this machine's folders; at most 200 characters."""
     said = re.sub(r"(?:/[^/\s<>'\"]+)+/", "", _words(error).replace(path, "") if path else _words(error)).splitlines()
-    last = next((line for line in said if " in file " in line), said[0] if said else "")
+    last = _without_addresses(next((line for line in said if " in file " in line), said[0] if said else ""))
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]
