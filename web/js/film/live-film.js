@@ -3,13 +3,14 @@
  * know of new samples.
  */
 
-import { fetchFilm } from "../news/api.js";
+import { ApiError, fetchFilm } from "../news/api.js";
 import { putJob, setLink } from "../news/farm.js";
 import { Film } from "./film.js";
 import { Live } from "../news/live.js";
 import { firstFrame } from "../base/shot-words.js";
 import { showError } from "../shell/tray.js";
 import { said } from "../base/said.js";
+import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -42,10 +43,13 @@ export class LiveFilm {
     this.turned = new Set();
     /** Of a shot: told of frames that changed. @type {(frames: import("../base/types.js").Frame[]) => void} */
     this.framesChanged = () => {};
+    /** Why the frame has no film, though it had samples; empty where it has one. @type {Store<string>} */
+    this.missing = new Store("");
     this.link = `live ${job.id}`;
     this.live = new Live(job.id, frame, {
       tile: (tile) => {
         if (tile.frame !== Math.floor(this.frame) % 65536) return; // of the frame before
+        this.missing.set("");
         this.film.put(tile);
         for (const listener of this.listeners) listener(tile);
       },
@@ -53,6 +57,7 @@ export class LiveFilm {
         if (message.type === "frames") this.framesChanged(message.frames);
         if (message.type !== "state") return;
         this.finished = message.job.state === "finished";
+        if (["queued", "running"].includes(message.job.state)) this.missing.set(""); // it is rendered again
         putJob(message.job);
       },
       link: (up) => setLink(this.link, up),
@@ -63,7 +68,7 @@ export class LiveFilm {
           action: { label: t("Reload the page"), run: () => location.reload() },
         }),
     });
-    void this.fetch(job.samples > 0);
+    void this.fetch(job.samples > 0 || job.state === "finished");
   }
 
   /** Fetches the whole film; where that fails, its tiles come one by one. @param {boolean} hasSamples whether there is anything */
@@ -78,8 +83,10 @@ export class LiveFilm {
         this.film.take(packet);
         for (const listener of this.filled) listener();
       }
-    } catch {
+      this.missing.set("");
+    } catch (error) {
       if (signal.aborted) return;
+      this.missing.set(error instanceof ApiError && error.status === 409 ? error.message : "");
     }
     this.isFetched = true;
     this.live.sayHave();
@@ -106,6 +113,7 @@ export class LiveFilm {
   turnTo(frame, meanwhile) {
     this.frame = frame;
     this.film.restart(meanwhile);
+    this.missing.set("");
     this.isFetched = false;
     this.fetching.abort();
     this.live.turnTo(frame);

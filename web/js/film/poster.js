@@ -4,6 +4,7 @@
  */
 
 import { h } from "../base/dom.js";
+import { showImage } from "../news/images.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
@@ -12,9 +13,9 @@ export class Poster {
   constructor(url) {
     this.element = h("div", { class: "poster", "aria-hidden": "true" });
     if (!url) return;
-    const image = h("img", { src: url, alt: "", decoding: "sync", fetchpriority: "high" });
-    image.addEventListener("error", () => image.remove()); // of a picture that has no samples yet
+    const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
     this.element.append(image);
+    showImage(image, url).catch(() => image.remove()); // of a picture without samples, which is explained on the stage
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas that it lies under */

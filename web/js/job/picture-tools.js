@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { fetchFile } from "../news/images.js";
 import { announce, showError } from "../shell/tray.js";
 import { t } from "../base/words.js";
 
@@ -22,8 +23,7 @@ const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
 export function pictureTools(stage, view, image, more = []) {
   const copyPicture = tool(t("Copy the picture"), "Y", "copy", () => {
     // The promise goes into the item: Safari copies only what begins within the click.
-    const png = fetch(image()).then((answer) => (answer.ok ? answer.blob() : Promise.reject(new Error(t("Status {status}.", { status: answer.status })))));
-    return navigator.clipboard.write([new ClipboardItem({ "image/png": png })]);
+    return navigator.clipboard.write([new ClipboardItem({ "image/png": fetchFile(image()) })]);
   });
   const copyLink = tool(t("Copy the link to this view"), "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
   const whole = tool(t("Whole screen"), "W", "screen", () =>

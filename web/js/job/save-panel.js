@@ -2,8 +2,8 @@
 
 import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
-import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
+import { downloadLink } from "./download-link.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 
@@ -78,17 +78,13 @@ export function row(text, links) {
  * @param {boolean} denoise
  */
 function link(display, place, format, hint, denoise) {
-  const name = format.toUpperCase() + (denoise ? t(", denoised") : "");
-  const anchor = h("a", { class: "button", title: hint, "aria-label": name, download: "" }, icon("download"), format.toUpperCase());
-  // The address is made when it is used: exposure and channel are those of that moment.
-  const aim = () => {
+  const name = format.toUpperCase();
+  const address = () => {
     const { exposure, curve, channel } = display.value;
     /** @type {Record<string, string | number>} */
     const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
     if (denoise) query.denoise = "true";
-    anchor.href = imageUrl(place(), format, query);
+    return imageUrl(place(), format, query);
   };
-  for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
-  aim();
-  return anchor;
+  return downloadLink(name, hint, address, { label: name + (denoise ? t(", denoised") : "") });
 }

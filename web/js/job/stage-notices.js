@@ -1,11 +1,13 @@
-/** What is said over a picture that has nothing to show yet: why, and that no worker is there. */
+/** What is said over a picture that has nothing to show: why, and that no worker is there. */
 
 import { fill, h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said } from "../base/said.js";
 import { t } from "../base/words.js";
-import { workers } from "../news/farm.js";
+import { changeJob } from "../news/api.js";
+import { putJob, workers } from "../news/farm.js";
 import { noWorkerNotice } from "../shell/hints.js";
+import { showError } from "../shell/tray.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
@@ -15,14 +17,24 @@ const OVER = ["finished", ...ENDED];
 /**
  * @param {HTMLElement} stage where they are put
  * @param {() => Job} job the latest state
+ * @param {import("../film/live-film.js").LiveFilm} live
  * @param {import("../base/store.js").Disposer} life
  * @returns {{update: () => void}}
  */
-export function stageNotices(stage, job, life) {
+export function stageNotices(stage, job, live, life) {
   const notice = h("div", { class: "stage-notice" });
   const why = h("span");
   const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), why); // its panel says the same
-  stage.append(notice, waiting);
+  const again = async () => {
+    try {
+      putJob(await changeJob(job().id, { state: "running" }));
+      live.missing.set("");
+    } catch (error) {
+      showError(t("The picture is not rendered again"), error);
+    }
+  };
+  const missing = h("div", { class: "stage-missing", role: "status", hidden: true });
+  stage.append(notice, waiting, missing);
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice())));
   const update = () => {
     const { state, samples, message } = job();
@@ -30,5 +42,15 @@ export function stageNotices(stage, job, life) {
     setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : said(message) || t("Waits for its first samples."));
   };
   update();
+  life.add(
+    live.missing.subscribe((sentence) => {
+      missing.hidden = !sentence;
+      fill(
+        missing,
+        sentence && h("p", null, icon("warning"), h("span", null, sentence)),
+        sentence && h("button", { class: "for-submit", type: "button", onclick: again }, t("Render it again")),
+      );
+    }),
+  );
   return { update };
 }

@@ -320,7 +320,7 @@ export const shotUrl = (job, file, query) => `api/jobs/${job}/${file}${queryText
  * @param {AbortSignal} signal
  */
 async function fetchPicture(place, format, query, signal) {
-  const response = await fetchPatiently(imageUrl(place, format, query), signal);
+  const response = await fetchPatiently(imageUrl(place, format, query), { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return response;
 }
@@ -374,7 +374,7 @@ export const fetchFilm = ({ job, frame }, signal) => fetchPacket(`api/jobs/${job
  * @returns {Promise<import("./tile-packet.js").FilmPacket>}
  */
 export async function fetchPacket(url, signal) {
-  const response = await fetchPatiently(url, signal);
+  const response = await fetchPatiently(url, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
 }

@@ -4,7 +4,7 @@
  */
 
 import { imageUrl } from "../news/api.js";
-import { showImage } from "../news/busy.js";
+import { showImage } from "../news/images.js";
 import { h, keyedList, setText } from "../base/dom.js";
 import { hidden, jobs } from "../news/farm.js";
 import { firstFrame } from "../base/shot-words.js";
@@ -96,7 +96,10 @@ function tile(job, clicked, sides) {
       if (next.samples <= 0) return;
       shown = next.state;
       at = performance.now();
-      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, v: next.samples }));
+      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, v: next.samples })).then(
+        () => button.removeAttribute("title"),
+        ({ message }) => ((image.hidden = true), (button.title = message)),
+      );
     },
   };
 }

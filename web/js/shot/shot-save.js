@@ -1,8 +1,8 @@
 /** Downloads of a whole shot: as a film, or its frames in a zip. */
 
 import { shotUrl } from "../news/api.js";
-import { h, setText } from "../base/dom.js";
-import { icon } from "../base/icons.js";
+import { setText } from "../base/dom.js";
+import { downloadLink } from "../job/download-link.js";
 import { row } from "../job/save-panel.js";
 import { framesText } from "../base/frame-numbers.js";
 import { t } from "../base/words.js";
@@ -28,18 +28,14 @@ const LONGEST = 1000;
  */
 export function shotSave(job, display, frames, life) {
   const links = FILES.map(([file, name, hint, format]) => {
-    const anchor = h("a", { class: "button", title: hint, download: "" }, icon("download"), name);
-    // The address is made when it is used: exposure, curve and the part that is played are those of that moment.
-    const aim = () => {
+    const address = () => {
       const { exposure, curve } = display.value;
       const part = frames.range.value && partAddress(frames);
       /** @type {Record<string, string | number>} */
       const query = { ...(format && { format }), ...(format !== "exr" && { exposure, tonemap: curve }), ...(part && { frames: part }) };
-      anchor.href = shotUrl(job.id, file, query);
+      return shotUrl(job.id, file, query);
     };
-    for (const type of ["pointerdown", "focus", "click"]) anchor.addEventListener(type, aim);
-    aim();
-    return anchor;
+    return downloadLink(name, hint, address, { isLarge: true });
   });
   const { element, label } = row("", links);
   element.lastElementChild?.setAttribute("class", "pair");

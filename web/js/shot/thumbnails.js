@@ -1,7 +1,9 @@
 /** Small pictures that are loaded a few at a time: what is asked for last, which is what is in sight, comes first. */
 
+import { forgetImage, showImage } from "../news/images.js";
+
 const AT_A_TIME = 4;
-/** The service may be busy, or the frame between two states: then it is asked again, so often. */
+/** The frame may be between two states: then it is asked again, so often. */
 const TRIES = 4;
 const RETRY_MS = 2500;
 
@@ -28,8 +30,7 @@ export class Thumbnails {
     this.failed.delete(image);
     this.waiting.delete(image);
     this.loading.delete(image);
-    image.onload = image.onerror = null;
-    image.removeAttribute("src"); // ends what is under way
+    forgetImage(image);
     this.next();
   }
 
@@ -53,9 +54,12 @@ export class Thumbnails {
         this.loading.delete(image);
         this.next();
       };
-      image.onload = () => ((image.hidden = false), this.failed.delete(image), done());
-      image.onerror = () => ((image.hidden = true), this.tryAgain(image, address), done());
-      image.src = address;
+      showImage(image, address)
+        .then(
+          () => ((image.hidden = false), this.failed.delete(image)),
+          () => ((image.hidden = true), this.tryAgain(image, address)),
+        )
+        .finally(done);
     }
   }
 }

@@ -1,7 +1,7 @@
 /** A job in a list. */
 
 import { imageUrl } from "../news/api.js";
-import { showImage } from "../news/busy.js";
+import { showImage } from "../news/images.js";
 import { h, setText } from "../base/dom.js";
 import { scenes } from "../news/farm.js";
 import { remove as removeJobs } from "./job-deeds.js";
@@ -46,7 +46,7 @@ export function jobRow(job, lead) {
   const when = h("span", { class: "quiet small when number" });
   const image = h("img", { alt: "", hidden: true });
   image.addEventListener("load", () => (image.hidden = false));
-  image.addEventListener("error", () => (image.hidden = true));
+  const box = h("div", { class: "picture" }, icon("image"), image);
   const remove = h(
     "button",
     { class: "icon-button danger delete for-submit", type: "button", onclick: () => removeJob(latest) },
@@ -60,7 +60,7 @@ export function jobRow(job, lead) {
     "li",
     { class: "job-row" },
     lead,
-    h("div", { class: "picture" }, icon("image"), image),
+    box,
     h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number" }, late, size)),
     chip.element,
     h("div", { class: "bar" }, bar.element, far),
@@ -89,7 +89,11 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples }));
+        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples });
+        showImage(image, url).then(
+          () => box.removeAttribute("title"),
+          ({ message }) => ((image.hidden = true), (box.title = message)),
+        );
       }
     },
   };

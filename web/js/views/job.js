@@ -127,7 +127,7 @@ function open(page, job, life) {
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
   life.every(1000, progress.tick);
 
-  const notices = stageNotices(picture.element, () => latest, life);
+  const notices = stageNotices(picture.element, () => latest, picture.live, life);
   life.add(
     workers.subscribe((all) => {
       look.offerDenoise(canDenoise(all));

@@ -1,0 +1,90 @@
+/** Pictures and files of the service in the page. A busy service is asked again, and a refusal becomes the service's sentence. */
+
+import { ApiError, errorOf } from "./api.js";
+import { fetchPatiently } from "./busy.js";
+import { t } from "../base/words.js";
+
+/** What each element is to show now. @type {WeakMap<HTMLImageElement, string>} */
+const wanted = new WeakMap();
+
+/**
+ * Shows a picture. `<img>` does not tell why a picture did not come, so after a failure it is fetched: a busy service is asked
+ * again after the time that it names.
+ *
+ * @param {HTMLImageElement} image
+ * @param {string} url
+ * @returns {Promise<void>} rejects with an ApiError where the service refuses; resolves also where another picture is wanted meanwhile
+ */
+export async function showImage(image, url) {
+  wanted.set(image, url);
+  const isWanted = () => wanted.get(image) === url;
+  if ((await shows(image, url)) || !isWanted()) return;
+  try {
+    const response = await fetchWell(url, () => isWanted() && image.isConnected);
+    const local = URL.createObjectURL(await response.blob());
+    try {
+      if (isWanted() && !(await shows(image, local)) && isWanted()) throw new ApiError(response.status, t("The browser cannot show this picture."));
+    } finally {
+      URL.revokeObjectURL(local);
+    }
+  } catch (error) {
+    if (isWanted()) throw error;
+  }
+}
+
+/** Forgets what an element was to show. @param {HTMLImageElement} image */
+export function forgetImage(image) {
+  wanted.delete(image);
+  image.removeAttribute("src"); // ends what is under way
+}
+
+/** @param {HTMLImageElement} image @param {string} src @returns {Promise<boolean>} whether it was loaded */
+function shows(image, src) {
+  return new Promise((resolve) => {
+    const end = new AbortController();
+    for (const type of ["load", "error"]) {
+      image.addEventListener(type, () => (end.abort(), resolve(type === "load")), { signal: end.signal });
+    }
+    image.src = src;
+  });
+}
+
+/** A file of the service. Rejects with an ApiError. @param {string} url @returns {Promise<Blob>} */
+export const fetchFile = async (url) => (await fetchWell(url)).blob();
+
+/** @param {string} url @returns {Promise<void>} rejects with an ApiError where the service would refuse the file */
+export async function askFor(url) {
+  const { status } = await fetchPatiently(url, { method: "HEAD" }).catch(() => Promise.reject(errorOf(0, "")));
+  if (status >= 400) await fetchWell(url); // an answer to HEAD has no sentence
+}
+
+/** @param {string} url @param {() => boolean} [isWanted] @returns {Promise<Response>} rejects with an ApiError */
+async function fetchWell(url, isWanted) {
+  const response = await fetchPatiently(url, { isWanted }).catch(() => Promise.reject(errorOf(0, "")));
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return response;
+}
+
+/**
+ * Saves a file of the service, as a click on a link with `download` does, except that a refusal is an error here and not an entry
+ * in the browser's list of downloads.
+ *
+ * @param {string} url
+ */
+export async function saveFile(url) {
+  const response = await fetchWell(url);
+  const local = URL.createObjectURL(await response.blob());
+  const anchor = document.createElement("a");
+  anchor.href = local;
+  anchor.download = fileName(response.headers.get("Content-Disposition") ?? "", url);
+  anchor.click();
+  setTimeout(() => URL.revokeObjectURL(local), 60_000); // the browser may ask where to save it first
+}
+
+/** @param {string} disposition @param {string} url */
+export function fileName(disposition, url) {
+  const [, encoded] = /filename\*=UTF-8''([^;]+)/i.exec(disposition) ?? [];
+  const [, plain] = /filename="((?:[^"\\]|\\.)*)"/i.exec(disposition) ?? [];
+  if (encoded) return decodeURIComponent(encoded);
+  return plain?.replace(/\\(.)/g, "$1") ?? url.split("?")[0]?.split("/").pop() ?? "";
+}
