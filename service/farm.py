@@ -23,10 +23,10 @@ from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
 from service.keeping.deleting import Deleting
-from service.keeping.doubts import Doubts
-from service.keeping.patrol import Patrol
 from service.keeping.retention import Retention, Rules
 from service.keeping.reuse import Reuse
+from service.keeping.scrub import Scrubber
+from service.keeping.taint import TaintMarker
 from service.owning.candidate import own
 from service.owning.ownership import Ownership
 from service.scheduling.engine import Engine
@@ -80,7 +80,7 @@ class Farm:
         self._assemble_keeping(settings)
         self._assemble_delivery(settings)
         self._parts = (
-            *(self.engine, self.views, self.retention, self.doubts, self.patrol),
+            *(self.engine, self.views, self.retention, self.taint, self.scrubber),
             *(self.frame_changes, self.outbox, self.redis_users),
         )
         self._inherited = threading.Timer(settings.prepare_deadline + 1.0, self.events.publish, [BlobsReleased(Counter())])
@@ -118,8 +118,8 @@ class Farm:
         """Deletion, checks of films and retention."""
         self.deleting = Deleting(self.sessions, self.garbage, self.reserve, self.events)
         self.frame_changes = self.deleting.frames
-        self.doubts = Doubts(self.sessions, self.films, self.events)
-        self.patrol = Patrol(self.sessions, self.films, self.lighting.restore, self.events, settings.film_check_days)
+        self.taint = TaintMarker(self.sessions, self.films, self.events)
+        self.scrubber = Scrubber(self.sessions, self.films, self.lighting.restore, self.events, settings.film_check_days)
         kept = settings.model_dump(include={f"keep_{each.name}" for each in fields(Rules)})
         self.rules = Rules(**{name.removeprefix("keep_"): value for name, value in kept.items()})
         self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.events, self.rules)

@@ -16,8 +16,8 @@ from service.jobs.lookup import no_job
 from service.jobs.queue import needs_of, wait_for_fewer
 from service.jobs.shot_change import ShotChange
 from service.models.jobs import JobOut, JobPatch
-from service.scheduling.jobs.shot_wishes import ShotWish, samples_of
-from service.scheduling.jobs.wishes import ask_for_samples, focus_on, set_state, wait_no_longer_in_vain
+from service.scheduling.jobs.job_changes import drop_failed_dependencies, set_focus, set_samples, set_state
+from service.scheduling.jobs.shot_changes import ShotRequest, samples_of
 from service.store.models import FINAL, Frame, Job, Scene
 
 __all__ = ["change"]
@@ -32,7 +32,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
     """
     is_anew = patch.state == "running" and may_begin_anew(id, farm)
     farm.lighting.restore(id)
-    wish = ShotWish(**patch.model_dump(include=set(ShotWish.__dataclass_fields__)))
+    wish = ShotRequest(**patch.model_dump(include=set(ShotRequest.__dataclass_fields__)))
     for _ in range(TRIES):
         of_shot = ShotChange.of(id, wish, farm)
         with farm.sessions.begin() as session:
@@ -76,9 +76,9 @@ def _apply(
         raise Conflict("The job is a still: it has no frames to choose from. Make a new job, with frames.")
     elif job.shot is None and (patch.spp is not None or patch.more is not None):
         frame = session.get(Frame, (job.id, 0))
-        ask_for_samples(job, patch.spp, patch.more, frame.samples if frame else 0)
+        set_samples(job, patch.spp, patch.more, frame.samples if frame else 0)
     if "focus" in patch.model_fields_set:
-        focus_on(job, patch.focus)
+        set_focus(job, patch.focus)
     if "max_slots" in patch.model_fields_set:
         job.max_slots = patch.max_slots
     if "deadline" in patch.model_fields_set:
@@ -94,7 +94,7 @@ def _apply(
         with session.no_autoflush:  # unflushed, so the job itself does not count
             farm.quotas.check_job(visit.caller, session, more, is_new=state in FINAL)
     if patch.state == "running":
-        wait_no_longer_in_vain([job.id], session)
+        drop_failed_dependencies([job.id], session)
     session.flush()
     return is_long
 

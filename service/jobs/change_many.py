@@ -12,7 +12,7 @@ from service.events import RowWritten
 from service.farm import Farm
 from service.jobs.lookup import find_job, no_job
 from service.models.changes import ChangesIn, ChangesOut, RefusedOut, WasOut
-from service.scheduling.jobs.wishes import begins_anew, set_state, wait_no_longer_in_vain
+from service.scheduling.jobs.job_changes import begins_anew, drop_failed_dependencies, set_state
 from service.store.models import FINAL, Job
 
 __all__ = ["change_many", "may_begin_anew"]
@@ -70,7 +70,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
                 continue
             changed.append(was)
         if changes.state == "running":
-            wait_no_longer_in_vain([each.id for each in changed], session)
+            drop_failed_dependencies([each.id for each in changed], session)
     for each in changed:
         farm.events.publish(RowWritten("job", each.id))
     answer.changed += changed

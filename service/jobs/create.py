@@ -26,8 +26,8 @@ from service.jobs.lookup import find_job
 from service.jobs.queue import needs_of, wait_for
 from service.keeping.reuse import Begun
 from service.models.jobs import JobIn, JobOut
-from service.scheduling.jobs.shot_wishes import samples_of
-from service.scheduling.jobs.wishes import set_state
+from service.scheduling.jobs.job_changes import set_state
+from service.scheduling.jobs.shot_changes import samples_of
 from service.shot import IN_TURN, Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import FINAL, Job, Scene

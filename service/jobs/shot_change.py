@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.farm import Farm
 from service.jobs.lookup import no_job
-from service.scheduling.jobs.shot_wishes import FrameNow, ShotWish, asked_for, change_shot
+from service.scheduling.jobs.shot_changes import FrameNow, ShotRequest, added_samples, change_shot
 from service.shot import Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import Frame, FrameChange, Job
@@ -33,7 +33,7 @@ class ShotChange:
     samples: int
 
     @classmethod
-    def of(cls, id: str, wish: ShotWish, farm: Farm) -> Self | None:
+    def of(cls, id: str, request: ShotRequest, farm: Farm) -> Self | None:
         """Computes a change; None for a still, for a request without frame fields, and for a missing job.
 
         Carries out pending changes first. Raises Invalid, Conflict, FarmError.
@@ -41,7 +41,7 @@ class ShotChange:
         with farm.sessions() as session:
             job = session.get(Job, id)
             shot = Shot.of(job.shot) if job is not None else None
-            if job is None or shot is None or not wish.is_about_frames:
+            if job is None or shot is None or not request.is_about_frames:
                 return None
             session.expunge(job)
         farm.frame_changes.carry_out(id)
@@ -49,13 +49,13 @@ class ShotChange:
             raise no_job(id)
         with farm.sessions() as session:
             query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
-            if wish.is_about_failures:
+            if request.is_about_failures:
                 query = query.where(Frame.state == "failed")
             rows = session.execute(query)
             frames = {number: FrameNow(spp, state) for number, spp, state in rows}
         before = _columns(job)
-        steps = change_shot(job, shot, frames, wish)
-        return cls(before, _columns(job), steps, asked_for(job, frames, before["spp"], steps))
+        steps = change_shot(job, shot, frames, request)
+        return cls(before, _columns(job), steps, added_samples(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
         """Whether the job is unchanged since, and no change of its frames is pending."""

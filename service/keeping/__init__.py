@@ -1,1 +1,1 @@
-"""Looks after a farm's work over the years: films are checked (patrol), copied (backup) and restored."""
+"""Looks after a farm's work over the years: films are checked (scrub), marked (taint), copied (backup) and restored."""

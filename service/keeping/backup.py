@@ -3,7 +3,7 @@
 The order makes the copy consistent. First comes the database, by SQLite's online backup. Then what it refers to: blobs never
 change and are named by their hash; films only gain samples, so each, copied in one read transaction, has at least what the
 database says. If something was deleted meanwhile, it is missing, and the database is copied once more. Whatever a film still
-lacks is rendered again when the copy is started as a farm (service/keeping/patrol.py).
+lacks is rendered again when the copy is started as a farm (service/keeping/scrub.py).
 
 manifest.json   what is in it, with sizes and hashes; written last, so a copy without it is incomplete
 rayfarm.sqlite  scenes, jobs, frames

@@ -27,7 +27,7 @@ from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import FarmError
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.plan import FIRST_CHECK
-from service.scheduling.jobs.shot_wishes import NOISIEST
+from service.scheduling.jobs.shot_changes import NOISIEST
 from service.scheduling.snapshot import Board
 from service.shot import Shot
 from service.store.database import Sessions

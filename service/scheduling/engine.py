@@ -272,7 +272,7 @@ class Engine:
         self._bulkheads.carry_out(self._lifecycle.end)
         self.trust.carry_out(self._lifecycle.again)
         self._step_fault = self._own_fault_of(self._hand_out)
-        self._answers.take_in(1 if self._lifecycle.is_taking_up else BLOCK_MS)
+        self._answers.take_in(1 if self._lifecycle.is_loading else BLOCK_MS)
 
     def _hand_out(self) -> None:
         while not self._asked.empty():

@@ -29,8 +29,8 @@ from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.measured import measured
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
+from service.scheduling.loading import Loading
 from service.scheduling.records import PendingJob, Records
-from service.scheduling.taking_up import TakingUp
 from service.scheduling.waiting import Waiting
 from service.shot import Shot
 from service.store.film_faults import FILM
@@ -68,7 +68,7 @@ class Lifecycle:
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
-        self._taking_up = TakingUp(records, films, scheduler, waiting, logs, self._took_up)
+        self._loading = Loading(records, films, scheduler, waiting, logs, self._loaded)
         self._tell = tell
         self._events = events
         self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
@@ -83,7 +83,7 @@ class Lifecycle:
 
     def begin_round(self) -> None:
         """Start a round, in which there is time again to take up jobs."""
-        self._taking_up.begin_round()
+        self._loading.begin_round()
         self.expect(())
 
     def expect(self, jobs: Iterable[str]) -> None:
@@ -92,13 +92,13 @@ class Lifecycle:
         self._pending.clear()
 
     @property
-    def is_taking_up(self) -> bool:
+    def is_loading(self) -> bool:
         """Whether a job waits for the next round to be taken up."""
-        return self._taking_up.is_under_way or self._changes.is_behind
+        return self._loading.is_under_way or self._changes.is_behind
 
     def may_apply(self, what: str, id: str) -> bool:
         """Whether a change can be applied in this round: jobs are taken up as long as there is time."""
-        return what != "job" or id in self._scheduler.jobs or self._taking_up.has_time
+        return what != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
         """Whether a job is about to be taken up, as soon as its film or the database can be read."""
@@ -109,7 +109,7 @@ class Lifecycle:
         pending = self._read(id) if job is None else None
         row = self._records.job(id) if pending is None else pending.row
         if row is None or row.state not in ACTIVE:
-            self._taking_up.forget(id)
+            self._loading.forget(id)
             if job is not None:
                 job.history.log.say(row.state if row is not None else "deleted")
                 job_over(job, row.state if row is not None else "deleted")
@@ -141,7 +141,7 @@ class Lifecycle:
         return self._pending.pop(id, None)
 
     def _take_up(self, pending: PendingJob) -> bool:
-        if not self._taking_up.go_on(pending):
+        if not self._loading.go_on(pending):
             return False
         job = self._scheduler.jobs.get(pending.row.id)
         return job is None or self._adjust(job, pending.row)  # what was changed since it was begun to be taken up
@@ -173,7 +173,7 @@ class Lifecycle:
             job.ask(row.spp, row.noise, row.seconds)
         return True
 
-    def _took_up(self, job: ActiveJob, scene: Scene) -> None:
+    def _loaded(self, job: ActiveJob, scene: Scene) -> None:
         if job.shot is not None:
             self._autos[job.id] = (scene.info or {})["cameras"][-1]["view"]
         if job.started or job.shot is not None or job.film.has_file or not all(f.was_recorded for f in job.frames.values()):

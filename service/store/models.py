@@ -135,7 +135,7 @@ class Job(Base):
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/jobs/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
-    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/patrol.py
+    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/scrub.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
     user: Mapped[str | None] = mapped_column(String(64))  # who asked for it; None: a farm that asks nobody who they are
     max_slots: Mapped[int | None] = mapped_column(Integer)  # that may work on it at a time
@@ -148,7 +148,7 @@ class Job(Base):
     taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
     key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
-    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/doubts.py
+    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/taint.py
     note: Mapped[str | None] = mapped_column(Text)  # what somebody wrote about it
 
     @property

@@ -7,8 +7,8 @@ turns.py          the frames in that order, kept up as they change
 plan.py           which tile of a frame is next, and how many samples of it
 totals.py         sums over all frames of a job
 shares.py         whose turn it is among jobs of one priority
-wishes.py         what a person may change in a job
-shot_wishes.py    the same for a shot's frames
+job_changes.py    changes of a job by a person
+shot_changes.py   changes of a shot's frames
 measured.py       what a job has learned about its scene's cost and noise
 looks.py          how much time estimating noise may take
 history.py        how a job's noise fell over time, and what happened on the way

@@ -3,7 +3,7 @@
 The second is handed out as any other batch, through the same queue, so that no worker knows which of its answers is looked at.
 If the first takes it again, it is handed out once more. Where two workers differ, further answers decide: what two different
 workers agree on is right. Whoever has said otherwise is set aside, and all that it has sent is taken out of the films of jobs
-that are not over, and rendered again; those that are over are marked (service/keeping/doubts.py). While nobody can decide, the
+that are not over, and rendered again; those that are over are marked (service/keeping/taint.py). While nobody can decide, the
 job goes on but does not end.
 """
 

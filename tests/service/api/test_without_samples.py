@@ -26,7 +26,7 @@ def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Servic
     else:
         job = service.submit(scene)
         service.wait_for(job, "finished")
-        service.farm.patrol.suspect = lambda job: None  # type: ignore[method-assign]  # else it is rendered again at once
+        service.farm.scrubber.suspect = lambda job: None  # type: ignore[method-assign]  # else it is rendered again at once
         service.farm.films.set_aside(job)
         if state == "gone and noted":
             with service.farm.sessions.begin() as session:

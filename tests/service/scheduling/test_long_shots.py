@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import func, select
 
-from service.scheduling.taking_up import TakingUp
+from service.scheduling.loading import Loading
 from service.store import frame_changes
 from service.store.frame_changes import FrameChanges
 from service.store.models import Frame, FrameChange, Job
@@ -145,20 +145,20 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("service.scheduling.taking_up.A_ROUND_S", -1.0)  # one step a round
+    monkeypatch.setattr("service.scheduling.loading.ROUND_CPU_S", -1.0)  # one step a round
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
     monkeypatch.setattr("service.scheduling.jobs.active_job.AT_A_TIME", 10)
     rounds: list[bool] = []
-    go_on = TakingUp.go_on
+    go_on = Loading.go_on
 
-    def slowly(self: TakingUp, row: Job) -> bool:
+    def slowly(self: Loading, row: Job) -> bool:
         rounds.append(go_on(self, row))
         if not may_go_on.is_set():
             other_done.wait(0.05)
         return rounds[-1]
 
     other_done, may_go_on = threading.Event(), threading.Event()
-    monkeypatch.setattr(TakingUp, "go_on", slowly)
+    monkeypatch.setattr(Loading, "go_on", slowly)
     shot = shoot(service, scene).raise_for_status().json()["id"]
     until(lambda: len(rounds) > 2, "it is begun to be taken up")
     assert shot not in service.farm.engine.snapshot.jobs

@@ -88,7 +88,7 @@ def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Se
     until(lambda: "finished: " in text(), "the end is told", say=text)
     said = text()
     for part in (
-        "taken up: 64 x 48, 8 samples per pixel",
+        "loaded: 64 x 48, 8 samples per pixel",
         "back from peer",
         "handed out",
         "peer could not render samples 0",

@@ -1,5 +1,8 @@
-"""Jobs on their way from the database into the scheduler's hands. A shot may have a hundred thousand frames: it is taken up in
-steps, with a little time in each of the engine's rounds, so that others' results are merged meanwhile."""
+"""Loads jobs from the database into the scheduler.
+
+A shot may have a hundred thousand frames, so it is loaded in steps, with a time limit in each of the engine's rounds: results of
+other jobs are merged in between.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +22,14 @@ from service.store.film_store import FilmStore
 from service.store.films import Film
 from service.store.models import Job, Scene, blobs_of
 
-__all__ = ["TakingUp"]
+__all__ = ["Loading"]
 
-A_ROUND_S = 0.05  # of the processor
-A_ROUND_BY_CLOCK_S = 0.2  # on a busy machine, where that much of the processor takes longer; results wait meanwhile
+ROUND_CPU_S = 0.05  # processor time per round
+ROUND_S = 0.2  # wall time per round, which ends first on a busy machine
 
 
-class TakingUp:
-    """Lives in the engine's thread."""
+class Loading:
+    """Loads jobs step by step. Used only by the engine's thread."""
 
     def __init__(
         self,
@@ -35,37 +38,37 @@ class TakingUp:
         scheduler: Scheduler,
         waiting: Waiting,
         logs: JobLogs,
-        taken: Callable[[ActiveJob, Scene], None],
+        loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
-        """taken: told of a job that the scheduler has from now on."""
+        """loaded: called with each job that was added to the scheduler."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
         self._waiting = waiting
         self._logs = logs
-        self._taken = taken
-        self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # of a job: as what it is taken up, and the steps left
+        self._loaded = loaded
+        self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # by job: its fields, and the remaining steps
         self._rounds = 0
         self._until = self._until_by_clock = 0.0
 
     def begin_round(self) -> None:
-        """Start a round, with its limits of time."""
+        """Starts the time limits of a round."""
         self._rounds += 1
-        self._until = time.thread_time() + A_ROUND_S
-        self._until_by_clock = time.monotonic() + A_ROUND_BY_CLOCK_S
+        self._until = time.thread_time() + ROUND_CPU_S
+        self._until_by_clock = time.monotonic() + ROUND_S
 
     @property
     def has_time(self) -> bool:
-        """Whether there is time in this round to take up another job."""
+        """Whether the round has time to load another job."""
         return time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock
 
     @property
     def is_under_way(self) -> bool:
-        """Whether some job waits for the next round."""
+        """Whether a job is partly loaded."""
         return bool(self._under_way)
 
     def go_on(self, pending: PendingJob) -> bool:
-        """Take up a job that is not over, as far as there is time in this round; whether all is done that can be now."""
+        """Loads an unfinished job as far as the round has time; returns whether nothing more can be done now."""
         row = pending.row
         asked = row.shot, row.spp, row.noise, row.seconds, frozenset(self._scheduler.distrusted), row.doubted
         known, steps = self._under_way.get(row.id, (None, iter(())))
@@ -79,11 +82,11 @@ class TakingUp:
         return True
 
     def forget(self, id: str) -> None:
-        """A job is over, or to be taken up from its beginning."""
+        """Drops the remaining steps of a job."""
         self._under_way.pop(id, None)
 
     def _steps(self, pending: PendingJob) -> Iterator[None]:
-        """As soon as its scene is ready and what it comes after is finished."""
+        """Yields after each step. Does nothing while the scene is not ready or dependencies are unfinished."""
         row, scene, since = pending.row, pending.scene, self._rounds
         self._waiting.note(row.id, pending.waits)
         if pending.waits or pending.frames_change:
@@ -104,19 +107,22 @@ class TakingUp:
             job.take(frames)
             yield
         if not job.frames:
-            return  # it was deleted a moment ago, which is applied next
+            return  # deleted concurrently, which is applied next
         yield from job.begin()
         job.history = History.of(pending.history)
-        self._hand_over(job, row, scene, is_of_this_round=since == self._rounds)
+        self._add(job, row, scene, is_of_this_round=since == self._rounds)
 
     def _film(self, row: Job, resolved: Job) -> Film:
-        """Opened, without what is to be rendered anew or is not believed any more. Raises FilmWaits or FilmLost."""
+        """Opens the film and removes samples that are to be rendered again or come from distrusted workers.
+
+        Raises FilmWaits or FilmLost.
+        """
         assert resolved.settings is not None and resolved.tile_size is not None
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
         shot = Shot.of(row.shot)
         if shot is not None and (anew := shot.anew_keys):
             if film.has_only(set(anew)):
-                self._films.delete(row.id)  # a moment's work, however large it is
+                self._films.delete(row.id)  # fast for a film of any size
                 film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
             else:
                 film.forget(*anew)
@@ -128,7 +134,7 @@ class TakingUp:
             self._records.believed(row.id)
         return film
 
-    def _hand_over(self, job: ActiveJob, row: Job, scene: Scene, is_of_this_round: bool) -> None:
+    def _add(self, job: ActiveJob, row: Job, scene: Scene, is_of_this_round: bool) -> None:
         job.verify = self._verify(row)
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks
@@ -138,19 +144,19 @@ class TakingUp:
         upload = self._records.scene(row.scene) if row.lit else scene
         job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
         job.history.log = self._logs.of(row.id)
-        job.history.log.say(_taken_up(job, scene))
+        job.history.log.say(_summary(job, scene))
         self._scheduler.jobs[row.id] = job
         if not is_of_this_round:
             self._catch_up(job, row.stage)
-        self._taken(job, scene)
+        self._loaded(job, scene)
 
     def _verify(self, row: Job) -> float:
-        """Which part of its batches is rendered twice: as it asks for, or as the farm does."""
+        """Returns the fraction of batches rendered twice: the job's own, or the farm's."""
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked
 
     def _catch_up(self, job: ActiveJob, stage: str) -> None:
-        """For which other kinds of workers its scene was prepared in the meantime."""
+        """Adds kinds of workers for which the scene was compiled since loading began."""
         scene = self._records.scene(stage)
         for kind, ref in (scene.compiled if scene is not None else {}).items():
             if kind not in job.compiled:
@@ -158,11 +164,11 @@ class TakingUp:
                 job.of_scene |= blobs_of([ref])
 
 
-def _taken_up(job: ActiveJob, scene: Scene) -> str:
-    """What is to be rendered, and how its scene was got ready."""
+def _summary(job: ActiveJob, scene: Scene) -> str:
+    """Returns a line for the job's log: the goals, and the preparation of the scene."""
     info = scene.info or {}
     goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
     asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"
-    kinds = ", ".join(sorted(job.compiled)) or "nobody yet"
+    kinds = ", ".join(sorted(job.compiled)) or "no kind yet"
     ready = f"the scene took {float(info.get('seconds') or 0):.2f} s to prepare, and is compiled for {kinds}"
-    return f"{'taken up again' if job.started else 'taken up'}: {asked}; {ready}; {job.samples:,} samples are here"
+    return f"{'loaded again' if job.started else 'loaded'}: {asked}; {ready}; {job.samples:,} samples in the film"

@@ -1,4 +1,4 @@
-"""What a person may change in a job, and what that does to its row."""
+"""Changes of a job by a person, applied to its row."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, FINAL, Job, Wait
 
-__all__ = ["ask_for_samples", "begins_anew", "focus_on", "set_state", "wait_no_longer_in_vain"]
+__all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples", "set_state"]
 
 
-def ask_for_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
-    """From now on the job has `spp` samples in every pixel as its aim, or `more` than now. has: the samples in its film.
+def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
+    """Sets the goal of a job to `spp` samples per pixel, or to `more` than now. has: samples in its film, of all pixels.
 
-    A job that was asked for by noise or by time becomes one by samples: its limit was the end of what was asked for first, and
-    this is asked for on top. Raises Invalid and Conflict.
+    A goal by noise or time is replaced by the goal by samples. Raises Invalid and Conflict.
     """
     if spp is not None and more is not None:
         raise Invalid("spp: give either spp, for all samples of a pixel, or more, for those on top.")
@@ -43,7 +42,7 @@ def ask_for_samples(job: Job, spp: int | None, more: int | None, has: int) -> No
 
 
 def set_state(job: Job, state: str, is_anew: bool) -> None:
-    """Pause, cancel, or go on; is_anew: with an empty film. Raises Conflict."""
+    """Pauses, cancels or resumes a job. is_anew: it resumes with an empty film. Raises Conflict."""
     if state == "cancelled":
         if job.state == "finished":
             raise Conflict("The job is finished; there is nothing to cancel. To remove it, delete it.")
@@ -59,14 +58,14 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
             job.kind, job.active_s = None, 0.0
 
 
-def wait_no_longer_in_vain(jobs: list[str], session: Session) -> None:
-    """Jobs are to be rendered although something that they were to come after was never finished: that is let go."""
-    going_on = select(Job.id).where(Job.state.in_(ACTIVE))
-    session.execute(delete(Wait).where(Wait.job.in_(jobs), Wait.other.not_in(going_on)))
+def drop_failed_dependencies(jobs: list[str], session: Session) -> None:
+    """Removes the dependencies of jobs on others that ended without being finished."""
+    active = select(Job.id).where(Job.state.in_(ACTIVE))
+    session.execute(delete(Wait).where(Wait.job.in_(jobs), Wait.other.not_in(active)))
 
 
-def focus_on(job: Job, focus: tuple[int, int, int, int] | None) -> None:
-    """Let a rectangle of the picture be rendered first; None: no more. Raises Invalid and Conflict."""
+def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
+    """Sets the rectangle of the picture (x0, y0, x1, y1, pixels) rendered first; None: none. Raises Invalid and Conflict."""
     if focus is not None and job.state in FINAL:
         raise Conflict(f"The job is {job.state}; only of one that is rendered a part can come first.")
     size = {**job.request, **(job.settings or {})}
@@ -77,17 +76,17 @@ def focus_on(job: Job, focus: tuple[int, int, int, int] | None) -> None:
 
 
 def begins_anew(job: Job, films: FilmStore) -> bool:
-    """See to it that a job which is over can go on: what its film has and cannot be read is removed, to be rendered again.
+    """Removes what cannot be read from the film of an ended job, and returns whether the film is empty.
 
-    Returns whether its film is empty then. Reads all of a still's film, since only that shows what is damaged; a shot's, where it
-    is known to be: that may take minutes. Raises FilmWaits, and FilmLost where nothing can be done.
+    Reads all of a still's film, which may be damaged unnoticed; a shot's film only if it is known to be damaged, since that may
+    take minutes. Raises FilmWaits and FilmLost.
     """
     if job.state not in FINAL or job.settings is None or job.tile_size is None:
         return False
     try:
         settings = RenderSettings.from_json(job.settings)
     except SettingsError:
-        return False  # which the engine says when it takes the job up
+        return False  # the engine reports it when it loads the job
     if job.shot is None or FILM in (job.error or ""):
         films.heal(job.id, settings, job.tile_size)
     try:

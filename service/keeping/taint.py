@@ -1,7 +1,7 @@
 """Finds and marks the pictures with samples of a worker that was found to render something other than the rest.
 
 In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture stays as it was
-delivered: its job names the workers in doubt, and somebody can set it to running to render those samples again. A thread searches
+delivered: its job names the workers, and a PATCH to running renders those samples again. A thread searches
 the films at rest, using a fifth of a core; when the service starts, it does so for all workers that are still set aside.
 """
 
@@ -22,14 +22,14 @@ from service.store.database import Sessions
 from service.store.film_store import FilmStore
 from service.store.models import FINAL, Job
 
-__all__ = ["Doubts"]
+__all__ = ["TaintMarker"]
 
-RESTS = 4  # times as long as it looked
+RESTS = 4  # times as long as the search took
 
 log = logging.getLogger(__name__)
 
 
-class Doubts:
+class TaintMarker:
     """One thread, notified by `WorkerSetAside`."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, events: Events) -> None:
@@ -39,14 +39,14 @@ class Doubts:
         events.subscribe(WorkerSetAside, lambda event: self._wanted.put(event.worker))
         self._wanted: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="doubts", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="taint", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Starts the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End after the film in hand."""
+        """Stops after the current film."""
         self._stopping.set()
         self._wanted.put(None)
         if self._thread.is_alive():
@@ -55,28 +55,28 @@ class Doubts:
     def _run(self) -> None:
         while (worker := self._wanted.get()) is not None and not self._stopping.is_set():
             try:
-                self._look(worker)
+                self._mark(worker)
             except FarmError as error:
-                log.warning("pictures that hold samples of %s are not all marked: %s", worker, error)
+                log.warning("not all pictures with samples of %s are marked: %s", worker, error)
             except Exception:
-                log.exception("a fault while pictures that hold samples of %s were looked for", worker)
+                log.exception("a defect while pictures with samples of %s were searched", worker)
 
-    def _look(self, worker: str) -> None:
+    def _mark(self, worker: str) -> None:
         with self._sessions() as session:
-            over = select(Job.id).where(Job.state.in_(FINAL), Job.kind.is_not(None)).order_by(Job.created.desc())
-            jobs = list(session.scalars(over))
+            finished = select(Job.id).where(Job.state.in_(FINAL), Job.kind.is_not(None)).order_by(Job.created.desc())
+            jobs = list(session.scalars(finished))
         found = 0
         for id in jobs:
             began = time.monotonic()
             try:
-                found += self._see_to(id, worker)
+                found += self._mark_job(id, worker)
             except FarmError as error:
-                log.warning("whether the film of %s holds samples of %s is not known: %s", id, worker, error)
+                log.warning("the film of %s could not be searched for samples of %s: %s", id, worker, error)
             if self._stopping.wait(RESTS * (time.monotonic() - began)):
                 return
-        log.info("%d finished jobs hold samples of %s", found, worker)
+        log.info("%d finished jobs have samples of %s", found, worker)
 
-    def _see_to(self, id: str, worker: str) -> bool:
+    def _mark_job(self, id: str, worker: str) -> bool:
         with self._sessions() as session:
             job = session.get(Job, id)
         if (
@@ -90,13 +90,13 @@ class Doubts:
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError:
-            return False  # of another release: it can be rendered no more
+            return False  # of another release, whose settings cannot be interpreted
         if not self._films.open(id, settings, job.tile_size).has_sent(worker):
             return False
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
             if row is None or row.state not in FINAL:
-                return False  # it goes on, and is dealt with as what is not over
+                return False  # it continues, and trust.py removes the samples
             row.doubted = sorted({worker, *(row.doubted or ())})
         self._events.publish(RowWritten("job", id))
         return True
