@@ -49,18 +49,20 @@ class Loading:
         self._loaded = loaded
         self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # by job: its fields, and the remaining steps
         self._rounds = 0
+        self._is_first = True  # no job was loaded in this round
         self._until = self._until_by_clock = 0.0
 
     def begin_round(self) -> None:
         """Starts the time limits of a round."""
         self._rounds += 1
+        self._is_first = True
         self._until = time.thread_time() + ROUND_CPU_S
         self._until_by_clock = time.monotonic() + ROUND_S
 
     @property
     def has_time(self) -> bool:
-        """Whether the round has time to load another job."""
-        return time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock
+        """Whether the round has time to load another job. There is always time for one step, also on a stalled machine."""
+        return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
     def is_under_way(self) -> bool:
@@ -69,6 +71,7 @@ class Loading:
 
     def go_on(self, pending: PendingJob) -> bool:
         """Loads an unfinished job as far as the round has time; returns whether nothing more can be done now."""
+        self._is_first = False
         row = pending.row
         asked = row.shot, row.spp, row.noise, row.seconds, frozenset(self._scheduler.distrusted), row.doubted
         known, steps = self._under_way.get(row.id, (None, iter(())))
