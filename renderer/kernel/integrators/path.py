@@ -208,8 +208,13 @@ def _add(path, light, segments, options):
 
     segments: number of further segments over which the light arrives.
     """
-    brought = limited(vec.mul(path.throughput, light), path.depth + segments, options.clamp)
-    return with_radiance(path, vec.add(path.radiance, brought))
+    return _add_weighed(path, vec.mul(path.throughput, light), segments, options)
+
+
+@device
+def _add_weighed(path, brought, segments, options):
+    """As `_add`, of light times the path's throughput."""
+    return with_radiance(path, vec.add(path.radiance, limited(brought, path.depth + segments, options.clamp)))
 
 
 @template
@@ -268,18 +273,20 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                radiance, weight = light.radiance, _ONE / light.pdf
+                left = _BLACK
                 if scene.has.media is not None:
                     nest = path.nest if wi[2] > _ZERO else beyond(scene, vertex, path.nest)
-                    radiance = vec.mul(radiance, light_left(scene, stack, start, light.end, nest, time))
+                    left = light_left(scene, stack, start, light.end, nest, time)
                 else:
-                    weight = transmittance(scene, stack, start, light.end, options.transparent, time) / light.pdf
-                if weight > _ZERO:
+                    share = transmittance(scene, stack, start, light.end, options.transparent, time)
+                    left = share, share, share
+                if vec.maximum(left) > _ZERO:
                     found_by = np.float32(options.splitting if number == 0 else 1) * scatter_pdf
-                    weight *= share_of_light(options, light.pdf, found_by, light.alone) / np.float32(count)
+                    weight = share_of_light(options, light.pdf, found_by, light.alone) / light.pdf / np.float32(count)
                     if options.mistake != NO_MISTAKE:
                         weight *= mistaken(options.mistake, surface.point, light.end)
-                    path = _add(path, vec.scale(vec.mul(f, radiance), weight), 2, options)
+                    brought = vec.mul(path.throughput, vec.scale(vec.mul(f, light.radiance), weight))
+                    path = _add_weighed(path, vec.mul(brought, left), 2, options)
     return path, rays
 
 
