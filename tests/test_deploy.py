@@ -100,6 +100,11 @@ def test_a_pod_sees_the_secrets_that_it_needs_as_files(name: str, keys: set[str]
     assert keys == {key for key in ("token", "redis-password") if f"/secrets/{key}" in text}
 
 
+def test_every_container_has_probes() -> None:
+    for name, (container, _) in containers().items():
+        assert {"livenessProbe", "readinessProbe"} <= set(container), name
+
+
 def test_workers_are_probed_without_the_service() -> None:
     container, _ = containers()["worker"]
     live, ready = container["livenessProbe"]["exec"]["command"], container["readinessProbe"]["exec"]["command"]
@@ -114,6 +119,13 @@ def test_images_are_tagged_by_version() -> None:
     for folder in ("farm", "standby"):
         for image in yaml.safe_load((CLUSTER / folder / "kustomization.yaml").read_text())["images"]:
             assert image["newTag"] == __version__, image["name"]
+
+
+def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None:
+    """A check that is killed leaves children, which count towards pids_limit as zombies."""
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    assert {name for name, service in services.items() if "pids_limit" in service and not service.get("init")} <= {"caddy"}
+    assert "healthcheck" not in services["caddy"]
 
 
 @pytest.mark.skipif(shutil.which("caddy") is None, reason="needs caddy")
