@@ -54,7 +54,7 @@ _SAMPLES_AT_ONCE = 64
 _LAST_TILES = 2  # for each thread: of so many the samples are cut into
 _CUTS = 4  # parts, so that the threads come to an end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-_MOST_PASSED = 1 << 12  # surfaces passed through that a replay records
+_MOST_PASSED = 56 << 10  # surfaces passed through that a replay records
 _NO_LOG = np.empty((0, record.COLUMNS))
 
 
