@@ -22,6 +22,7 @@ def states(service: Service, ids: list[str]) -> set[str]:
     return {job["state"] for job in service.http.get("/api/jobs", params={"ids": ",".join(ids)}).json()}
 
 
+@pytest.mark.long
 def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs")

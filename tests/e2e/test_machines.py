@@ -24,6 +24,7 @@ def say(store: redis.Redis, name: str, current: list[dict[str, Any]], **more: An
     store.set(worker_key(name), report.to_bytes(), ex=60)
 
 
+@pytest.mark.long
 def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service, watched: Watched) -> None:
     page = watched.page
     with redis.Redis.from_url(many.options["redis_url"]) as store:
