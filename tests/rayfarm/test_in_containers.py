@@ -57,6 +57,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -
     service.stop()
 
 
+@pytest.mark.long
 def test_people_and_tokens_are_kept_from_inside(run: Run) -> None:
     added = run("user", "add", "anna")
     assert added.returncode == 0, added.stderr
@@ -76,6 +77,7 @@ def test_people_and_tokens_are_kept_from_inside(run: Run) -> None:
         assert (done.returncode, shown in done.stdout + done.stderr) == (0, True), (words, done.stdout, done.stderr)
 
 
+@pytest.mark.long
 def test_a_backup_is_made_and_the_farm_looked_at(run: Run, tmp_path: Path) -> None:
     done = run("backup", str(tmp_path / "backup"))
     assert done.returncode == 0, done.stderr
