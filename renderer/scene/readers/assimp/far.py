@@ -22,6 +22,7 @@ from renderer.scene.readers.assimp.library import Animation, Imported, Node, Sha
 __all__ = ["import_exactly"]
 
 F64 = npt.NDArray[np.float64]
+Points = npt.NDArray[np.floating]
 
 _TEXT = (
     ".ac",
@@ -103,7 +104,7 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
     return b"".join([*pieces, data[last:]]), centres
 
 
-def _offset(found: F64, near: F64, centres: F64) -> F64 | None:
+def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
     """Returns what was subtracted from points (n, 3), for each axis 0 or a centre; None if the two are not the same points."""
     if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
         return None
