@@ -189,7 +189,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     most = options.max_depth + options.transmission_depth + MAX_AGAIN + _MOST_PASSED
     log = np.zeros((most, record.COLUMNS))
     batch, _ = _render(_prepared(scene, settings), settings, Tile(x, y, 1, 1), sample, 1, log)
-    return read_log(batch, settings.film_exponent, settings.max_depth, log, scene.origin)
+    return read_log(batch, settings, log, scene.origin)
 
 
 def pixel_samples(

@@ -9,20 +9,25 @@ import numpy.typing as npt
 
 from renderer.film import COLOR, SAMPLES, BatchSums
 from renderer.kernel.integrators import record
-from renderer.settings import Vec3
+from renderer.kernel.integrators.depths import DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT
+from renderer.settings import MAX_DEPTH, RenderSettings, Vec3
 
 __all__ = ["ENDS", "End", "Lamp", "Replay", "Vertex", "read_log"]
 
-End = Literal["missed", "absorbed", "roulette", "depth", "caught", "unlit", "passed"]
+End = Literal["missed", "absorbed", "roulette", "depth", "diffuse", "glossy", "transmission", "caught", "unlit", "passed"]
 ENDS: dict[End, str] = {
     "missed": "it left the scene",
     "absorbed": "nothing was left of it",
     "roulette": "Russian roulette ended it",
     "depth": "it has as many segments as the settings allow",
+    "diffuse": "it has as many diffuse bounces as the settings allow",
+    "glossy": "it has as many glossy bounces as the settings allow",
+    "transmission": "it has passed as much glass as the settings allow",
     "caught": "it left too many surfaces without getting on",
     "unlit": "the material scatters no light",
     "passed": "it passed too many surfaces by their alpha",
 }
+_BY_KIND: dict[float, End] = {DIFFUSE_LIMIT: "diffuse", GLOSSY_LIMIT: "glossy", TRANSMISSION_LIMIT: "transmission"}
 FAR = 1e17  # units away: where the kernel puts what is infinitely far, less some
 
 
@@ -121,8 +126,8 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp
     return Lamp(at, (x, y, z), float(row[record.LAMP_PDF]), float(row[record.LAMP_SHARE]), _vec(row, record.BROUGHT))
 
 
-def _end(row: npt.NDArray[np.float64], is_last: bool) -> End | None:
-    """Why a path has no vertex after this row's. is_last: whether it could have had no further segment."""
+def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
+    """Returns why a path has no vertex after this row's. is_last: whether it could have had no further segment."""
     told = row[record.TOLD]
     if row[record.KIND] == record.MISSED:
         return "missed"
@@ -131,17 +136,16 @@ def _end(row: npt.NDArray[np.float64], is_last: bool) -> End | None:
     if row[record.KIND] == record.PASSED:
         return "passed"
     if told != record.SCATTERED:
-        return "depth" if is_last else "unlit"
+        return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
     if survival == record.AGAIN:
-        return "caught"
+        return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit has no count of its own
     return "absorbed" if survival == 0 else "roulette"
 
 
 def read_log(
     batch: BatchSums,
-    film_exponent: int,
-    max_depth: int,
+    settings: RenderSettings,
     log: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64] = _WORLD,
 ) -> Replay:
@@ -151,9 +155,9 @@ def read_log(
     """
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:
-        red, green, blue = (float(v) * 2.0**-film_exponent for v in batch.sums[COLOR, 0, 0])
+        red, green, blue = (float(v) * 2.0**-settings.film_exponent for v in batch.sums[COLOR, 0, 0])
         value = (red, green, blue)
     rows = list(log[log[:, record.KIND] != record.UNSEEN])
     scattering = sum(row[record.KIND] in (record.SURFACE, record.IN_MEDIUM) for row in rows)
-    end = _end(rows[-1], scattering >= max_depth) if rows else None
+    end = _end(rows[-1], scattering >= settings.max_depth, settings) if rows else None
     return Replay(value, [_vertex(row, origin) for row in rows], end, float(rows[0][record.TIME]) if rows else 0.0)

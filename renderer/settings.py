@@ -149,12 +149,12 @@ class RenderSettings:
         Setting(1, MAX_DEPTH, off=0),
         Shown(
             "Transmission depth",
-            "Smooth glass and panes that a path passes without using up max depth.",
+            "Transmissions of a path through glass and panes; smooth ones do not use up max depth.",
             integrators=("path",),
             off="all count as depth",
             phrase="transmission {}",
         ),
-    ] = 256
+    ] = MAX_DEPTH
     diffuse_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH, off=0),
@@ -175,6 +175,16 @@ class RenderSettings:
             integrators=("path",),
             off="as many as max depth",
             phrase="glossy {}",
+        ),
+    ] = 0
+    transparency_depth: Annotated[
+        int,
+        Setting(1, MAX_DEPTH, off=0),
+        Shown(
+            "Transparency depth",
+            "Surfaces that a path passes by their alpha, with its shadow rays; more of them block light.",
+            off="no limit",
+            phrase="transparency {}",
         ),
     ] = 0
     sampling: Annotated[
@@ -369,8 +379,12 @@ class RenderSettings:
             raise SettingsError("views are of different projections; nothing lies between these")
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict; `from_json` gives the same settings back to the bit."""
-        return {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
+        """Returns a JSON-ready dict; `from_json` gives the same settings back to the bit.
+
+        The settings of `_LATER` are left out at their defaults: workers that do not know them render such pictures.
+        """
+        told = {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
+        return {name: value for name, value in told.items() if name not in _LATER or value != SETTINGS[name].default}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
@@ -388,6 +402,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
+_LATER = ("transparency_depth",)
 
 # What a request may leave to the scene file, and the scene file to the defaults.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from renderer.arrays.rows import TRANSPARENT
 from renderer.arrays.scene import CompiledScene
-from renderer.settings import FILTERS, HEURISTICS, MISTAKES, SAMPLERS, SAMPLINGS, RenderSettings
+from renderer.settings import FILTERS, HEURISTICS, MAX_DEPTH, MISTAKES, SAMPLERS, SAMPLINGS, SETTINGS, RenderSettings
 
 __all__ = [
     "ATTENUATION",
@@ -42,8 +43,10 @@ class Options(NamedTuple):
     max_depth: int  # limit of counted segments
     diffuse_depth: np.float32  # bounces of that kind, after which a path ends at the next surface; infinite: no limit
     glossy_depth: np.float32
-    has_depths: bool  # whether either of them is a limit
-    transmission_depth: int  # number of smooth transmissions that are not counted; 0: all are
+    transmission_limit: np.float32  # transmissions likewise
+    transparency_depth: np.float32  # surfaces that a path passes by their alpha; infinite: no limit
+    has_depths: bool  # whether any of these four is a limit
+    transmission_depth: int  # upper bound of smooth transmissions, which are not counted as segments; 0: they are
     light_samples: int
     splitting: int  # branches that a path's first vertex scatters it into
     scale: np.float32  # 2**film_exponent
@@ -58,7 +61,8 @@ class Options(NamedTuple):
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
     """Returns the kernel's settings, with the properties of the whole scene that kernels need."""
     red, green, blue = settings.ambient
-    by_kind = settings.integrator == "path"
+    limits = [_limit(settings, name) for name in ("diffuse_depth", "glossy_depth", "transmission_depth", "transparency_depth")]
+    diffuse, glossy, transmission, transparency = limits
     return Options(
         seed=np.uint32(settings.seed),
         sampler=np.int32(SAMPLERS.index(settings.sampler)),
@@ -67,9 +71,11 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         heuristic=np.int32(HEURISTICS.index(settings.heuristic)),
         mistake=np.int32(MISTAKES.index(settings.mistake)),
         max_depth=min(settings.max_depth, 2) if settings.integrator == "direct" else settings.max_depth,
-        diffuse_depth=np.float32((settings.diffuse_depth if by_kind else 0) or np.inf),
-        glossy_depth=np.float32((settings.glossy_depth if by_kind else 0) or np.inf),
-        has_depths=by_kind and (settings.diffuse_depth > 0 or settings.glossy_depth > 0),
+        diffuse_depth=np.float32(diffuse),
+        glossy_depth=np.float32(glossy),
+        transmission_limit=np.float32(transmission),
+        transparency_depth=np.float32(transparency),
+        has_depths=min(limits) < math.inf,
         transmission_depth=settings.transmission_depth if settings.integrator == "path" else 0,
         light_samples=settings.light_samples,
         splitting=settings.splitting if settings.sampling == "mis" else 1,  # other strategies are compared without splitting
@@ -81,6 +87,17 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
     )
+
+
+def _limit(settings: RenderSettings, name: str) -> float:
+    """Returns a limit by kind; infinite if it is off, or the integrator ignores it.
+
+    The largest transmission depth is enforced without counting, by the upper bound of uncounted segments.
+    """
+    declared, value = SETTINGS[name], getattr(settings, name)
+    is_read = not declared.shown.integrators or settings.integrator in declared.shown.integrators
+    is_counted = name != "transmission_depth" or value < MAX_DEPTH
+    return float(value) if is_read and is_counted and value != declared.setting.off else math.inf
 
 
 def is_special(settings: RenderSettings) -> bool:

@@ -36,7 +36,7 @@ Spot = Annotated[
     Field(description="x, y, w: seen x / w, y / w pixels from the upper left corner; where w is not above 0, not before the eye"),
 ]
 Choice = Literal["asked", "first", "median", "brightest"]
-Ending = Literal["missed", "absorbed", "roulette", "depth", "caught", "unlit", "passed"]
+Ending = Literal["missed", "absorbed", "roulette", "depth", "diffuse", "glossy", "transmission", "caught", "unlit", "passed"]
 
 
 class LightOut(BaseModel):

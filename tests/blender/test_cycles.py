@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from blender.rayfarm_addon.scene import cycles
+from renderer.settings import OPTIONAL
 from tests.peers.blender import python_with_bpy
 
 CYCLES = {
@@ -86,8 +87,7 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
-        ({"transmission_bounces": 2}, "2 times"),
-        ({"transparent_max_bounces": 1}, "transparent surfaces"),
+        ({"transparent_max_bounces": 0}, "lets it pass 0"),
         ({"sample_clamp_direct": 3.0}, "clamped at 3"),
         ({"sample_clamp_indirect": 2.0}, "clamped at 2"),
         ({"blur_glossy": 5.0}, "Filter Glossy is 5"),
@@ -97,8 +97,6 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
         ({"film_exposure": 2.0}, "exposure of 2"),
         ({"film_transparent": True}, "Transparent film"),
         ({"use_multiview": True}, "Stereoscopy"),
-        ({"diffuse_bounces": 0}, "not 0 times"),
-        ({"glossy_bounces": 1}, "not 1 times"),
         ({"pixel_filter_type": "GAUSSIAN"}, "Gaussian"),
         ({"filter_width": 4.0}, "4 wide"),
         ({"pixel_aspect_x": 2.0}, "not square"),
@@ -114,6 +112,22 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
 def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: str) -> None:
     (sentence,) = told(**changed)
     assert word in sentence
+
+
+def test_bounces_are_limited_as_in_cycles() -> None:
+    """Cycles lights what lies behind so many bounces; ours end there, so each limit is one more."""
+
+    def depths(**changed: Any) -> dict[str, int]:
+        return cycles.depths_of(scene(**changed)[0])
+
+    assert depths() == {"diffuse_depth": 5, "glossy_depth": 5, "transmission_depth": 13, "transparency_depth": 8}
+    few = {"diffuse_bounces": 0, "glossy_bounces": 12, "transmission_bounces": 1024, "transparent_max_bounces": 0}
+    assert depths(**few) == {"diffuse_depth": 1, "transmission_depth": 13, "transparency_depth": 1}
+    assert depths(engine="BLENDER_EEVEE_NEXT") == {}
+    most = depths(max_bounces=1024, transmission_bounces=1024, transparent_max_bounces=1024)
+    assert (most["transmission_depth"], most["transparency_depth"]) == (1024, 1024)
+    assert set(most) <= set(OPTIONAL)
+    assert not told(diffuse_bounces=0, glossy_bounces=1, transmission_bounces=2, transparent_max_bounces=1)
 
 
 @pytest.mark.parametrize("engine", ["BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH"])

@@ -67,6 +67,52 @@ def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
+def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
+    """Panes of a refractive index of 1 reflect nothing: each takes two transmissions. Rough ones count in max_depth, too."""
+    clear = panes(4, replace(GLASS, ior=1.0))
+    assert mean(clear, 4, transmission_depth=8) == pytest.approx(1.0, abs=1e-3)
+    assert mean(clear, 4, transmission_depth=7) == 0.0
+    assert mean(clear, 4, transmission_depth=8, max_depth=2) == pytest.approx(1.0, abs=1e-3)
+    rough = panes(4, replace(GLASS, ior=1.0, roughness=0.5))
+    assert mean(rough, 4, transmission_depth=7, glossy_depth=1, max_depth=64) == 0.0
+    assert mean(rough, 4, transmission_depth=8, glossy_depth=1, max_depth=64) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("integrator", ["path", "direct", "whitted", "ao"])
+def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: str) -> None:
+    """A path that passes 5 layers to the wall leaves its shadow rays 5 of 10 to pass on their way to the light."""
+    five = layers(5, alpha_mode="blend")
+    asked = {"integrator": integrator, **({"ao_distance": 9.0} if integrator == "ao" else {})}
+    lit = 1.0 if integrator == "ao" else LIT
+    assert mean(five, 16, transparency_depth=10, **asked) == pytest.approx(lit, rel=1e-3)
+    if integrator != "ao":  # its rays leave sideways, and only some of them through all layers
+        assert mean(five, 16, transparency_depth=9, **asked) == 0.0
+    assert mean(five, 16, transparency_depth=4, **asked) == 0.0
+
+
+def test_what_is_behind_so_many_layers_as_the_limit_is_seen() -> None:
+    sky = replace(layers(5, alpha_mode="blend"), lights=[], environment=Environment(color=gray(1.0)))
+    sky.instances.pop()  # the wall
+    assert mean(sky, 4, transparency_depth=5) == pytest.approx(1.0, abs=1e-3)
+    assert mean(sky, 4, transparency_depth=4) == 0.0
+
+
+def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
+    """Half-clear layers before a white wall, all around white: light that shadow rays find, or reflected ones."""
+    room = layers(3, alpha_mode="mask")
+    room.materials[0] = replace(room.materials[0], opacity=0.5, alpha_mode="blend")
+    room = replace(room, lights=[], environment=Environment(color=gray(1.0)))
+    for depth in (3, 4, 5):
+        found = [mean(room, 256, transparency_depth=depth, sampling=how, max_depth=3) for how in ("mis", "light", "bsdf")]
+        assert found == pytest.approx([found[0]] * 3, rel=0.01)
+
+
+@pytest.mark.parametrize("medium", [{}, {"sigma_a": gray(1e-6)}], ids=["empty", "medium"])
+def test_boundaries_of_media_are_no_layers(medium: dict[str, object]) -> None:
+    boxes = panes(4, Material(kind="interface", **medium))
+    assert mean(boxes, 4, transparency_depth=1) == pytest.approx(1.0, abs=1e-3)
+
+
 def test_bounces_have_limits_by_kind() -> None:
     """In a closed white sphere of radiance 1 each diffuse bounce adds a reflectance of 0.5."""
     light = Material(base_color=gray(0.5), emission=gray(1.0), double_sided=True)

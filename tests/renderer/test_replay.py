@@ -94,6 +94,25 @@ def test_the_strategys_density_is_told(made):
     assert seen > 20
 
 
+@pytest.mark.parametrize(
+    ("material", "asked", "end"),
+    [
+        (Material(base_color=gray(1.0)), {"diffuse_depth": 2}, "diffuse"),
+        (Material(kind="mirror", base_color=gray(1.0)), {"glossy_depth": 2}, "glossy"),
+        (Material(kind="glass", base_color=gray(1.0), ior=1.0), {"transmission_depth": 1}, "transmission"),
+        (Material(opacity=0.0, alpha_mode="blend"), {"transparency_depth": 1}, "passed"),
+        (Material(kind="unlit"), {"diffuse_depth": 2}, "unlit"),
+        (Material(base_color=gray(1.0)), {"max_depth": 2, "diffuse_depth": 2}, "depth"),
+    ],
+)
+def test_the_limit_that_ended_a_path_is_told(material, asked, end):
+    """Within two spheres of one material; what passes the inner one ends at the outer."""
+    made = scene([material], spheres=(Sphere((0, 0, 0), 1.0, 0), Sphere((0, 0, 0), 2.0, 0)))
+    found = replay(made, settings((0, 0, 0), (0, 0, -1), 40, size=8, **{"max_depth": 64, **asked}), 3, 3, 0)
+    assert found.end == end
+    assert end in ENDS
+
+
 def test_a_bad_sample_has_no_value_but_a_path():
     made = scene([Material(base_color=gray(0.5))], (square((0, -50, -1), (99, 0, 0), (0, 50, 0), 0),), environment=1.0)
     poisoned = seal(made._replace(environment=np.full((1, 1, 3), np.nan, np.float32)))

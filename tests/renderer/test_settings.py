@@ -153,6 +153,15 @@ def test_a_colour_may_be_a_list_as_json_has_them():
     assert RenderSettings(8, 8, VIEW, ambient=[0.1, 0.2, 0.3]).ambient == (0.1, 0.2, 0.3)
 
 
+def test_a_setting_that_older_workers_do_not_know_is_told_only_where_it_is_asked_for() -> None:
+    """So a job of an older kind of worker goes on, and a stored one has the same fingerprint as a new one."""
+    assert "transparency_depth" not in RenderSettings(8, 8, VIEW).to_json()
+    asked = RenderSettings(8, 8, VIEW, transparency_depth=5)
+    assert asked.to_json()["transparency_depth"] == 5
+    assert RenderSettings.from_json(asked.to_json()) == asked
+    assert RenderSettings.from_json(RenderSettings(8, 8, VIEW).to_json()).transparency_depth == 0
+
+
 def test_settings_of_an_older_release_are_read():
     """It wrote null for a roulette by throughput, and knew nothing of its floor."""
     stored = RenderSettings(8, 8, VIEW).to_json() | {"roulette": None}

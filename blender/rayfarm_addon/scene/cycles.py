@@ -1,7 +1,8 @@
 """Warnings about Cycles settings that Rayfarm does not support, panel by panel, for the add-on and for .blend files.
 
 Settings without effect on the picture (devices, threads, BVH, path guiding, sample distribution) are in no table, nor are
-supported ones: size, border, frame rate, shutter and its position, path depth, subdivision, overrides, indirect-only objects.
+supported ones: size, border, frame rate, shutter and its position, bounces of each kind, subdivision, overrides,
+indirect-only objects.
 """
 
 from __future__ import annotations
@@ -9,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-__all__ = ["Flags", "takes_time", "tell_material", "tell_passes", "tell_settings", "tell_volumes"]
+__all__ = ["Flags", "depths_of", "takes_time", "tell_material", "tell_passes", "tell_settings", "tell_volumes"]
 
 Warn = Callable[[str], None]
 ENGINES = ("CYCLES", "RAYFARM")  # for others Cycles' settings mean nothing
 FEW = 4  # bounces, as Cycles has them unless told: more than these add little
-PANES = 8  # and so many transparent surfaces
+MOST_DEPTH = 1024
 USUAL_CLAMP = 10.0
 USUAL_WIDTH = 1.5
 NEAR = 1e-3
@@ -48,8 +49,7 @@ def _other_than(*usual: Any) -> Callable[[Any], bool]:
 
 ROWS = (
     # Light Paths
-    _Row("cycles", "transmission_bounces", _below(PANES), "Light is refracted as often as it bounces, not {} times at most"),
-    _Row("cycles", "transparent_max_bounces", _below(PANES), "Light passes all transparent surfaces in its way, not {} at most"),
+    _Row("cycles", "transparent_max_bounces", _below(1), "Light passes one transparent surface, where Blender lets it pass {}"),
     _Row("cycles", "sample_clamp_direct", _above(0.0), "Light that comes straight from lights is not clamped at {:g}"),
     _Row("cycles", "blur_glossy", _above(1.0), "Caustics are sharp, not blurred (Filter Glossy is {:g} in Blender)"),
     _Row("cycles", "caustics_reflective", _off, "Mirrors light what is around them (reflective caustics are off in Blender)"),
@@ -98,6 +98,23 @@ def _is_curved(shutter: Any) -> bool:
     return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
 
 
+def depths_of(scene: Any) -> dict[str, int]:
+    """Returns the settings of a request by which bounces of each kind and transparent surfaces are limited as in Cycles.
+
+    Cycles lights what a path meets after so many bounces, so a path ends at the surface after that. Limits that the total number
+    of bounces makes superfluous are left out; smooth transmissions are not in that total.
+    """
+    cycles = getattr(scene, "cycles", None) if scene.render.engine in ENGINES else None
+    if cycles is None:
+        return {}
+    found = {"transmission_depth": min(cycles.transmission_bounces, cycles.max_bounces) + 1}
+    for kind in ("diffuse", "glossy"):
+        if (most := getattr(cycles, f"{kind}_bounces")) < cycles.max_bounces:
+            found[f"{kind}_depth"] = most + 1
+    found["transparency_depth"] = max(cycles.transparent_max_bounces, 1)
+    return {name: min(int(depth), MOST_DEPTH) for name, depth in found.items()}
+
+
 def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filter: bool) -> None:
     """Warns about a scene's settings.
 
@@ -117,9 +134,6 @@ def tell_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_filt
         warn("Pixels that are not square are rendered as square ones")
     if cycles is None:
         return
-    least = min(cycles.diffuse_bounces, cycles.glossy_bounces, FEW)
-    if least < min(cycles.max_bounces, FEW):
-        warn(f"Light bounces up to {cycles.max_bounces} times between all kinds of surface, not {least} times between some")
     if not is_clamped and cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
         warn(f"Bounced light is not clamped at {cycles.sample_clamp_indirect:g}")
     if not has_filter:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ..farm.asked import Asked, Light
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
-from ..scene.cycles import takes_time
+from ..scene.cycles import depths_of, takes_time
 from ..scene.files import FPS, MAIN, scene_files
 from ..scene.gather import beyond, gather, over_the_shutter
 from ..scene.ids import Ids, ids_of
@@ -37,9 +37,10 @@ class Picture:
     warnings: list[str]
 
 
-def requested(settings: Any, spp: int) -> dict[str, Any]:
-    """Returns the part of a request that comes from the user's settings."""
-    found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter}
+def requested(scene: Any, spp: int) -> dict[str, Any]:
+    """Returns the part of a request that comes from the user's settings of a scene."""
+    settings = scene.rayfarm
+    found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter, **depths_of(scene)}
     return found | ({"clamp_indirect": settings.clamp} if settings.clamp > 0 else {})
 
 
@@ -94,7 +95,7 @@ def picture_of(
             f"The picture has {shot.width:,} x {shot.height:,} pixels; the farm's have at most {LARGEST:,} along each side. "
             "Lower the resolution, or render a region of it."
         )
-    request = requested(settings, settings.samples) | {"width": shot.width, "height": shot.height}
+    request = requested(blender, settings.samples) | {"width": shot.width, "height": shot.height}
     request |= {"priority": settings.priority} | ({"noise": settings.noise} if settings.use_noise else {})
     moves = False
     if length:

@@ -157,8 +157,7 @@ class Viewport:
         except ValueError as error:
             self._error = str(error)
             return
-        settings = depsgraph.scene.rayfarm
-        asked = requested(settings, settings.view_samples)
+        asked = requested(depsgraph.scene, depsgraph.scene.rayfarm.view_samples)
         asked |= {"view": shot.view, "width": shot.width, "height": shot.height}
         if asked != self._asked:
             self._asked = asked

@@ -10,8 +10,11 @@ USUAL_CLAMP, MOST_CLAMP = 10.0, 1e9  # of which the former is not taken over: no
 SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
-def settings_of(scene: Any, layer: Any) -> dict[str, Any]:
-    """Size, depth, shutter, and what of clamping and of the pixel filter is as in Cycles."""
+def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
+    """Returns size, depths, shutter, and what of clamping and of the pixel filter is as in Cycles.
+
+    known: as for `note_settings`.
+    """
     render = scene.render
     part = render.resolution_percentage / 100
     found: dict[str, Any] = {
@@ -21,7 +24,7 @@ def settings_of(scene: Any, layer: Any) -> dict[str, Any]:
     cycles = getattr(scene, "cycles", None)
     if render.engine == "CYCLES" and cycles is not None:
         found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # their first bounce is what a camera's hit is lit by
-        found["transmission_depth"] = min(max(int(getattr(cycles, "transmission_bounces", 12)), 1), 1024)
+        found |= known.depths_of(scene) if known is not None else {}
         if cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
             found["clamp_indirect"] = min(float(cycles.sample_clamp_indirect), MOST_CLAMP)
         if cycles.pixel_filter_type == "BOX":

@@ -49,11 +49,12 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     layer = bpy.context.view_layer
-    settings = settings_of(scene, layer) if has_settings else {}
+    known = modules_of(addon) if addon is not None else None
+    cycles = getattr(known, "cycles", None)
+    settings = settings_of(scene, layer, cycles) if has_settings else {}
     exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
-    known = modules_of(addon) if addon is not None else None
-    note_settings(bpy.data.scenes, scene, layer, notes, getattr(known, "cycles", None))
+    note_settings(bpy.data.scenes, scene, layer, notes, cycles)
     shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)

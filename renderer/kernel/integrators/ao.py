@@ -11,8 +11,9 @@ from renderer.absent import where_present
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import is_blocked, layers_left
 from renderer.kernel.integrators.record import DIRECT, record_light, record_miss, record_surface
-from renderer.kernel.integrators.state import camera_path, with_throughput
+from renderer.kernel.integrators.state import camera_path, passed_through, with_throughput
 from renderer.kernel.integrators.transport import forget_first_hit, keep_first_hit, reach
 from renderer.kernel.integrators.visibility import transmittance
 from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
@@ -29,6 +30,7 @@ _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
 _FAR = np.float32(1e18)
 _WHITE = (_ONE, _ONE, _ONE)
+_BLACK = (_ZERO, _ZERO, _ZERO)
 
 
 @template
@@ -57,8 +59,12 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
         if passed < len(log):
             record_surface(log, passed, surface, through, hit.t, with_throughput(path, throughput))
         if through:
+            if is_blocked(scene, surface.material, path.counts, options):
+                radiance = _BLACK
+                break
             if scene.has.textures is not None:
                 after = hit.t, hit.instance, hit.primitive
+            path = passed_through(scene, surface, path)
             passed += 1
             continue
         s, t, n = shading_frame(scene, surface, vec.neg(path.d), time)
@@ -69,7 +75,7 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
         start = departure(surface, True, towards)
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1
-        open_sky = transmittance(scene, stack, start, end, options.transparent, time)
+        open_sky = transmittance(scene, stack, start, end, options.transparent, layers_left(path.counts, options), time)
         radiance = (open_sky, open_sky, open_sky)
         if passed < len(log):
             record_light(log, passed, DIRECT, radiance)

@@ -1,8 +1,8 @@
-"""Limits on a path's bounces by kind, in addition to the limit on its segments; for one path or for eight lanes.
+"""Limits on what a path does at surfaces, by kind, besides the limit on its segments; for one path or for eight lanes.
 
-A bounce is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; glossy if it is greater, or if the
-direction is discrete, as for a mirror. Smooth transmission has a count of its own (`is_counted` of state.py), and vertices in a
-medium have none. Both counts are packed in one float32.
+A path counts its reflections, which are diffuse or glossy, its transmissions, and the surfaces that it passes by their alpha. A
+reflection is diffuse if its pdf is at most the maximum of a cosine lobe, 1 / pi per steradian; glossy if it is greater, or if the
+direction is discrete, as for a mirror. Vertices in a medium have no count, nor have boundaries of media and bodiless lamps.
 """
 
 from __future__ import annotations
@@ -11,28 +11,87 @@ import math
 
 import numpy as np
 
+from renderer.arrays.rows import INTERFACE, LAMP, TRANSPARENT
 from renderer.jit import device
-from renderer.wide.values import not_, to_float, to_int, where
+from renderer.wide.values import lookup, not_, u32, where
 
-__all__ = ["bounced", "spent"]
+__all__ = [
+    "DIFFUSE_LIMIT",
+    "GLOSSY_LIMIT",
+    "NO_COUNTS",
+    "TRANSMISSION_LIMIT",
+    "bounced",
+    "is_blocked",
+    "is_layer",
+    "layers_left",
+    "limit_of",
+    "spent",
+    "with_layer",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_DIFFUSE = np.float32(1.0001 / math.pi)
-_GLOSSY = np.float32(2048.0)  # more than a path has bounces
-_PER_GLOSSY = np.float32(1.0 / 2048.0)
+_NONE = np.uint32(0)
+_LAMBERT = np.float32(1.0001 / math.pi)
+_INTERFACE, _KINDS_OF_PASSING, _TRANSPARENT = np.uint32(INTERFACE), np.uint32(LAMP | TRANSPARENT), np.uint32(TRANSPARENT)
+NO_COUNTS = (_ZERO, _ZERO, _ZERO, _ZERO)  # diffuse, glossy, transmissions, surfaces passed by alpha
+DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT = 1.0, 2.0, 3.0
 
 
 @device
-def bounced(counts, reflected, pdf):
-    """Returns the counts after a bounce that `is_counted`. pdf: of the whole material; 0 for a discrete direction."""
-    is_glossy = (pdf > _DIFFUSE) | ((pdf == _ZERO) & reflected)
-    is_diffuse = (pdf > _ZERO) & not_(is_glossy)
-    return counts + where(is_glossy, _GLOSSY, where(is_diffuse, _ONE, _ZERO))
+def bounced(counts, left, reflected, pdf):
+    """Returns the counts after a bounce.
+
+    left: whether it left its facet; pdf: of the whole material; 0 for a discrete direction.
+    """
+    diffuse, glossy, transmitted, layers = counts
+    is_glossy = reflected & ((pdf > _LAMBERT) | (pdf == _ZERO))
+    is_diffuse = reflected & not_(is_glossy)
+    return (
+        diffuse + where(left & is_diffuse, _ONE, _ZERO),
+        glossy + where(left & is_glossy, _ONE, _ZERO),
+        transmitted + where(left & not_(reflected), _ONE, _ZERO),
+        layers,
+    )
 
 
 @device
 def spent(counts, options):
-    """Whether a limit is reached: the path ends at the next surface, after adding its emission."""
-    glossy = to_float(to_int(counts * _PER_GLOSSY))
-    return (counts - glossy * _GLOSSY >= options.diffuse_depth) | (glossy >= options.glossy_depth)
+    """Whether a limit on bounces is reached: the path ends at the next surface, after adding its emission."""
+    diffuse, glossy, transmitted, _ = counts
+    return (diffuse >= options.diffuse_depth) | (glossy >= options.glossy_depth) | (transmitted >= options.transmission_limit)
+
+
+@device
+def limit_of(counts, options):
+    """Returns the limit by which one path is `spent`; 0: none."""
+    diffuse, glossy, transmitted, _ = counts
+    limit = TRANSMISSION_LIMIT if transmitted >= options.transmission_limit else 0.0
+    limit = GLOSSY_LIMIT if glossy >= options.glossy_depth else limit
+    return DIFFUSE_LIMIT if diffuse >= options.diffuse_depth else limit
+
+
+@device
+def is_layer(scene, material):
+    """Whether a surface that rays pass through counts: by its alpha, not as a boundary of media or a lamp without a body."""
+    flags = u32(lookup(scene.material_flags, material)) & _KINDS_OF_PASSING
+    return (flags == _TRANSPARENT) & (u32(lookup(scene.material_kind, material)) != _INTERFACE)
+
+
+@device
+def with_layer(scene, material, counts):
+    """Returns the counts after passing through a surface."""
+    diffuse, glossy, transmitted, layers = counts
+    return diffuse, glossy, transmitted, layers + where(is_layer(scene, material), _ONE, _ZERO)
+
+
+@device
+def layers_left(counts, options):
+    """Returns the number of layers that the path and its shadow rays may still pass; infinite without a limit."""
+    return options.transparency_depth - counts[3]
+
+
+@device
+def is_blocked(scene, material, counts, options):
+    """Whether the path ends at a surface that it would pass, because no more layers may be passed."""
+    return is_layer(scene, material) & (layers_left(counts, options) < _ONE)

@@ -14,7 +14,7 @@ from renderer.arrays.rows import MEDIUM, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.integrators.depths import spent
+from renderer.kernel.integrators.depths import is_blocked, layers_left, spent
 from renderer.kernel.integrators.inside import fly, may_go_within, scattered_within, vertex_in_medium
 from renderer.kernel.integrators.mixture import mixture_bounce
 from renderer.kernel.integrators.record import (
@@ -32,9 +32,9 @@ from renderer.kernel.integrators.state import (
     MAX_AGAIN,
     beyond,
     camera_path,
+    passed_through,
     scattered,
     vertex_at,
-    with_nest,
     with_radiance,
     with_throughput,
 )
@@ -44,7 +44,6 @@ from renderer.kernel.integrators.visibility import light_left, transmittance
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
-from renderer.kernel.medium.nesting import crossed
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
 from renderer.kernel.surface.departure import departure
@@ -133,9 +132,11 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
                 if row < len(log):
                     record_light(log, row, EMITTED, path.radiance)
                 passed += 1
+                if is_blocked(scene, surface.material, path.counts, options):
+                    break
                 if scene.has.textures is not None:
                     after = hit.t, hit.instance, hit.primitive
-                path = _past(scene, surface, path)
+                path = passed_through(scene, surface, path)
                 continue
             vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
         if number == 0:
@@ -174,14 +175,6 @@ def _follow(scene, stack, path, number, passed, time, options, stream, log, firs
         if number - path.depth > options.transmission_depth + MAX_AGAIN:
             break
     return path, splits, other, passed_before, rays
-
-
-@template
-def _past(scene, surface, path):
-    """Returns the path beyond a surface that it passes through unchanged."""
-    if scene.has.media is not None:
-        path = with_nest(path, crossed(scene, path.nest, surface.material, surface.front))
-    return path
 
 
 @template
@@ -273,12 +266,12 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, numbers, ti
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                left = _BLACK
+                left, layers = _BLACK, layers_left(path.counts, options)
                 if scene.has.media is not None:
                     nest = path.nest if wi[2] > _ZERO else beyond(scene, vertex, path.nest)
-                    left = light_left(scene, stack, start, light.end, nest, time)
+                    left = light_left(scene, stack, start, light.end, nest, layers, time)
                 else:
-                    share = transmittance(scene, stack, start, light.end, options.transparent, time)
+                    share = transmittance(scene, stack, start, light.end, options.transparent, layers, time)
                     left = share, share, share
                 if vec.maximum(left) > _ZERO:
                     found_by = np.float32(options.splitting if number == 0 else 1) * scatter_pdf

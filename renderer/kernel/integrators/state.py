@@ -9,7 +9,7 @@ import numpy as np
 from renderer.arrays.rows import MEDIUM
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.integrators.depths import bounced
+from renderer.kernel.integrators.depths import NO_COUNTS, bounced, with_layer
 from renderer.kernel.integrators.roulette import worth_after
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
@@ -26,9 +26,9 @@ __all__ = [
     "beyond",
     "camera_path",
     "is_counted",
+    "passed_through",
     "scattered",
     "vertex_at",
-    "with_nest",
     "with_radiance",
     "with_throughput",
 ]
@@ -54,7 +54,7 @@ class Path(NamedTuple):
     radiance: tuple[float, float, float]  # found so far
     worth: float  # factor from its throughput to its importance for the pixel (roulette.py)
     depth: int  # counted segments so far
-    counts: float  # its bounces by kind (depths.py)
+    counts: tuple[float, float, float, float]  # of what it did at surfaces, by kind (depths.py)
     nest: Any  # media that contain it (kernel/medium/nesting.py); None for a scene without media
 
 
@@ -71,7 +71,7 @@ class Vertex(NamedTuple):
 @device
 def camera_path(o, d, nest):
     """Returns a path that starts at the camera's point o in the unit direction d."""
-    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, _ZERO, nest)
+    return Path(o, d, o, _EVERY_SIDE, _ZERO, _WHITE, _BLACK, _ONE, _NONE, NO_COUNTS, nest)
 
 
 @device
@@ -111,8 +111,11 @@ def with_radiance(path, radiance):
 
 
 @device
-def with_nest(path, nest):
-    """Returns the path in another nest of media."""
+def passed_through(scene, surface, path):
+    """Returns the path beyond a surface that it passes through unchanged."""
+    nest = path.nest
+    if scene.has.media is not None:
+        nest = crossed(scene, nest, surface.material, surface.front)
     return Path(
         path.o,
         path.d,
@@ -123,7 +126,7 @@ def with_nest(path, nest):
         path.radiance,
         path.worth,
         path.depth,
-        path.counts,
+        with_layer(scene, surface.material, path.counts),
         nest,
     )
 
@@ -154,14 +157,13 @@ def vertex_at(scene, surface, path, stream, number, layers, time):
 
 
 @device
-def is_counted(surface, reflected, d, pdf, options):
-    """Whether a segment of direction d, sampled with that pdf, counts towards the depth. For one path or for eight lanes.
+def is_counted(has_left, reflected, pdf, options):
+    """Whether a segment, sampled with that pdf, counts towards the depth. For one path or for eight lanes.
 
-    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. A ray that hits
-    its own facet again, which bent normals can cause, has not left the vertex and is not counted; otherwise white objects would
-    darken towards their silhouettes at low depths.
+    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: as
+    `leaves` returns (surface/departure.py). A ray that hits its own facet again, which bent normals can cause, has not left the
+    vertex and is not counted; otherwise white objects would darken towards their silhouettes at low depths.
     """
-    has_left = leaves(surface, reflected, d)
     is_clear = (pdf == _ZERO) & not_(reflected)
     return where(options.transmission_depth > 0, has_left & not_(is_clear), has_left)
 
@@ -175,10 +177,11 @@ def scattered(scene, vertex, path, number, wi, weight, pdf, eta2, branches, opti
     s, t, n = vertex.frame
     d = vec.to_world(s, t, n, wi)
     reflected = wi[2] > _ZERO
-    counted = is_counted(vertex.surface, reflected, d, pdf, options)
+    has_left = leaves(vertex.surface, reflected, d)
+    counted = is_counted(has_left, reflected, pdf, options)
     counts = path.counts
-    if counted and vertex.material.kind != MEDIUM:
-        counts = bounced(counts, reflected, pdf / branches)
+    if vertex.material.kind != MEDIUM:
+        counts = bounced(counts, has_left, reflected, pdf / branches)
     return Path(
         departure(vertex.surface, reflected, d),
         d,

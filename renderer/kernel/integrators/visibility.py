@@ -9,6 +9,7 @@ import numpy as np
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, any_hit, closest_hit, shadow_root
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import is_layer
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.nesting import coefficients, crossed
@@ -30,8 +31,8 @@ def _towards(start, end):
 
 
 @subroutine
-def _through(scene, stack, start, end, time):
-    """Returns the product of the surfaces' transparencies, 1 - alpha, between the two points."""
+def _through(scene, stack, start, end, layers, time):
+    """Returns the product of the surfaces' transparencies, 1 - alpha, between the two points; 0 beyond that many layers."""
     out_of_line()
     left = _ONE
     d, distance = _towards(start, end)
@@ -42,16 +43,18 @@ def _through(scene, stack, start, end, time):
             return left
         surface = surface_at(scene, start, d, hit)
         left *= _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
-        if not left > _ZERO:
+        if is_layer(scene, surface.material):
+            layers -= _ONE
+        if not left > _ZERO or layers < _ZERO:
             return _ZERO
         after = hit.t, hit.instance, hit.primitive
 
 
 @subroutine
-def light_left(scene, stack, start, end, nest, time):
+def light_left(scene, stack, start, end, nest, layers, time):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
-    nest: media that contain the first point (kernel/medium/nesting.py); time: as for `closest_hit`.
+    nest: media that contain the first point (kernel/medium/nesting.py); layers, time: as for `transmittance`.
     """
     out_of_line()
     left = (_ONE, _ONE, _ONE)
@@ -66,20 +69,22 @@ def light_left(scene, stack, start, end, nest, time):
         surface = surface_at(scene, start, d, hit)
         faint = _ONE - opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
         left = vec.scale(left, faint)
-        if not vec.maximum(left) > _ZERO:
+        if is_layer(scene, surface.material):
+            layers -= _ONE
+        if not vec.maximum(left) > _ZERO or layers < _ZERO:
             return _BLACK
         nest = crossed(scene, nest, surface.material, surface.front)
         after = hit.t, hit.instance, hit.primitive
 
 
 @device
-def transmittance(scene, stack, start, end, transparent, time=None):
+def transmittance(scene, stack, start, end, transparent, layers, time=None):
     """Returns the fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
     transparent: whether any material in the scene is transparent by its alpha; if not, a single shadow ray is traced.
-    time: as for `closest_hit`.
+    layers: number of such surfaces that the light passes at most, float32; infinite: no limit. time: as for `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
-        return _through(scene, stack, start, end, time)
+        return _through(scene, stack, start, end, layers, time)
     way = vec.sub(end, start)
     return _ZERO if any_hit(scene.bvh, stack, start, way, _ONE, time, shadow_root(scene.bvh)) else _ONE

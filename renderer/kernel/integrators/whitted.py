@@ -17,10 +17,12 @@ from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import is_blocked, layers_left
 from renderer.kernel.integrators.record import DIRECT, EMITTED, record_light, record_miss, record_surface
 from renderer.kernel.integrators.state import (
     MAX_AGAIN,
     camera_path,
+    passed_through,
     scattered,
     vertex_at,
     with_radiance,
@@ -163,8 +165,11 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
             if row < len(log):
                 record_light(log, row, EMITTED, path.radiance)
             passed += 1
+            if is_blocked(scene, surface.material, path.counts, options):
+                break
             if scene.has.textures is not None:
                 after = hit.t, hit.instance, hit.primitive
+            path = passed_through(scene, surface, path)
             continue
 
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)
@@ -216,7 +221,8 @@ def _add_direct(scene, stack, vertex, path, number, options, stream, time):
             if vec.maximum(f) > _ZERO:
                 start = departure(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
-                weight = transmittance(scene, stack, start, light.end, options.transparent, time)
+                left = layers_left(path.counts, options)
+                weight = transmittance(scene, stack, start, light.end, options.transparent, left, time)
                 weight /= light.pdf * np.float32(count)
                 if options.mistake != NO_MISTAKE:
                     weight *= mistaken(options.mistake, surface.point, light.end)

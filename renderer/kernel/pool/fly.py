@@ -118,7 +118,7 @@ def fly(scene, pool, lists, options):
                 _keep_first(pool, rows, first, point, albedo, end)
             over = depth + _ONE >= np.float32(options.max_depth)
             if options.has_depths:
-                over = over | spent(few(pool, rows, COUNTS, 1)[0], options)
+                over = over | spent(few(pool, rows, COUNTS, 4), options)
             which = where(over, _OVER, none + _IN_MEDIUM)
             _keep_vertices(pool, where(flight.scatters, rows, SPARE), point, wo, g, which)
         distance = where(flight.scatters, end, met[0])

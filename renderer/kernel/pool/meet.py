@@ -33,7 +33,7 @@ from renderer.kernel.pool.lists import (
     put,
     row,
 )
-from renderer.kernel.pool.rows import BEHIND, CARRIED, HIT, LAMP, RAY, SHADOW, at, few, read, time_of, write
+from renderer.kernel.pool.rows import BEHIND, CARRIED, HIT, LAMP, LAYERS, RAY, SHADOW, at, few, read, time_of, write
 from renderer.kernel.pool.shade import walk_in_shade
 from renderer.kernel.pool.walk import walk
 from renderer.kernel.pool.ways import BEST, BLOCKED, TOP, set_out, three, whole
@@ -134,12 +134,14 @@ def _light_through(scene, alone, pool, lists, options):
     for k in range(length(lists, WAITING)):
         path = row(lists, WAITING, k)
         start, end, time = three(pool, at(path, SHADOW)), three(pool, at(path, _END)), time_of(scene.has.motion, pool, path)
-        brought = three(pool, at(path, LAMP))
+        brought, layers = three(pool, at(path, LAMP)), options.transparency_depth
+        if options.has_depths:
+            layers -= pool[at(path, LAYERS)]
         if scene.has.media is not None:
-            share = light_left(scene, alone, start, end, u32(load_int(pool, at(path, _BEGINS_IN))), time)
+            share = light_left(scene, alone, start, end, u32(load_int(pool, at(path, _BEGINS_IN))), layers, time)
             brought, share = vec.mul(brought, share), vec.maximum(share)
         else:
-            share = transmittance(scene, alone, start, end, True, time)
+            share = transmittance(scene, alone, start, end, True, layers, time)
             brought = vec.scale(brought, share)
         if share > _ZERO:
             brought = limited(brought, pool[at(path, _SEGMENTS)], options.clamp)

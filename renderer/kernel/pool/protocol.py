@@ -7,6 +7,7 @@ import numpy as np
 from renderer.bvh.simd import load_int
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
+from renderer.kernel.integrators.depths import NO_COUNTS, limit_of
 from renderer.kernel.integrators.record import (
     ARRIVED,
     BROUGHT,
@@ -14,6 +15,7 @@ from renderer.kernel.integrators.record import (
     LAMP_AT,
     LAMP_PDF,
     LAMP_SHARE,
+    LIMIT,
     OWN_SHARE,
     SCATTERED,
     SURVIVAL,
@@ -26,7 +28,7 @@ from renderer.kernel.integrators.record import (
 )
 from renderer.kernel.integrators.state import Path
 from renderer.kernel.pool.lists import ACTIVE, DRIFTING, LIT, MISSED, SCATTERING, WITHIN, length, row
-from renderer.kernel.pool.rows import CARRIED, FRAME, HIT, LAMP, PLACE, RAY, SAMPLE, SHADOW
+from renderer.kernel.pool.rows import CARRIED, COUNTS, FRAME, HIT, LAMP, LAYERS, PLACE, RAY, SAMPLE, SHADOW
 from renderer.kernel.pool.ways import three
 from renderer.kernel.surface.surface import NO_LIGHT, NO_OBJECT, Surface
 from renderer.wide.values import u32
@@ -56,7 +58,7 @@ def _path(pool, radiance):
         radiance,
         pool[RAY + np.uintp(7)],
         np.int64(pool[CARRIED + np.uintp(3)]),
-        _ZERO,
+        NO_COUNTS,
         None,
     )
 
@@ -104,7 +106,7 @@ def followed(pool, lists, log):
 
 
 @subroutine
-def record_arrival(pool, lists, log, number, passed, before):
+def record_arrival(pool, lists, log, number, passed, before, options):
     """Records where the path's ray ended, after surfaces were processed.
 
     number, passed: from `followed`; before: the path's radiance before that.
@@ -122,6 +124,9 @@ def record_arrival(pool, lists, log, number, passed, before):
     log[number, OWN_SHARE] = pool[HIT + np.uintp(7)]
     log[number, TIME] = pool[_TIME]
     log[number, TOLD] = ARRIVED
+    if options.has_depths:
+        counts = pool[COUNTS], pool[COUNTS + np.uintp(1)], pool[COUNTS + np.uintp(2)], pool[LAYERS]
+        log[number, LIMIT] = limit_of(counts, options)
     record_light(log, number, np.int64(EMITTED), three(pool, CARRIED))
 
 

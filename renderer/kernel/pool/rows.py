@@ -23,6 +23,7 @@ __all__ = [
     "FRAME",
     "HIT",
     "LAMP",
+    "LAYERS",
     "MAPPED",
     "MATTER",
     "NEST",
@@ -77,10 +78,11 @@ MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side o
 WAY = np.uintp(104)
 # Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
 NEST = np.uintp(136)
-# Only where bounces by kind are limited (integrators/depths.py):
+# Only where bounces of some kind or layers are limited: the counts of integrators/depths.py, 4, the last of layers
 COUNTS = np.uintp(137)
+LAYERS = np.uintp(140)
 # Only where there are media: distance of the surface that the ray passed through last; 0: none
-BEHIND = np.uintp(138)
+BEHIND = np.uintp(141)
 ROW = np.uintp(144)  # not a power of two, which would map all rows' groups to the same cache sets
 
 

@@ -65,7 +65,7 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.departure import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import as_floats, as_ints, nil, to_int, where
 
@@ -229,13 +229,13 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
                 begins_in = as_floats(where(wi[2] > _ZERO, nest, through))
             write(pool, rows, LAMP, (*brought, depth + _TWO, balance, light_pdf, begins_in, none))
 
-        counted = is_counted(surface, reflected, d, pdf, options)
-        depth = where(counted, depth + _ONE, depth)
-        counts = none
+        has_left = leaves(surface, reflected, d)
+        depth = where(is_counted(has_left, reflected, pdf, options), depth + _ONE, depth)
+        counts = none, none, none, none
         if options.has_depths:
-            counts = few(pool, rows, COUNTS, 1)[0]
+            counts = few(pool, rows, COUNTS, 4)
             if is_surface is not None:
-                counts = where(counted, bounced(counts, reflected, whole_pdf), counts)
+                counts = bounced(counts, has_left, reflected, whole_pdf)
         throughput = vec.mul(throughput, weight)
         worth = worth_after(ray[7], number, weight, eta2)
         chance = survival(throughput, worth, depth, options, ON_SURFACES if is_surface is not None else IN_MEDIA)
@@ -250,9 +250,9 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
             rx = ry = rz = none
         if scene.has.media is not None:
             goes_in = as_floats(where(reflected, nest, through))
-            write(pool, rows, NEST, (goes_in, counts, none, none, none, none, none, none))
+            write(pool, rows, NEST, (goes_in, *counts, none, none, none))
         elif options.has_depths:
-            write(pool, rows, NEST, (none, counts, none, none, none, none, none, none))
+            write(pool, rows, NEST, (none, *counts, none, none, none))
         write(pool, rows, RAY, (*o, *d, pdf, worth))
         write(pool, rows, CARRIED, (rx, ry, rz, depth, *throughput, number + _ONE))
         write(pool, rows, SHADOW, (*start, *end, waits, goes_on))

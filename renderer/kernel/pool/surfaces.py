@@ -9,7 +9,7 @@ from renderer.bvh.traverse import Hit
 from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.kernel.integrators.depths import spent
+from renderer.kernel.integrators.depths import is_blocked, spent, with_layer
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
@@ -172,6 +172,23 @@ def _list_of(scene, material, kind, roughness):
     return which
 
 
+@device
+def _beyond(scene, pool, rows, surface, through, options):
+    """Writes the nest of media and the counts of paths beyond the surfaces that they pass through.
+
+    Returns a mask of those that may pass no more layers.
+    """
+    nest, diffuse, glossy, transmitted, layers = few(pool, rows, NEST, 5)
+    counts = diffuse, glossy, transmitted, layers
+    layers = where(through, with_layer(scene, surface.material, counts)[3], layers)
+    if scene.has.media is not None:
+        within = as_ints(nest)
+        nest = as_floats(where(through, crossed(scene, within, surface.material, surface.front), within))
+    none = nil(nest)
+    write(pool, rows, NEST, (nest, diffuse, glossy, transmitted, layers, none, none, none))
+    return is_blocked(scene, surface.material, counts, options)
+
+
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
     """Processes the surfaces that the paths on one list have hit."""
@@ -210,7 +227,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
 
         over = unlit | (depth + _ONE >= np.float32(options.max_depth))
         if options.has_depths:
-            over = over | spent(few(pool, rows, COUNTS, 1)[0], options)
+            over = over | spent(few(pool, rows, COUNTS, 4), options)
         which_next = _list_of(scene, surface.material, kind, roughness)
         if scene.has.media is not None:
             within = (u32(lookup(scene.material_flags, surface.material)) & _SCATTERS_WITHIN) != _NONE
@@ -219,14 +236,12 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         point = surface.point
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
-            which_next = where(through, _THROUGH, which_next)
+            if scene.has.media is not None or options.has_depths:
+                ends = _beyond(scene, pool, rows, surface, through, options)
+                which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
+            else:
+                which_next = where(through, _THROUGH, which_next)
             point = where3(through, few(pool, rows, PLACE, 3), point)  # keeps the last vertex
-            if scene.has.media is not None:
-                nest, counts = few(pool, rows, NEST, 2)
-                nest = as_ints(nest)
-                goes_in = where(through, crossed(scene, nest, surface.material, surface.front), nest)
-                none = nil(pdf)
-                write(pool, rows, NEST, (as_floats(goes_in), counts, none, none, none, none, none, none))
         if scene.has.textures is not None or is_recorded:  # and bodies that light goes through ask for their numbers
             write(
                 pool,

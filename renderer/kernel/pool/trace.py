@@ -90,7 +90,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         miss(scene, paths, lists, options, len(log) > 0)
         arrive(scene, paths, lists, options, len(log) > 0)
         if row < len(log):
-            record_arrival(paths, lists, log, row, passed, before)
+            record_arrival(paths, lists, log, row, passed, before, options)
         if scene.has.media is not None:
             list_drifting(lists)
             scatter_within(scene, pool.alone, paths, lists, options)

@@ -32,7 +32,7 @@ function rows() {
   const row = (setting, part) => {
     const told = (/** @type {Job} */ job, /** @type {typeof valueText} */ tell) => {
       const values = part(job);
-      return values && setting.name in values ? tell(setting, values[setting.name]) : "";
+      return values ? tell(setting, setting.name in values ? values[setting.name] : setting.default) : "";
     };
     return { label: labelOf(setting), value: (job) => told(job, valueText), phrase: (job) => told(job, phraseOf) };
   };

@@ -261,6 +261,7 @@ FEATURES: dict[str, Feature] = {
     "a roulette that spares": _of(GRAY, roulette_floor=0.5, max_depth=20),
     "few diffuse bounces": _of(Material(**PBR, metallic=0.5, roughness=0.3), diffuse_depth=1),
     "few glossy bounces": _of(Material(**PBR, metallic=0.5, roughness=0.3), glossy_depth=1),
+    "few transmissions": _of(Material(**GLASS), transmission_depth=3),
     "a clamp": _of(Material(**GLASS), clamp_indirect=0.5),
     "independent numbers": _of(GRAY, sampler="independent", seed=7),
     "a box filter": _of(GRAY, filter="box"),
@@ -281,6 +282,7 @@ FEATURES: dict[str, Feature] = {
     "a mask": _of(Material(base_color_texture=0, alpha_mode="mask", alpha_cutoff=0.6)),
     "alpha at vertices": _feature(lambda: colored(room(Material(**BLEND)))),
     "cards": _feature(lambda: _behind_cards(6, opacity=0.3, **BLEND)),
+    "fewer cards than there are": _feature(lambda: _behind_cards(6, opacity=0.3, **BLEND), transparency_depth=4),
     "so many cards that nothing is left": _feature(lambda: _behind_cards(300, opacity=0.0, **BLEND)),
     "cards in one plane": _feature(lambda: _in_one_plane(3, opacity=0.4, double_sided=True, **BLEND)),
     "coloured glass": _of(Material(**GLASS, attenuation_color=(0.5, 0.9, 0.7), attenuation_distance=0.5)),
@@ -320,6 +322,9 @@ FEATURES: dict[str, Feature] = {
     ),
     "cards in fog": _feature(
         lambda: room(Material(), cards(4), materials=[_half_clear()], medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3))
+    ),
+    "few of anything in smoke": _of(
+        Material(kind="interface", sigma_a=gray(0.4), sigma_s=gray(1.0)), diffuse_depth=2, transparency_depth=1
     ),
     "milk in glass": _of(Material(**GLASS, sigma_s=(2.0, 3.0, 4.0), g=0.5), max_depth=12),
     "rough glass in haze": _feature(
