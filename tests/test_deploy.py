@@ -257,6 +257,6 @@ def test_the_cluster_scales_by_a_number_that_is_told() -> None:
     (trigger,) = scaling["spec"]["triggers"]
     shown = yaml.safe_load((CLUSTER / "autoscale" / "token.yaml").read_text())
     assert trigger["authenticationRef"]["name"] == shown["metadata"]["name"]
-    told = re.findall(r'"(rayfarm_\w+)"', (ROOT / "service" / "api" / "metrics.py").read_text())
+    told = re.findall(r'"(rayfarm_\w+)"', (ROOT / "service" / "routes" / "metrics.py").read_text())
     assert trigger["metadata"]["valueLocation"] in told
     assert scaling["spec"]["scaleTargetRef"]["name"] in [part["metadata"]["name"] for part in PARTS]
