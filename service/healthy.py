@@ -13,7 +13,7 @@ def main(port: int = 8000) -> int:
     """0 where it says that it is ready, or that it stands by."""
     try:
         with socket.create_connection(("127.0.0.1", port), PATIENCE_S) as service:
-            # Not HTTP/1.0, which the service takes for a trace of a proxy (service/api/client_address.py).
+            # Not HTTP/1.0, which the service takes for a trace of a proxy (service/http/client_address.py).
             service.sendall(b"GET /readyz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
             return int(b" 200 " not in service.recv(64))
     except OSError as error:

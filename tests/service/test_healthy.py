@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
-from service.api import gate
+from service.http import gate
 from tests.helpers import ROOT
 from tests.service.conftest import Service, until
 
