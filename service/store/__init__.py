@@ -1,1 +1,1 @@
-"""What is kept: rows in the database, blobs by hash, films with every sample once."""
+"""Storage: database rows, content-addressed blobs, and films in which each sample is stored once."""

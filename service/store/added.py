@@ -1,4 +1,4 @@
-"""The packed sums of a tile's rows, added up."""
+"""Adds up the packed sums of a tile's film rows."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ __all__ = ["added_up"]
 
 
 def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
-    """(CHANNELS, h, w) int64; of some planes alone where they are named: what the others hold means nothing. Raises FilmLost."""
+    """Returns the sum of a tile's packed rows, (CHANNELS, h, w) int64.
+
+    rows: packed sums as stored in the film. planes: channels to add; None: all. The contents of the other channels are undefined.
+    Raises FilmDamaged if `rows` is empty or a row cannot be unpacked.
+    """
     total: Sums | None = None
     for packed in rows:
         try:

@@ -1,4 +1,4 @@
-"""A frame of a film from the top, one row of tiles at a time: a frame of many pixels is never in memory as a whole."""
+"""Reads a film frame from top to bottom, one row of tiles at a time, so that a large frame is never in memory as a whole."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ IN_MEMORY_BYTES = 32 << 20
 
 
 def bands(film: Readable, frame: int, names: Sequence[str]) -> Iterator[F32]:
-    """The frame's values of `color` and AOVs side by side, (h, width, channels) float32; 0 where no sample is.
+    """Yields a frame as bands, one per row of tiles: (h, width, channels) float32, top to bottom.
 
-    Raises what a Film raises when it is read.
+    names: "color" and AOVs, whose values lie side by side in the last axis. Pixels of tiles without samples are 0.
+    Raises what the film raises when it is read.
     """
     wanted = sorted({plane for name in names for plane in aovs.planes(name)})
     size = sum(map(aovs.size, names))
@@ -49,7 +50,11 @@ def _means(sums: Sums, film_exponent: int, name: str) -> F32:
 
 
 def digest(film: Film, frame: int, folder: Path) -> str:
-    """renderer.film.digest of the whole frame. The hash wants plane after plane: they are laid out in a file in `folder`."""
+    """Returns `renderer.film.digest` of a whole frame.
+
+    The hash reads one plane after the other, so the planes are first written to a temporary file in `folder` (in memory below
+    IN_MEMORY_BYTES).
+    """
     with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
         for row, sums_of in _rows(film, frame, range(CHANNELS)):
             band = np.zeros((CHANNELS, row[0].h, film.width), "<i8")
@@ -63,12 +68,15 @@ def digest(film: Film, frame: int, folder: Path) -> str:
 
 
 def digest_memory(film: Film) -> int:
-    """About the most bytes that `digest` takes."""
+    """Returns the approximate peak memory of `digest`, in bytes."""
     return IN_MEMORY_BYTES + 2 * CHANNELS * film.tiles[0].h * film.width * 8
 
 
 def _rows(film: Readable, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
-    """For every row of tiles: its tiles, and those of them that have samples, with these planes of their sums."""
+    """Yields each row of tiles: all its tiles, and an iterator of (tile, sums) over the tiles that have samples.
+
+    planes: the channels of the sums to read.
+    """
     for _, group in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
         row = list(group)
         found = ((film.tiles[i], film.tile_planes(frame, i, planes)) for i in row)

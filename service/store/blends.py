@@ -1,6 +1,6 @@
-"""What Blender made of a scene's files: kept with the scene, and reused for the same files.
+"""Blender's export of a scene's files, stored with the scene and reused for other scenes with the same files.
 
-So what is rendered follows from the upload, whichever version of Blender a worker has by then.
+The rendered result therefore depends on the upload alone, not on the Blender version that a worker has later.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ __all__ = ["blend_of", "is_to_be_opened"]
 
 
 def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
-    """SceneInfo.blend of a scene: its own, else that of the upload that it is made of, or of another with these files."""
+    """Returns `SceneInfo.blend` of a scene, or None.
+
+    Looks at the scene itself, then at the upload it was derived from (`scene.of`), then at the oldest other scene with the same
+    files. None if the main file is no .blend, or if Blender has not exported these files yet.
+    """
     if not is_blend(scene.main):
         return None
     if found := _own(scene):
@@ -31,7 +35,7 @@ def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
 
 
 def is_to_be_opened(session: Session, scene: Scene) -> bool:
-    """Whether Blender has to open it first."""
+    """Whether Blender must export the scene's files before it can be compiled."""
     return is_blend(scene.main) and blend_of(session, scene) is None
 
 
@@ -41,5 +45,5 @@ def _own(scene: Scene) -> dict[str, Any] | None:
 
 
 def _files(scene: Scene) -> set[tuple[str, str]]:
-    """But for what lights it."""
+    """Returns the scene's files as (path, sha256), without its environment image."""
     return {(ref["path"], ref["sha256"]) for ref in scene.files if ref["path"] != scene.environment}

@@ -1,4 +1,4 @@
-"""Files under the SHA-256 of their bytes. A blob is whole or not there."""
+"""Blob storage: files addressed by the SHA-256 of their bytes. A blob is complete or absent."""
 
 from __future__ import annotations
 
@@ -21,59 +21,66 @@ __all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256
 SHA256 = re.compile(r"[0-9a-f]{64}")
 CHUNK = 1 << 20
 OLD_S = 86400.0
-AT_A_TIME = 8  # blobs that are deleted
+AT_A_TIME = 8  # threads that delete blobs in parallel
 
 
 def is_sha256(text: str) -> bool:
-    """Whether this is a SHA-256 in lower-case hexadecimal, and so safe in a path."""
+    """Whether `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
     return SHA256.fullmatch(text) is not None
 
 
 @dataclass(frozen=True)
 class ServedBlob:
-    """A blob on its way out."""
+    """A blob that is being sent: its size in bytes and its content in chunks."""
 
     size: int
     chunks: Iterator[bytes]
 
 
 class BlobStore(Protocol):
-    """Where blobs are. A hash that is none raises ValueError; a store that does not answer, Unavailable."""
+    """Interface of the blob storage.
 
-    is_local: bool  # a worker on this machine finds the blobs in the data folder, and maps them from there
+    Methods raise ValueError for a malformed hash, and Unavailable if the store does not respond.
+    """
+
+    is_local: bool  # whether workers on this machine can map the blobs from the data folder
 
     def writer(self) -> BlobWriter:
-        """Begin a new blob."""
+        """Returns a writer for a new blob."""
 
     def put(self, writer: BlobWriter) -> None:
-        """Make what was written a blob. One that is there already stays as it is."""
+        """Stores the bytes of a writer as a blob. An existing blob is left as it is."""
 
     def open(self, sha256: str) -> BinaryIO:
-        """Read a blob. Raises NotFound."""
+        """Opens a blob for reading. Raises NotFound."""
 
     def serve(self, sha256: str) -> ServedBlob:
-        """A blob in pieces, to be sent on. Raises NotFound."""
+        """Returns a blob's size and chunks, for a response. Raises NotFound."""
 
     def exists(self, sha256: str) -> bool:
-        """Whether the blob is there."""
+        """Whether the blob exists."""
 
     def size(self, sha256: str) -> int | None:
-        """How many bytes a blob has; None where it is not there."""
+        """Returns the size of a blob in bytes, or None if it does not exist."""
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Remove those blobs that are there. guard: asked again and again whether that may be; raises FarmError."""
+        """Deletes those of the given blobs that exist.
+
+        guard: called before deletions; raises FarmError if deleting is no longer allowed.
+        """
 
     def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
-        """Remove unfinished writes, and old blobs that are not in `keep`; returns the young ones.
+        """Removes unfinished writes, and blobs older than `older_than_s` seconds that are not in `keep`.
 
-        These stay: the news of what a worker stored may still be on its way.
+        Returns the hashes of younger blobs that are not in `keep`. They stay, because the worker's message that refers to them
+        may still be in transit.
         """
 
 
 class BlobFolder:
-    """Blobs as `<folder>/<first two hex digits>/<sha256>`; `temporary` is on the same file system.
+    """Blobs as files `<folder>/<first two hex digits>/<sha256>`; `temporary` is a folder on the same file system.
 
-    A worker that has a blob mapped keeps reading it after it was deleted.
+    A worker that has mapped a blob can still read it after its deletion.
     """
 
     is_local = True
@@ -84,11 +91,11 @@ class BlobFolder:
         folder.mkdir(parents=True, exist_ok=True)
 
     def writer(self) -> BlobWriter:
-        """See BlobStore."""
+        """Implements `BlobStore.writer`."""
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """See BlobStore. One that a power cut left shorter than it was is replaced."""
+        """Implements `BlobStore.put`. A file of another size, as a power cut leaves it, is replaced."""
         target = self._path(writer.sha256)
         target.parent.mkdir(PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(FileNotFoundError):
@@ -98,30 +105,33 @@ class BlobFolder:
         move_whole(writer.path, target)
 
     def open(self, sha256: str) -> BinaryIO:
-        """See BlobStore."""
+        """Implements `BlobStore.open`."""
         try:
             return self._path(sha256).open("rb")
         except FileNotFoundError:
             raise no_blob() from None
 
     def serve(self, sha256: str) -> ServedBlob:
-        """See BlobStore."""
+        """Implements `BlobStore.serve`."""
         file = self.open(sha256)
         return ServedBlob(os.fstat(file.fileno()).st_size, _chunks(file))
 
     def exists(self, sha256: str) -> bool:
-        """See BlobStore."""
+        """Implements `BlobStore.exists`."""
         return self._path(sha256).is_file()
 
     def size(self, sha256: str) -> int | None:
-        """See BlobStore."""
+        """Implements `BlobStore.size`."""
         try:
             return self._path(sha256).stat().st_size
         except FileNotFoundError:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """See BlobStore. Several at a time: a disk that discards at once is waited for, one time for all that wait."""
+        """Implements `BlobStore.delete`.
+
+        Deletes up to AT_A_TIME files in parallel: on a disk that discards synchronously, the waits then overlap.
+        """
 
         def remove(path: Path) -> None:
             guard()
@@ -136,7 +146,7 @@ class BlobFolder:
             list(threads.map(remove, paths))
 
     def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
-        """See BlobStore."""
+        """Implements `BlobStore.sweep`."""
         self._staging.sweep()
         young = set()
         for path in self._folder.glob("??/*"):
@@ -156,7 +166,7 @@ class BlobFolder:
 
 
 def no_blob() -> NotFound:
-    """There is no such blob."""
+    """Returns the NotFound error for a blob that does not exist."""
     return NotFound("There is no blob of this hash; its scene may have been deleted.")
 
 

@@ -1,8 +1,8 @@
-"""Which of the parts that arrive together a film takes: each sample once.
+"""Decides which of the parts of one merge a film accepts, so that each sample is stored once.
 
-A part that overlaps what is there is dropped: it, or a part of it, came twice. But sums that were added up on their way cover
-several batches, and one of these may have arrived alone before, because a second worker tried a straggler too. If the rows that
-overlap lie completely within the new part, the part replaces them: it has the same samples and more.
+A part that overlaps stored samples is dropped, because all or some of it arrived before. There is one exception: a part whose
+sums were added up in transit covers several batches, and one of these may already have been stored, sent by the second worker of
+a duplicated batch. If all rows that overlap lie within the new part, the part replaces them: it has the same samples and more.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ _Where = tuple[int, int]  # frame, tile
 
 
 class Claims:
-    """Of one merge. coverage: of the tiles that change, as it will be. replaced: rows in whose place a part comes."""
+    """The accepted parts of one merge.
+
+    coverage: the samples of each changed tile after the merge. replaced: stored rows that a part replaces. taken: for each part,
+    whether it is accepted.
+    """
 
     def __init__(
         self,
@@ -29,15 +33,19 @@ class Claims:
         known: Callable[[int, int], Coverage],
         rows: Callable[[int, int], Sequence[Head]] | None,
     ) -> None:
-        """fit: which of them make sense. known: what is in of a tile; a copy. rows: a tile's, where they may be replaced."""
+        """Selects the parts to accept.
+
+        fit: for each part, whether it is valid. known: returns a copy of the stored coverage of (frame, tile).
+        rows: returns the stored rows of (frame, tile); None if rows must not be replaced.
+        """
         self.coverage: dict[_Where, Coverage] = {}
         self.replaced: list[Head] = []
         self._known = known
         self._rows = rows
         self._new: dict[_Where, list[Part]] = {}
-        # The largest first: what is in another is the one that came twice.
+        # The largest first: a part that lies within a larger one is the duplicate.
         taken = {i for i in sorted(range(len(parts)), key=lambda i: -parts[i].count) if fit[i] and self._claim(parts[i])}
-        self.taken = [i in taken for i in range(len(parts))]  # of each part, whether it is
+        self.taken = [i in taken for i in range(len(parts))]  # for each part, whether it is accepted
 
     def _claim(self, part: Part) -> bool:
         where = part.frame, part.tile
@@ -54,7 +62,7 @@ class Claims:
         return True
 
     def _within(self, part: Part) -> list[Head]:
-        """The rows that a part has the samples of, and more; none where it has but some of those of a row, or no more."""
+        """Returns the stored rows that a part replaces; empty unless it contains them completely and has more samples."""
         where, end = (part.frame, part.tile), part.first + part.count
         if self._rows is None or any(_overlap(part, [(new.first, new.count)]) for new in self._new.get(where, ())):
             return []

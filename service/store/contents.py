@@ -1,4 +1,4 @@
-"""What is remembered of a film's file: which samples of each tile are in it, and the heads of the rows that hold them."""
+"""In-memory index of a film's file: the samples stored for each tile, and the heads of the rows that hold them."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ Where = tuple[int, int]  # frame, tile
 
 
 class Contents:
-    """Not safe to use from several threads at a time."""
+    """The index of one film's rows. Not thread-safe."""
 
     def __init__(self, heads: Iterable[Head], tiles: Sequence[Tile]) -> None:
-        """heads: of all rows. Raises FilmLost where they cannot be those of a film of these tiles."""
+        """Builds the index from the heads of all rows. Raises FilmLost if they are not valid for `tiles`."""
         self._tiles = tiles
         self._coverage: dict[Where, Coverage] = {}
         self._rows: dict[Where, list[Head]] = {}
@@ -37,56 +37,59 @@ class Contents:
 
     @property
     def is_empty(self) -> bool:
-        """Whether no sample of any frame is in."""
+        """Whether the film has no samples in any frame."""
         return not self._coverage
 
     def covered(self, frame: int, tile: int) -> Coverage:
-        """Which samples of a tile are in; a copy."""
+        """Returns a copy of the stored sample ranges of a tile."""
         known = self._coverage.get((frame, tile))
         return Coverage((a, b - a) for a, b in known.ranges) if known is not None else Coverage()
 
     def has(self, frame: int, tile: int) -> bool:
-        """Whether any sample of a tile is in."""
+        """Whether a tile has samples."""
         known = self._coverage.get((frame, tile))
         return known is not None and bool(known.ranges)
 
     def is_one_run(self, frame: int, tile: int) -> bool:
-        """Whether the samples of a tile that are in follow each other without a gap."""
+        """Whether a tile has samples and they form one contiguous range."""
         return self.has(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
     def copied(self) -> dict[Where, Coverage]:
-        """Which samples of each tile are in."""
+        """Returns copies of the stored sample ranges of all tiles, by (frame, tile)."""
         return {where: self.covered(*where) for where in self._coverage}
 
     def rows(self, frame: int, tile: int) -> Sequence[Head]:
-        """The rows of a tile."""
+        """Returns the heads of a tile's rows."""
         return self._rows.get((frame, tile), [])
 
     def samples(self, frame: int) -> int:
-        """The samples of a frame that are in, all pixels together, bad ones included."""
+        """Returns the number of stored samples of a frame, summed over its pixels; includes bad samples."""
         known = ((tile, self._coverage.get((frame, i))) for i, tile in enumerate(self._tiles))
         return sum(covered.total * tile.w * tile.h for tile, covered in known if covered is not None)
 
     def version(self, frame: int) -> str:
-        """A name for a frame's samples: it changes with every one that is added."""
+        """Returns a hash of the frame's stored sample ranges: it changes whenever samples are added."""
         known = ((tile, self._coverage.get((frame, tile))) for tile in range(len(self._tiles)))
         covered = [(tile, each.ranges) for tile, each in known if each is not None]
         return hashlib.sha256(repr(covered).encode()).hexdigest()[:20]
 
     def bad_count(self, frame: int) -> int:
-        """How many samples of a frame were left out."""
+        """Returns how many bad (NaN or infinite) samples of a frame were left out."""
         return sum(head.bad for tile in range(len(self._tiles)) for head in self.rows(frame, tile))
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Whether all samples are of these frames."""
+        """Whether all stored samples belong to the given frames."""
         return all(frame in frames for frame, _ in list(self._coverage))
 
     def has_sent(self, worker: str) -> bool:
-        """Whether sums of a worker are in it."""
+        """Whether the film contains sums from a worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
     def take(self, coverage: Mapping[Where, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
-        """Note what was added, and in the place of which rows. coverage: of the tiles that have changed, as it is now."""
+        """Records a merge: rows that were added and rows that they replaced.
+
+        coverage: the sample ranges of the changed tiles after the merge.
+        """
         self._coverage.update(coverage)
         for head in instead_of:
             self._rows[head[:2]].remove(head)
@@ -94,5 +97,5 @@ class Contents:
             self._rows.setdefault(head[:2], []).append(head)
 
     def fold(self, heads: Collection[Head], made: Head) -> None:
-        """Note that one row is in the place of these, with the same samples."""
+        """Records that `made` replaces `heads`, with the same samples."""
         self._rows[made[:2]] = [*(head for head in self._rows[made[:2]] if head not in heads), made]

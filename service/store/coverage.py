@@ -1,4 +1,4 @@
-"""Which sample numbers of a tile are in the film: disjoint half-open ranges in order."""
+"""Set of the sample numbers of a tile that a film has, as sorted disjoint half-open ranges."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ class Coverage:
 
     @property
     def total(self) -> int:
-        """How many sample numbers are covered."""
+        """Number of covered samples."""
         return sum(end - start for start, end in self.ranges)
 
     @property
     def prefix(self) -> int:
-        """The length of the covered run that begins at sample 0."""
+        """Length of the covered range that begins at sample 0; 0 if sample 0 is not covered."""
         return self.ranges[0][1] if self.ranges and self.ranges[0][0] == 0 else 0
 
     @property
     def end(self) -> int:
-        """One past the highest covered sample number."""
+        """One past the highest covered sample number; 0 if none is covered."""
         return self.ranges[-1][1] if self.ranges else 0
 
     def overlaps(self, first: int, count: int) -> bool:
@@ -39,7 +39,7 @@ class Coverage:
         return before or (at < len(self.ranges) and self.ranges[at][0] < first + count)
 
     def add(self, first: int, count: int) -> None:
-        """Cover a range. Raises ValueError where it is empty, negative, or overlaps what is covered."""
+        """Adds a range. Raises ValueError if it is empty, negative, or overlaps a covered range."""
         if count < 1 or first < 0:
             raise ValueError(f"no range of samples: {count} from {first}")
         if self.overlaps(first, count):
@@ -54,7 +54,7 @@ class Coverage:
         self.ranges.insert(at, (start, end))
 
     def without(self, first: int, count: int) -> Coverage:
-        """The same but for the samples first ... first + count - 1."""
+        """Returns a copy without the samples first ... first + count - 1."""
         kept = Coverage()
         for start, end in self.ranges:
             pieces = (start, min(end, first)), (max(start, first + count), end)
@@ -62,7 +62,7 @@ class Coverage:
         return kept
 
     def gaps(self, start: int, end: int) -> Iterator[tuple[int, int]]:
-        """The half-open ranges within [start, end) that are not covered, in order."""
+        """Yields the half-open ranges within [start, end) that are not covered, in order."""
         for covered_start, covered_end in self.ranges:
             if covered_end <= start:
                 continue

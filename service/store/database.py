@@ -1,4 +1,4 @@
-"""The connection to the database: SQLite in WAL mode by default, PostgreSQL by its URL."""
+"""The database connection: SQLite in WAL mode by default, or PostgreSQL by its URL."""
 
 from __future__ import annotations
 
@@ -26,17 +26,18 @@ from service.store.whole import PRIVATE
 __all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
 
 LOCK_PATIENCE_S = 5.0
-PATIENCE = "patience_ms"  # option of an execution, and what a connection of SQLite's is set to
-POOL, OVERFLOW = 10, 60  # connections: of 40 threads that answer requests, each may need two, and the engine always needs one
+PATIENCE = "patience_ms"  # execution option with the lock timeout of a statement; also the key of a connection's current setting
+POOL, OVERFLOW = 10, 60  # pooled and extra connections: each of 40 request threads may need two, and the engine needs one
 
-Fence = Callable[[Session], None]  # raises FarmError for a transaction that may not be
+Fence = Callable[[Session], None]  # raises FarmError if the transaction must not be made
 
 
 class Sessions:
-    """Makes sessions: `sessions()` to read, `sessions.begin()` for one transaction that writes.
+    """Factory of sessions: `sessions()` for reading, `sessions.begin()` for a writing transaction.
 
-    Raises NoRoom where the disk is full, Unavailable where the database is locked or away, Invalid for what it cannot have.
-    patience_s: how long a lock of SQLite's is waited for. fence: asked at the beginning of each transaction that writes.
+    patience_s: timeout for SQLite's lock, in seconds. fence: called at the beginning of each writing transaction; raises
+    FarmError to refuse it. Raises NoRoom if the disk is full, Unavailable if the database is locked or unreachable, Invalid for
+    values that the database cannot store.
     """
 
     def __init__(
@@ -47,7 +48,11 @@ class Sessions:
         turns: Turns | None = None,
         is_urgent: bool = False,
     ) -> None:
-        """turns: shared by all who write to this database in this process. is_urgent: goes before the others."""
+        """Stores the options.
+
+        turns: queue shared by all writers to this database in this process. is_urgent: whether this factory's transactions go
+        first.
+        """
         self._engine = engine
         self._fence = fence
         self._patience_s = patience_s
@@ -59,22 +64,22 @@ class Sessions:
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
     def with_patience(self, seconds: float) -> Sessions:
-        """The same database, for whoever must not wait so long: it writes before all others that wait."""
+        """Returns a factory with another lock timeout, in seconds; its transactions go before all others in the queue."""
         return Sessions(self._engine, seconds, self._fence, self._turns, is_urgent=True)
 
     def fenced(self, fence: Fence) -> Sessions:
-        """The same database, with the usual patience, for whoever writes only as long as `fence` lets it."""
+        """Returns a factory with the default timeout whose writing transactions call `fence` first."""
         return Sessions(self._engine, fence=fence, turns=self._turns)
 
     @contextmanager
     def __call__(self) -> Iterator[Session]:
-        """A session for reading."""
+        """Opens a session for reading."""
         with faults(), self._readers() as session:
             yield session
 
     @contextmanager
     def begin(self) -> Iterator[Session]:
-        """A transaction: committed at its end, or rolled back where an exception leaves it."""
+        """Opens a writing transaction: commits at the end, rolls back if an exception leaves the block."""
         turn = self._turns.taken(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
@@ -83,14 +88,14 @@ class Sessions:
 
 
 def connect(url: str) -> tuple[Engine, Sessions]:
-    """The engine, its tables made or brought up to date, and the maker of sessions."""
+    """Opens the database, creates or migrates its tables, and returns the engine and a session factory."""
     engine = open_database(url)
     upgrade(engine)
     return engine, Sessions(engine)
 
 
 def open_database(url: str) -> Engine:
-    """The engine, its tables as they are."""
+    """Returns an engine for `url` without creating or migrating tables."""
     is_sqlite = url.startswith("sqlite")
     engine = create_engine(
         url,
@@ -109,8 +114,10 @@ def open_database(url: str) -> Engine:
 
 
 def close_database(engine: Engine) -> None:
-    """Close all connections for good: those in use as soon as they are given back, as a request or a thread that outlives its
-    farm still may."""
+    """Closes all connections and refuses new ones.
+
+    Connections in use are closed when they are returned to the pool: a request or a thread may outlive the service.
+    """
 
     def close(_: Any, record: Any) -> None:
         record.invalidate()
@@ -124,20 +131,23 @@ def close_database(engine: Engine) -> None:
 
 
 def _json_or_nothing(text: str | bytes) -> Any:
-    """A column's value; None for one that is damaged: it must not keep all other rows from being read."""
+    """Returns the parsed JSON value of a column, or None if it is damaged, so that the other rows stay readable."""
     try:
-        return from_json(text)  # three times as fast as json.loads, and most of what reading many jobs takes
+        return from_json(text)  # three times as fast as json.loads, and most of the time of reading many jobs
     except ValueError:
         pass
     try:
-        return json.loads(text)  # half of a surrogate pair, from a file's name, is read by this alone
+        return json.loads(text)  # only this parser accepts lone surrogates, which file names can contain
     except ValueError:
         return None
 
 
 @contextmanager
 def faults() -> Iterator[None]:
-    """Raises NoRoom and Unavailable as `Sessions` does, for whoever asks the database without one."""
+    """Translates database errors as `Sessions` does, for code that uses a connection directly.
+
+    Raises NoRoom, Unavailable or Invalid.
+    """
     try:
         yield
     except PoolTimeoutError as error:
@@ -145,7 +155,7 @@ def faults() -> Iterator[None]:
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error
-        if isinstance(error, DataError):  # of PostgreSQL, which takes no character 0
+        if isinstance(error, DataError):  # from PostgreSQL, which does not accept NUL characters
             raise Invalid("What is asked for has a character or a number that the database cannot have. Leave it out.") from error
         if isinstance(error, OperationalError):
             raise Unavailable(f"The database does not answer ({error.orig}).", advice="Try again.") from error
@@ -153,29 +163,29 @@ def faults() -> Iterator[None]:
 
 
 def _make_private(database: str | None) -> None:
-    """SQLite gives what it makes beside the database the database's own mode."""
+    """Makes the SQLite database and its -wal and -shm files private; SQLite gives new side files the database's mode."""
     if database and database != ":memory:":
         path = Path(database)
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, PRIVATE))
         for suffix in ("", "-wal", "-shm"):
-            with contextlib.suppress(OSError):  # not there; or another's, and then as private as they made it
+            with contextlib.suppress(OSError):  # it does not exist, or another user owns it
                 path.with_name(path.name + suffix).chmod(PRIVATE)
 
 
 def _tune_sqlite(connection: Any, _: Any) -> None:
-    # In WAL mode NORMAL loses nothing when a process dies. When the machine itself loses power, FULL also keeps what was
-    # acknowledged, and scenes and jobs are few.
+    # In WAL mode NORMAL loses nothing when a process dies. FULL also keeps committed transactions through a power cut, and scenes
+    # and jobs are written rarely.
     for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
         connection.execute(f"PRAGMA {pragma}")
-    connection.isolation_level = None  # the driver begins no transactions by itself: `_begin_sqlite` does
+    connection.isolation_level = None  # the driver begins no transactions itself: `_begin_sqlite` does
 
 
 def _begin_sqlite(connection: Connection) -> None:
-    # A transaction that reads and then writes must hold the lock from its beginning: else another writer may come between,
-    # and what was decided by the reading is no longer true (or SQLite gives up with "database is locked").
+    # A transaction that reads and then writes must hold the lock from its beginning. Otherwise another writer may change what was
+    # read (or SQLite fails with "database is locked").
     options = connection.get_execution_options()
     writes, patience_ms = options.get("writes"), options.get(PATIENCE, round(LOCK_PATIENCE_S * 1000))
-    if connection.info.get(PATIENCE) != patience_ms:  # the connection is pooled; its last use may have had another
+    if connection.info.get(PATIENCE) != patience_ms:  # a pooled connection may still have the timeout of its last use
         connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")
         connection.info[PATIENCE] = patience_ms
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

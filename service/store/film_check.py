@@ -1,4 +1,4 @@
-"""Reads a film's file from beginning to end while others use it: is it what was written, or what can be saved of it?"""
+"""Verifies a film's file against its checksums while others use it, and reads the rows of a damaged film that are intact."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ PATIENCE_S = 5.0
 
 
 def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
-    """The samples of each frame, all pixels together, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits.
+    """Reads the whole film and returns the number of samples of each frame, summed over its pixels.
 
-    A film of an older release has no checksums: it is read, and believed.
+    Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost, FilmWaits.
     """
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()
@@ -36,7 +36,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
 
 
 def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
-    """The rows of a damaged film that can still be read and are what was written; none where that cannot be made out."""
+    """Yields the rows of a damaged film that are readable and match their checksums; none if the file cannot be read."""
     try:
         with closing(opened(path)) as database:
             is_up_to_date(database, shape)
@@ -54,7 +54,7 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
 
 
 def opened(path: Path) -> sqlite3.Connection:
-    """A connection of one's own to a film that is there."""
+    """Opens a separate connection to an existing film file."""
     return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)
 
 

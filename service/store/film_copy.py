@@ -1,5 +1,7 @@
-"""A film made from the rows of others. They are copied, not shared, so that each film can grow, be repaired or be deleted by
-itself."""
+"""Creates a film from rows of other films.
+
+Rows are copied, not shared, so that each film can grow, be repaired and be deleted independently.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,17 @@ from service.store.whole import move_whole
 
 __all__ = ["COPYING", "FilmCopy"]
 
-COPYING = ".new"  # behind the film's name, until the copy is whole
+COPYING = ".new"  # suffix of the file name until the copy is complete
 
-AT_ONCE = 64  # rows that are written together,
-BYTES_AT_ONCE = 32 << 20  # unless they are large: of a shot's frame each may take ten megabytes
+AT_ONCE = 64  # rows written in one transaction
+BYTES_AT_ONCE = 32 << 20  # or fewer if they exceed this size: a row of a shot's frame may take ten megabytes
 
 
 class FilmCopy:
-    """A film in the making, as a context: it has its name once that is left without an error and with something in it."""
+    """Context manager that builds a film in a temporary file.
+
+    The file gets its final name when the context is left without an error and rows were copied.
+    """
 
     def __init__(self, target: Path, shape: FilmShape) -> None:
         self._target = target
@@ -54,10 +59,11 @@ class FilmCopy:
             self._remove()
 
     def take(self, source: Path, frames: Collection[int], most: int) -> dict[int, int]:
-        """Take what a film has of these frames, as it is at one moment; returns the samples of each, all pixels together.
+        """Copies frames of another film, read in one transaction; returns the number of samples of each copied frame, over all
+        pixels.
 
-        A frame that has none, or some from number `most` on, is left. Raises FilmLost where a row is not what was written, or
-        there is no such film, and FilmWaits; then nothing of these frames was taken.
+        most: a frame that has samples numbered `most` or higher is skipped, as is one without samples. Raises FilmWaits, or
+        FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
             raise FilmLost(f"{FILM} is missing.")

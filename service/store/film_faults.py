@@ -1,5 +1,6 @@
-"""What can go wrong with a film's file, classified in one place: passing faults (FilmWaits), lasting ones (FilmLost), and among
-these the ones that rendering repairs (FilmDamaged)."""
+"""Classifies faults of a film's file: temporary ones (FilmWaits), permanent ones (FilmLost), and permanent ones that rendering
+again repairs (FilmDamaged, a FilmLost).
+"""
 
 from __future__ import annotations
 
@@ -12,10 +13,10 @@ from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
 __all__ = ["FILM", "FilmClosed", "another_has_it", "damaged", "film_faults", "incomplete"]
 
-FILM = "The film of this job"  # how all of these sentences begin
+FILM = "The film of this job"  # first words of all these error messages
 AGAIN = "Set the job to running, and it is rendered again."
 
-# SQLite's primary result codes, each with what it means for the film.
+# SQLite's primary result codes of temporary faults, each with the end of its message.
 PASSES = {
     sqlite3.SQLITE_BUSY: "is locked by another program",
     sqlite3.SQLITE_LOCKED: "is locked by another program",
@@ -28,8 +29,8 @@ PASSES = {
     sqlite3.SQLITE_FULL: "cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
 }
 STAYS = {sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
-MOVED = sqlite3.SQLITE_READONLY_DBMOVED  # the file is another's by now, or nobody's: what is written to it is lost
-# Of these the primary code says that it passes, and it does not: the disk gives back other bytes than were written.
+MOVED = sqlite3.SQLITE_READONLY_DBMOVED  # the file was replaced or removed: what is written to it is lost
+# The primary codes of these are temporary, but the fault is permanent: the disk returns other bytes than were written.
 DAMAGED = {sqlite3.SQLITE_IOERR_CORRUPTFS, sqlite3.SQLITE_IOERR_SHORT_READ, sqlite3.SQLITE_CANTOPEN_ISDIR}
 OS_PASSES = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ENOMEM),
@@ -38,7 +39,7 @@ OS_PASSES = {
 
 
 class FilmClosed(NotFound):
-    """The film was closed under its reader: its job was deleted or is rendered anew, or the service ends."""
+    """The film was closed during a read: its job was deleted or restarted, or the service stops."""
 
     def __init__(self) -> None:
         super().__init__("The job was deleted, or is rendered again, while its picture was read.")
@@ -46,13 +47,13 @@ class FilmClosed(NotFound):
 
 @contextmanager
 def film_faults() -> Iterator[None]:
-    """Raise FilmWaits or FilmLost for what SQLite and the disk report."""
+    """Translates errors of SQLite and of the file system into FilmWaits or FilmLost."""
     try:
         yield
     except sqlite3.DatabaseError as error:
         code = getattr(error, "sqlite_errorcode", None)
         if code is None:
-            raise  # of the driver: a fault of the program, not of the film
+            raise  # from the driver: a programming error, not a fault of the film
         raise _told(code, str(error)) from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -63,19 +64,19 @@ def film_faults() -> Iterator[None]:
 
 
 def damaged(why: str) -> FilmDamaged:
-    """The film's content makes no sense."""
+    """Returns the error for a film with invalid content; `why` is the detail for the message."""
     return FilmDamaged(f"{FILM} is damaged ({why}). {AGAIN}")
 
 
 def incomplete(has: int, recorded: int) -> FilmDamaged:
-    """The film has fewer samples than the database says."""
+    """Returns the error for a film with fewer samples than the database records."""
     if not has:
         return FilmDamaged(f"{FILM} is missing or was emptied. {AGAIN}")
     return FilmDamaged(f"{FILM} has only {has} of its {recorded} samples. Set the job to running for the rest.")
 
 
 def another_has_it() -> FilmWaits:
-    """A service that has taken the farm over writes the film now; this one is about to notice."""
+    """Returns the error for a film that another service writes since it took over the farm."""
     return FilmWaits(f"{FILM} is another service's by now.")
 
 

@@ -1,4 +1,4 @@
-"""A film's file: the rows of one SQLite database. Every change is one transaction; every fault is FilmWaits or FilmLost."""
+"""A film's file: rows in one SQLite database. Every change is one transaction; every fault is raised as FilmWaits or FilmLost."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from service.store.film_version import FilmShape, Row, bring_up_to_date, checksu
 
 __all__ = ["FilmFile", "Head", "head_spans"]
 
-LOCK_PATIENCE_S = 0.1  # the engine's thread waits no longer for one film
+LOCK_PATIENCE_S = 0.1  # seconds; the engine's thread must not wait longer for one film
 MAX_BAD_KEPT = 1000
-FORGOTTEN_AT_ONCE = 100  # frames
+FORGOTTEN_AT_ONCE = 100  # frames deleted in one transaction
 BAD_SHOWN = 64
 
 TUNED = ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000", "secure_delete=OFF")
@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 
 class Head(NamedTuple):
-    """All that a row says but its sums; service/store/film_version.py has what each means."""
+    """The columns of a row without its sums and checksum; service/store/film_version.py describes them."""
 
     frame: int
     tile: int
@@ -46,22 +46,25 @@ class Head(NamedTuple):
 
 
 class FilmFile:
-    """One connection. Not safe to use from several threads at a time."""
+    """One connection to a film's file. Not thread-safe."""
 
     def __init__(self, path: Path, shape: FilmShape, epoch: int | None = None) -> None:
-        """Open the file, and make it where it is not there. epoch: whoever writes with a lesser one than another has is refused;
-        None: nobody asks."""
-        self._is_held = False  # by another program, at the last try
+        """Opens the file, and creates or migrates it as needed.
+
+        epoch: this service's ownership epoch; writes raise FilmWaits once a service with a greater epoch has written. None: no
+        fencing. Raises FilmWaits or FilmLost.
+        """
+        self._is_held = False  # whether another program held the lock at the last try
         self._epoch = epoch
         self._is_claimed = epoch is None
         with film_faults():
-            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # SQLite makes its -wal and -shm alike
+            os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))  # -wal and -shm get the same mode
             self._database = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=LOCK_PATIENCE_S)
             self._close = weakref.finalize(self, self._database.close)
             try:
-                # NORMAL: a killed process loses nothing; a power cut may lose the latest parts, which are then rendered
-                # again. Large pages and rare checkpoints, since rows are large: three times less work a row (measured). Some
-                # builds of SQLite write zeros over what is deleted: that is all that was folded, a second time.
+                # NORMAL loses nothing when the process is killed; a power cut may lose the latest parts, which are then rendered
+                # again. Large pages and rare checkpoints suit large rows: three times less work per row (measured).
+                # secure_delete, on in some builds of SQLite, would overwrite all folded rows with zeros.
                 for pragma in TUNED:
                     self._database.execute(f"PRAGMA {pragma}").close()
                 if not is_up_to_date(self._database, shape):
@@ -72,9 +75,11 @@ class FilmFile:
                 raise
 
     def claim(self) -> bool:
-        """See to it that nobody of a lesser epoch writes into the film from now on; False where that was so already.
+        """Records this service's epoch in the file, which fences services with a lesser one. Returns False if it was recorded
+        before.
 
-        What is known of the film is to be read anew then. Raises FilmWaits also where it is another's.
+        After True, what is cached of the film must be read again. Raises FilmWaits, also if a service with a greater epoch owns
+        the film.
         """
         if self._is_claimed:
             return False
@@ -83,12 +88,12 @@ class FilmFile:
         return True
 
     def close(self) -> None:
-        """Close the file. What was written is written: where it cannot be tidied up any more, it stays as it is."""
+        """Closes the file. Committed rows stay; if the write-ahead log cannot be merged now, it remains beside the file."""
         with contextlib.suppress(sqlite3.Error):
             self._close()
 
     def settle(self) -> None:
-        """Bring all into the one file, where that is possible now."""
+        """Moves the write-ahead log into the database file, if that is possible now; logs a failure."""
         try:
             with film_faults():
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
@@ -96,19 +101,22 @@ class FilmFile:
             log.info("a film keeps its log beside it: %s", error)
 
     def heads(self) -> list[Head]:
-        """Of every row all but its sums."""
+        """Returns the heads of all rows."""
         with film_faults():
             found = self._database.execute("SELECT frame, tile, first, count, bad, workers, ranges FROM part").fetchall()
         return [Head(*head) for head in found]
 
     def sums(self, frame: int, tile: int) -> Iterator[bytes]:
-        """The packed sums of a tile's rows. Raises FilmLost where one is not what was written."""
+        """Yields the packed sums of a tile's rows. Raises FilmLost if a row does not match its checksum."""
         with film_faults():
             for row in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
                 yield _sums(row)
 
     def sums_of(self, heads: Iterable[Head]) -> Iterator[bytes]:
-        """The packed sums of these rows, of one tile. Raises FilmLost where one is not what was written, or gone."""
+        """Yields the packed sums of the given rows of one tile.
+
+        Raises FilmLost if a row is missing or does not match its checksum.
+        """
         with film_faults():
             for head in heads:
                 where = head[:3]
@@ -118,7 +126,7 @@ class FilmFile:
                 yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
-        """How many samples were left out, and (x, y, sample) of the first of them."""
+        """Returns the number of bad samples of a frame, and (x, y, sample) of up to BAD_SHOWN of them."""
         with film_faults():
             (count,) = self._database.execute("SELECT coalesce(sum(bad), 0) FROM part WHERE frame = ?", (frame,)).fetchone()
             first = self._database.execute(
@@ -132,9 +140,11 @@ class FilmFile:
         bad: list[tuple[int, int, int, int]],
         instead: Sequence[tuple[Head, tuple[int, int, int, int]]] = (),
     ) -> None:
-        """Add rows, and the bad samples (frame, x, y, sample) among them: all or none.
+        """Adds rows and bad samples (frame, x, y, sample) in one transaction.
 
-        instead: rows in whose place they come, each with its tile's x, y, w, h."""
+        instead: rows to remove at the same time, each with its tile's x, y, w, h; their bad samples are removed too.
+        At most MAX_BAD_KEPT bad samples are stored.
+        """
         with film_faults(), self._transaction():
             if instead:
                 self._remove([head for head, _ in instead])
@@ -147,9 +157,10 @@ class FilmFile:
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
     def fold(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
-        """Put one row in these rows' place, where they are what they were; else say so and change nothing.
+        """Replaces rows by one row; returns False and changes nothing if the stored rows are not `heads`.
 
-        are_all: they are to be all of the tile's."""
+        are_all: whether `heads` must be all rows of the tile.
+        """
         with film_faults(), self._transaction():
             there = self._database.execute("SELECT first, count FROM part WHERE frame = ? AND tile = ?", row[:2]).fetchall()
             folded = {head[2:4] for head in heads}
@@ -160,7 +171,7 @@ class FilmFile:
         return True
 
     def forget(self, frames: Iterable[int]) -> None:
-        """Remove the rows of some frames, and their bad samples; of many, some at a time."""
+        """Deletes the rows and bad samples of frames, FORGOTTEN_AT_ONCE frames per transaction."""
         left = iter([(frame,) for frame in frames])
         while some := list(islice(left, FORGOTTEN_AT_ONCE)):
             with film_faults(), self._transaction():
@@ -168,14 +179,17 @@ class FilmFile:
                 self._database.executemany("DELETE FROM bad_sample WHERE frame = ?", some)
 
     def row(self, frame: int, tile: int, first: int) -> Row | None:
-        """A row as it was written; None where it is not that any more. Raises FilmLost where the file cannot be read there."""
+        """Returns a row, or None if it is missing or does not match its checksum.
+
+        Raises FilmLost if the file cannot be read there.
+        """
         with film_faults():
             where = (frame, tile, first)
             found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
         return found[:8] if found is not None and is_whole(found[:8], found[8]) else None
 
     def remove(self, heads: Iterable[Head]) -> None:
-        """Remove rows."""
+        """Deletes rows."""
         with film_faults(), self._transaction():
             self._remove(heads)
 
@@ -184,7 +198,7 @@ class FilmFile:
         self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
     def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
-        """Forget the bad samples first ... first + count - 1 of the pixels x, y, w, h."""
+        """Deletes the records of bad samples first ... first + count - 1 of the pixels in area (x, y, w, h)."""
         with film_faults(), self._transaction():
             self._forget_bad(frame, area, first, count)
 
@@ -206,12 +220,12 @@ class FilmFile:
             self._database.execute("COMMIT")
             self._is_claimed = True
         except BaseException:
-            with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has rolled back by itself
+            with contextlib.suppress(sqlite3.Error):  # after some faults SQLite has already rolled back
                 self._database.rollback()
             raise
 
     def _fence(self, epoch: int) -> None:
-        """Within a transaction: see that it is this service's to write, and let that be known to those before it."""
+        """Checks within a transaction that no greater epoch owns the film, and records this service's epoch."""
         if not self._is_claimed:
             self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")
         found = self._database.execute("SELECT epoch FROM owner").fetchone()
@@ -222,7 +236,11 @@ class FilmFile:
             self._database.execute("INSERT INTO owner VALUES (?)", (epoch,))
 
     def _begin(self) -> None:
-        """Begin to write. A film that was held is not waited for again: many would leave the engine no time for other jobs."""
+        """Begins a writing transaction.
+
+        If the film was locked at the last try, this one does not wait for the lock: many locked films would block the engine's
+        thread.
+        """
         try:
             self._database.execute("BEGIN IMMEDIATE")
         except sqlite3.OperationalError as error:
@@ -245,7 +263,7 @@ def _sums(row: tuple[Any, ...]) -> bytes:
 
 
 def head_spans(head: Head) -> list[tuple[int, int]]:
-    """The runs of samples that are in a row: first and count. Raises FilmLost."""
+    """Returns the sample ranges of a row, as (first, count). Raises FilmLost if they are invalid."""
     try:
         return spans(head.first, head.count, head.ranges)
     except (ValueError, TypeError) as error:

@@ -1,7 +1,7 @@
-"""A film as it is at one moment, read while it grows on.
+"""A consistent snapshot of a film, readable while the film grows.
 
-SQLite's write-ahead log lets a reader see the file as it was when its transaction began, whatever is written meanwhile. So the
-moment is taken by beginning a transaction, which costs the writer nothing, and may be read as slowly as its reader likes.
+With SQLite's write-ahead log, a reader sees the file as it was when its transaction began. A snapshot is an open read
+transaction: it costs the writer nothing, and can be read slowly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["FilmMoment", "Readable"]
 
 
 class Readable(Protocol):
-    """What is read of a film, or of a moment of it. Whatever reads raises FilmWaits, FilmLost or FilmClosed."""
+    """Interface for reading a film or a snapshot of one. Reading raises FilmWaits, FilmLost or FilmClosed."""
 
     width: int
     height: int
@@ -31,17 +31,17 @@ class Readable(Protocol):
     tiles: list[Tile]
 
     def coverage(self, frame: int, tile: int) -> Coverage:
-        """Which samples of a tile are in."""
+        """Returns the stored sample ranges of a tile."""
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """These planes of a tile's sums (CHANNELS, h, w) int64; None where no sample is in."""
+        """Returns a tile's sums, (CHANNELS, h, w) int64, or None if it has no samples. Only the given planes are defined."""
 
 
 class FilmMoment:
-    """Begun in one thread and read in another, by one at a time. A context: in the end the moment is let go."""
+    """A snapshot, as a context manager that ends it. May be opened in one thread and read in another, by one at a time."""
 
     def __init__(self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile]) -> None:
-        """Of a film's file that is there. Raises FilmWaits or FilmLost."""
+        """Opens a snapshot of an existing film file. Raises FilmWaits or FilmLost."""
         self.width, self.height, self.film_exponent, self.tiles = width, height, film_exponent, tiles
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():
@@ -50,7 +50,7 @@ class FilmMoment:
             )
             try:
                 self._database.execute("BEGIN")
-                self._database.execute("SELECT 1 FROM part LIMIT 1").fetchall()  # only what reads begins the moment
+                self._database.execute("SELECT 1 FROM part LIMIT 1").fetchall()  # the transaction begins with the first read
             except BaseException:
                 self._database.close()
                 raise
@@ -62,11 +62,11 @@ class FilmMoment:
         self.close()
 
     def close(self) -> None:
-        """Let the moment go."""
+        """Ends the snapshot."""
         self._database.close()
 
     def coverage(self, frame: int, tile: int) -> Coverage:
-        """See Readable."""
+        """Implements `Readable.coverage`."""
         if self._coverage is None:
             self._coverage = {}
             try:
@@ -80,7 +80,7 @@ class FilmMoment:
         return self._coverage.get((frame, tile)) or Coverage()
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """See Readable."""
+        """Implements `Readable.tile_planes`."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return added_up((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None

@@ -1,7 +1,7 @@
-"""What films looked like on their way, at 1, 2, 4, 8 ... samples a pixel: `<folder>/<job>/<samples>.film`.
+"""Saved intermediate states of films, at 1, 2, 4, 8 ... spp: `<folder>/<job>/<samples>.film`.
 
-A file is one line of JSON, the facts, and behind it the picture as the page reads films (service/watching/film_packet.py), packed
-by gzip. It is written whole or not at all, so what is there is all there is to know: no table names it.
+A file is one line of JSON with the facts, followed by the gzipped film packet that the page reads
+(service/watching/film_packet.py). Files are written completely or not at all, and no database table lists them.
 """
 
 from __future__ import annotations
@@ -29,41 +29,44 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FilmSnapshot:
-    """The film when its every tile had `spp` samples a pixel or was complete with fewer."""
+    """Facts about a snapshot: the film when every tile had `spp` samples per pixel or was complete with fewer."""
 
     spp: int
-    least: int  # samples a pixel of the tile that had fewest then
+    least: int  # spp of the tile with the fewest samples
     most: int
-    samples: int  # of all pixels together
-    seconds: float  # of rendering, pauses left out
+    samples: int  # over all pixels
+    seconds: float  # rendering time, without pauses
     noise: float | None  # relative
-    created: float  # unix time
+    created: float  # Unix time
 
 
 class FilmSnapshots:
-    """All that is kept. Safe to use from several threads."""
+    """The stored snapshots of all jobs. Thread-safe."""
 
     def __init__(self, folder: Path, max_bytes: int, min_free_bytes: int) -> None:
-        """max_bytes: of all jobs together; 0: nothing is kept. min_free_bytes: of disk, below which nothing is."""
+        """Stores the limits.
+
+        max_bytes: total size of all snapshots; 0 turns them off. min_free_bytes: free disk space below which none is written.
+        """
         self._folder = folder
         self._max_bytes = max_bytes
         self._min_free = min_free_bytes
         self._lock = threading.Lock()
-        self._begun: set[str] = set()  # jobs of which some may come
+        self._begun: set[str] = set()  # jobs whose snapshots are accepted
 
     @property
     def is_off(self) -> bool:
-        """Whether nothing is kept."""
+        """Whether snapshots are turned off."""
         return self._max_bytes <= 0
 
     def begin(self, job: str) -> list[int]:
-        """A job is rendered: what comes of it is kept, until it is dropped. What there is of it already, as `kept` says."""
+        """Accepts snapshots of a job until `drop`; returns the spp of those that exist, as `kept` does."""
         with self._lock:
             self._begun.add(job)
         return self.kept(job)
 
     def kept(self, job: str) -> list[int]:
-        """At how many samples a pixel there is a snapshot of a job, in order."""
+        """Returns the spp of a job's snapshots, in order."""
         try:
             names = [name.removesuffix(SUFFIX) for name in os.listdir(self._folder / job) if name.endswith(SUFFIX)]  # noqa: PTH208
         except OSError:
@@ -71,12 +74,12 @@ class FilmSnapshots:
         return sorted(int(name) for name in names if name.isascii() and name.isdigit())
 
     def facts(self, job: str) -> list[FilmSnapshot]:
-        """Of all snapshots of a job, in order."""
+        """Returns the facts of all readable snapshots of a job, in order."""
         found = (self.find(job, spp) for spp in self.kept(job))
         return [snapshot for snapshot in found if snapshot is not None]
 
     def find(self, job: str, spp: int) -> FilmSnapshot | None:
-        """The facts of one; None where it is not there, or not to be understood."""
+        """Returns the facts of a snapshot, or None if it is missing or invalid."""
         try:
             with self._path(job, spp).open("rb") as file:
                 return _facts(file.readline(MOST_FACTS))
@@ -84,7 +87,7 @@ class FilmSnapshots:
             return None
 
     def packed(self, job: str, spp: int) -> tuple[int, Iterator[bytes]]:
-        """The size of one's picture, packed by gzip, and its pieces. Raises FileNotFoundError."""
+        """Returns the size of a snapshot's gzipped film packet in bytes, and its chunks. Raises FileNotFoundError."""
         file = self._path(job, spp).open("rb")
         file.readline(MOST_FACTS)
         size = os.fstat(file.fileno()).st_size - file.tell()
@@ -97,7 +100,10 @@ class FilmSnapshots:
         return size, pieces()
 
     def keep(self, job: str, facts: FilmSnapshot, packed: Iterable[bytes]) -> bool:
-        """Write one down; whether there was room. Those of jobs that got theirs longest ago make room for it."""
+        """Writes a snapshot; returns whether it was kept.
+
+        If space is short, snapshots of other jobs are deleted first, starting with the jobs that were written least recently.
+        """
         head = json.dumps(asdict(facts)).encode() + b"\n"
         folder = self._folder / job
         temporary = self._folder / f".{secrets.token_hex(8)}"
@@ -118,13 +124,13 @@ class FilmSnapshots:
         return True
 
     def drop(self, job: str) -> None:
-        """Remove those of a job."""
+        """Deletes all snapshots of a job and accepts no more."""
         with self._lock:
             self._begun.discard(job)
             shutil.rmtree(self._folder / job, ignore_errors=True)
 
     def sweep(self, keep: set[str]) -> None:
-        """Remove those of jobs that no longer exist, and what an earlier life began to write."""
+        """Deletes the snapshots of jobs not in `keep`, and unfinished files of an earlier process."""
         if not self._folder.is_dir():
             return
         with self._lock, os.scandir(self._folder) as found:
@@ -135,7 +141,7 @@ class FilmSnapshots:
                     Path(entry.path).unlink(missing_ok=True)
 
     def _make_room(self, size: int, job: str) -> bool:
-        """Whether so many bytes more may be kept, once older ones were removed."""
+        """Deletes snapshots of other jobs until `size` more bytes are within the limits; returns whether that succeeded."""
         if size > self._max_bytes or shutil.disk_usage(self._folder).free < self._min_free:
             return False
         jobs = []

@@ -1,4 +1,4 @@
-"""The films of all jobs: one `Film` per job, opened on demand, and closed when many others have been used since."""
+"""The films of all jobs: one `Film` per job, opened on demand and closed when it has not been used for long."""
 
 from __future__ import annotations
 
@@ -26,65 +26,67 @@ from service.store.tile_cache import TileCache
 
 __all__ = ["FilmFolder", "FilmStore", "Take"]
 
-MAX_OPEN = 64  # films that are held for those who ask next
-MAX_FILES = 100  # films whose files are open at a time: three descriptors each
-LOST = ".lost"  # a film that was set aside
-FILES = ("", "-wal", "-shm")  # of one SQLite database
+MAX_OPEN = 64  # films kept in memory after their last use
+MAX_FILES = 100  # films with open files, three file descriptors each
+LOST = ".lost"  # suffix of a film that was set aside
+FILES = ("", "-wal", "-shm")  # suffixes of one SQLite database
 
-# take(other, frames, most): what the film of another job has of these frames; the samples of each that was taken, all pixels
-# together. Left is a frame that has none, or some from number `most` on. Raises FilmLost or FilmWaits; then none of them was.
+# take(other, frames, most): copies frames of another job's film; returns the number of samples of each copied frame, over all
+# pixels. Skips frames without samples or with sample numbers of `most` or higher. Raises FilmLost or FilmWaits; then none is
+# copied.
 Take = Callable[[str, Collection[int], int], Mapping[int, int]]
 
 log = logging.getLogger(__name__)
 
 
 class FilmStore(Protocol):
-    """What the service asks of the place where films are."""
+    """Interface of the film storage."""
 
     def open(
         self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
     ) -> Film:
-        """The job's film: the same object for all who hold it. Raises FilmWaits or FilmLost.
+        """Returns the job's film, the same object for all callers. Raises FilmWaits or FilmLost.
 
-        pin: it is to be rendered: kept until `unpin`. Its file is made with the first batch.
-        recorded: the samples that it must have of a frame; FilmLost where it has fewer.
+        pin: keep it in memory until `unpin`, because it will be rendered. Its file is created with the first batch.
+        recorded: the number of samples that the frame must have; FilmLost if it has fewer.
         """
 
     def unpin(self, job: str) -> None:
-        """Nobody renders a film any more: let it rest, and be closed when others need the room."""
+        """Marks a film as no longer rendered: merges its log, and allows it to be closed."""
 
     def set_aside(self, job: str) -> None:
-        """Put a film that cannot be read any more out of the way, so that its job begins anew. Raises FilmWaits or FilmLost."""
+        """Moves an unreadable film aside, so that its job starts again. Raises FilmWaits or FilmLost."""
 
     def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
-        """Make a film readable again: what is not what was written is removed, and so counts as missing.
+        """Repairs a film: removes rows that do not match their checksums; their samples then count as missing.
 
-        One that cannot be read as a whole is set aside, and what is left of it taken over. Raises FilmWaits or FilmLost.
+        A film that cannot be opened is set aside, and its intact rows are copied to a new one. Raises FilmWaits or FilmLost.
         """
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
-        """The samples of each frame, once all of the film was read. Raises FilmDamaged, FilmLost, FilmWaits."""
+        """Reads the whole film and returns the number of samples of each frame. Raises FilmDamaged, FilmLost, FilmWaits."""
 
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[Take]:
-        """Make a job's film of what is taken of others'; it is there when the context is left, where anything was taken.
+        """Creates a job's film from frames of other films, as a context manager that yields a `Take`.
 
-        Raises FilmWaits or FilmLost; then nothing was made."""
+        The film exists once the context is left, if frames were copied. Raises FilmWaits or FilmLost; then no film is created.
+        """
 
     def size(self, job: str) -> int:
-        """The bytes of disk that a job's film takes; 0 where it has none."""
+        """Returns the disk space of a job's film in bytes; 0 if it has none."""
 
     def delete(self, job: str) -> None:
-        """Close a film and remove it, and what was set aside of it. Raises FilmWaits or FilmLost."""
+        """Closes and deletes a film, and the copy of it that was set aside. Raises FilmWaits or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
-        """Remove the films of jobs that no longer exist, and copies that a service which was killed had begun."""
+        """Deletes films of jobs not in `keep`, and unfinished copies of an earlier process."""
 
     def close(self) -> None:
-        """Close all films."""
+        """Closes all films."""
 
 
 class FilmFolder:
-    """Films as `<folder>/<job>.sqlite`."""
+    """Films as files `<folder>/<job>.sqlite`."""
 
     def __init__(
         self,
@@ -94,19 +96,22 @@ class FilmFolder:
         epoch: int | None = None,
         guard: Callable[[], None] = lambda: None,
     ) -> None:
-        """snapshots: of these films, which go with them; None: of those nothing is touched. epoch: service/store/film_file.py.
-        guard: raises FarmError where none may be removed."""
+        """Creates the folder if needed.
+
+        snapshots: deleted together with the films; None: snapshots are not touched. epoch: see service/store/film_file.py.
+        guard: called before deletions; raises FarmError if deleting is not allowed.
+        """
         self._epoch = epoch
         self._guard = guard
         self._folder = folder
         self._snapshots = snapshots
         self._cache = TileCache(cache_bytes)
-        # Whoever holds a film keeps it in `_films`; the store itself holds on to those that were used latest. So a job never
-        # has two films at a time, each of which would remember what the other has changed.
+        # Callers keep a film alive in `_films`; the store itself keeps those used latest. A job thus never has two Film objects,
+        # each with an outdated index after the other's changes.
         self._films: WeakValueDictionary[str, Film] = WeakValueDictionary()
         self._latest: OrderedDict[str, Film] = OrderedDict()
         self._pinned: dict[str, Film] = {}
-        self._in_use: OrderedDict[int, weakref.ref[Film]] = OrderedDict()  # those with an open file, the latest last
+        self._in_use: OrderedDict[int, weakref.ref[Film]] = OrderedDict()  # films with an open file, least recently used first
         self._use_lock = threading.Lock()
         self._lock = threading.Lock()
         self._made = time.time()
@@ -115,7 +120,7 @@ class FilmFolder:
     def open(
         self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
     ) -> Film:
-        """See FilmStore."""
+        """Implements `FilmStore.open`."""
         with self._lock:
             film = self._films.get(job)
             if film is None:
@@ -125,7 +130,7 @@ class FilmFolder:
                     on_use=self._used,
                 )
                 self._films[job] = film
-        film.load()  # takes its time, so without the lock that all films share
+        film.load()  # slow, so outside the lock that all films share
         film.check(recorded, frame)
         with self._lock:
             if self._films.get(job) is film:
@@ -138,7 +143,7 @@ class FilmFolder:
         return film
 
     def _used(self, film: Film) -> None:
-        """A film's file is open: close those that were not used for longest, where there are many. From any thread."""
+        """Records the use of a film with an open file, and closes the least recently used beyond MAX_FILES. Thread-safe."""
         with self._use_lock:
             self._in_use[id(film)] = weakref.ref(film)
             self._in_use.move_to_end(id(film))
@@ -148,28 +153,28 @@ class FilmFolder:
                     del self._in_use[key]
 
     def unpin(self, job: str) -> None:
-        """See FilmStore."""
+        """Implements `FilmStore.unpin`."""
         with self._lock:
             film = self._pinned.pop(job, None)
         if film is not None:
             film.settle()
 
     def set_aside(self, job: str) -> None:
-        """See FilmStore."""
+        """Implements `FilmStore.set_aside`."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
             path = self._path(job)
             if path.exists():
                 self._remove(self._lost(job))
-                for suffix in ("-wal", ""):  # the log first, which says nothing without its film
+                for suffix in ("-wal", ""):  # the log first: it is useless without its film
                     with contextlib.suppress(FileNotFoundError):
                         path.with_name(path.name + suffix).replace(path.with_name(path.name + LOST + suffix))
             self._remove(path)
             self._drop_snapshots(job)
 
     def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
-        """See FilmStore."""
+        """Implements `FilmStore.heal`."""
         try:
             film = self.open(job, settings, tile_size)
             if lost := film.heal():
@@ -181,15 +186,15 @@ class FilmFolder:
             film.take_over(rows_left(self._lost(job), self._shape(settings, tile_size)))
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
-        """See FilmStore."""
+        """Implements `FilmStore.verify`."""
         return film_samples(self._path(job), self._shape(settings, tile_size))
 
     @contextlib.contextmanager
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[Take]:
-        """See FilmStore."""
+        """Implements `FilmStore.copy`."""
 
         def take(other: str, frames: Collection[int], most: int) -> Mapping[int, int]:
-            self.open(other, settings, tile_size)  # which brings one of an older release up to date
+            self.open(other, settings, tile_size)  # migrates a film of an older release
             with film_faults():
                 return made.take(self._path(other), frames, most)
 
@@ -197,12 +202,12 @@ class FilmFolder:
             yield take
 
     def size(self, job: str) -> int:
-        """See FilmStore."""
+        """Implements `FilmStore.size`."""
         with film_faults():
             return sum(_bytes_of(self._path(job, suffix)) for suffix in FILES)
 
     def delete(self, job: str) -> None:
-        """See FilmStore."""
+        """Implements `FilmStore.delete`."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
@@ -211,8 +216,8 @@ class FilmFolder:
             self._drop_snapshots(job)
 
     def sweep(self, keep: set[str]) -> None:
-        """See FilmStore."""
-        # What is younger than this process' store may be a copy for a job that is about to be recorded.
+        """Implements `FilmStore.sweep`."""
+        # A file newer than this store may be a copy for a job that is not recorded yet.
         found = [path for path in self._folder.glob("*.sqlite*") if self._is_of_before(path)]
         for path in found:
             if path.name.partition(".sqlite")[2].startswith(COPYING):
@@ -226,13 +231,13 @@ class FilmFolder:
             self._snapshots.sweep(keep)
 
     def close(self) -> None:
-        """See FilmStore."""
+        """Implements `FilmStore.close`."""
         with self._lock:
             for job in list(self._films):
                 self._close(job)
 
     def _is_of_before(self, path: Path) -> bool:
-        """Whether a file was last written before this store was made."""
+        """Whether a file was last written before this store was created."""
         with contextlib.suppress(FileNotFoundError):
             return path.stat().st_mtime < self._made
         return False
@@ -263,7 +268,7 @@ class FilmFolder:
 
 
 def _bytes_of(path: Path) -> int:
-    """0 where it is not there, also from one look to the next: a film may be deleted, and is closed, while it is asked about."""
+    """Returns a file's size, or 0 if it does not exist; a film may be deleted at any time during the query."""
     try:
         return path.stat().st_size
     except FileNotFoundError:

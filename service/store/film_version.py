@@ -1,9 +1,9 @@
-"""The versions of a film's file. One of an older release is brought up to date when it is opened.
+"""Versions of a film's file. A film of an older release is migrated when it is opened.
 
-0   release 0.1.0: parts and bad samples, and no word about which picture they are of
-1   the film says its picture's size, its tiles' and its fixed point, so that another job's film is not taken for this one
-2   every part has a checksum; parts of before have none until they are folded
-3   every part names the workers whose sums are in it, and may have several ranges of samples
+0   release 0.1.0: parts and bad samples, without a record of the image they belong to
+1   stores image size, tile size and fixed-point exponent, so that another job's film is rejected
+2   each part has a checksum; older parts have none until they are folded
+3   each part names the workers whose sums it contains, and may have several sample ranges
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ VERSION = 3
 
 Row = tuple[int, int, int, int, int, bytes, str | None, str | None]  # frame, tile, first, count, bad, sums, workers, ranges
 
-# `part`: a merged batch, or some of them: its packed sums, how many samples of a pixel they have, and their first. They are
-# first ... first + count - 1, unless `ranges` has them: [[first, count], ...]. `workers`: a list of names; none: nobody knows.
+# `part`: one merged batch or several: the packed sums, the number of samples per pixel, and the first sample. The samples are
+# first ... first + count - 1, or those in `ranges` if it is set: [[first, count], ...]. `workers`: a JSON list of names; NULL:
+# unknown.
 SCHEMA = (
     """CREATE TABLE IF NOT EXISTS part (
         frame INTEGER, tile INTEGER, first INTEGER, count INTEGER, bad INTEGER, sums BLOB,
         PRIMARY KEY (frame, tile, first))""",
     "CREATE TABLE IF NOT EXISTS bad_sample (frame INTEGER, x INTEGER, y INTEGER, sample INTEGER)",
 )
-ADDED = {"checksum": 2, "workers": 3, "ranges": 3}  # columns of `part`, and the version that brought each
+ADDED = {"checksum": 2, "workers": 3, "ranges": 3}  # columns of `part`, and the version that added each
 SHAPE = "CREATE TABLE IF NOT EXISTS shape (width INTEGER, height INTEGER, tile_size INTEGER, film_exponent INTEGER)"
 
 
 @dataclass(frozen=True)
 class FilmShape:
-    """What a film's sums are laid out by."""
+    """Image size, tile size and fixed-point exponent: the layout of a film's sums."""
 
     width: int
     height: int
@@ -45,7 +46,10 @@ class FilmShape:
 
 
 def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
-    """Whether the film is of this version; writes nothing. Raises FilmLost for one that this release cannot read."""
+    """Whether the film has this release's version. Writes nothing.
+
+    Raises FilmLost for a newer version or a film of another shape.
+    """
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
         raise FilmLost(
@@ -60,7 +64,7 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
 
 
 def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
-    """Make or migrate the tables of a film of an older version, within the caller's transaction."""
+    """Creates or migrates the tables of a film, within the caller's transaction."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     for statement in (*SCHEMA, SHAPE):
         database.execute(statement)
@@ -73,13 +77,13 @@ def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
 
 
 def select_rows(version: int = VERSION) -> str:
-    """SQL for the parts of a film of some version: a Row each, and its checksum."""
+    """Returns the SQL that selects all parts of a film of some version: the columns of a Row and its checksum."""
     later = [name if ADDED[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
     return f"SELECT frame, tile, first, count, bad, sums, {', '.join(later)} FROM part"
 
 
 def spans(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
-    """The samples of a part, as (first, count). Raises ValueError or TypeError where they make no sense."""
+    """Returns a part's sample ranges as (first, count). Raises ValueError or TypeError if they are invalid."""
     if ranges is None:
         return [(first, count)]
     found = [(int(a), int(n)) for a, n in json.loads(ranges)]
@@ -89,11 +93,11 @@ def spans(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
 
 
 def checksum(row: Row) -> int:
-    """Of all that a part says: a disk that gives back other bytes than were written is found out."""
+    """Returns the CRC-32 of all columns of a part, which detects bytes that the disk changed."""
     told = [*row[:5], *(each for each in row[6:] if each is not None)]
     return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
 
 
 def is_whole(row: Row, known: int | None) -> bool:
-    """Whether a part is what was written; `known`: its checksum, None where a release before has left none."""
+    """Whether a part matches its checksum `known`; True if that is None (written by an older release)."""
     return known is None or (isinstance(row[5], bytes) and checksum(row) == known)

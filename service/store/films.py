@@ -1,9 +1,9 @@
-"""Films: the exact sums of every batch, each taken once.
+"""Films: the exact sums of all batches, each stored once.
 
-A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as they arrived.
-The row holds the sums and records that they are in, in one write, so nothing can be half merged; and the order of rows does not
-matter, since integers add exactly. Tiles with many rows are folded into one. A row names the workers whose sums are in it, so
-that one worker's samples can be removed; where that is likely, rows of different workers stay apart.
+A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as received.
+The row stores the sums and the record of their samples in one write, so a batch is never half merged. The order of rows does not
+matter, because integer addition is exact. Tiles with many rows are folded into one. A row names the workers whose sums it
+contains, so that one worker's samples can be removed; where that is likely, rows of different workers are kept apart.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ log = logging.getLogger(__name__)
 
 
 class Film:
-    """The film of a job: its frames' tiles, which samples of them are in, and their sums. Safe to use from several threads.
+    """The film of a job: the tiles of its frames, the stored sample ranges, and their sums. Thread-safe.
 
-    Of one job there is one such object at a time (FilmStore sees to it), so what it remembers of its file stays true.
-    Whatever reads or writes raises FilmWaits, FilmLost or FilmClosed.
+    FilmStore makes sure that a job has one such object at a time, so the cached index of the file stays valid.
+    Methods that read or write raise FilmWaits, FilmLost or FilmClosed.
     """
 
     def __init__(
@@ -55,8 +55,10 @@ class Film:
         epoch: int | None = None,
         on_use: Callable[[Film], None] = lambda film: None,
     ) -> None:
-        """Costs nothing: the file is opened when it is needed. epoch: service/store/film_file.py. on_use: called whenever the
-        file is used."""
+        """Stores the parameters; the file is opened when it is needed.
+
+        epoch: see service/store/film_file.py. on_use: called each time the file is used.
+        """
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
@@ -70,13 +72,13 @@ class Film:
         self._file: FilmFile | None = None
         self._is_closed = False
         self._on_use = on_use
-        self._is_known = False  # `_contents` are those of the file, which may be closed
-        self._in_doubt = False  # a write failed: whether its rows are in, the file knows
+        self._is_known = False  # whether `_contents` is the file's index, also while the file is closed
+        self._in_doubt = False  # after a failed write the index must be read again
         self._contents = Contents((), self.tiles)
-        self.keeps_apart = False  # what each worker has sent
+        self.keeps_apart = False  # whether rows of different workers stay separate
 
     def close(self) -> None:
-        """Close the film for good."""
+        """Closes the film permanently."""
         with self._lock:
             self._is_closed = True
             self._cache.forget(self._path.stem)
@@ -84,7 +86,7 @@ class Film:
                 self._file.close()
 
     def load(self, make: bool = False) -> None:
-        """Open the file where it is there; `make`: to write, so also where it is not."""
+        """Opens the file if it exists; with `make`, opens it for writing and creates it if needed."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed
@@ -100,7 +102,7 @@ class Film:
                 self._on_use(self)
 
     def rest(self) -> bool:
-        """Close the file, and keep what is known of it; the next use opens it again. False where the film is in use now."""
+        """Closes the file but keeps its index; the next use opens it again. Returns False if another thread uses the film."""
         if not self._lock.acquire(blocking=False):
             return False
         try:
@@ -117,44 +119,44 @@ class Film:
         return self._is_known
 
     def check(self, recorded: int, frame: int = 0) -> None:
-        """Raise FilmLost where the film has fewer samples of a frame than were recorded."""
+        """Raises FilmLost if a frame has fewer samples than `recorded`."""
         has = self.samples(frame)
         if has < recorded:
             raise incomplete(has, recorded)
 
     def settle(self) -> None:
-        """Bring all into the one file, where the film is likely to rest."""
+        """Moves the write-ahead log into the database file, for a film that will not be written soon."""
         with self._lock:
             if self._file is not None and not self._is_closed:
                 self._file.settle()
 
     def index_of(self, tile: Tile) -> int | None:
-        """A tile's place in `tiles`, or None where the film has no such tile."""
+        """Returns a tile's index in `tiles`, or None if the film has no such tile."""
         return self._index.get(tile)
 
     def coverage(self, frame: int, tile: int) -> Coverage:
-        """Which samples of a tile are in; a copy."""
+        """Returns a copy of the stored sample ranges of a tile."""
         with self._lock:
             return self._known().covered(frame, tile)
 
     def samples(self, frame: int) -> int:
-        """The samples of a frame that are in, all pixels together, bad ones included."""
+        """Returns the number of stored samples of a frame, summed over its pixels; includes bad samples."""
         with self._lock:
             return self._known().samples(frame)
 
     @property
     def is_empty(self) -> bool:
-        """Whether no sample of any frame is in."""
+        """Whether the film has no samples in any frame."""
         with self._lock:
             return self._known().is_empty
 
     def version(self, frame: int) -> str:
-        """A name for the frame's content: it changes with every sample that is added."""
+        """Returns a hash of the frame's stored sample ranges: it changes whenever samples are added."""
         with self._lock:
             return self._known().version(frame)
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
-        """How many samples were NaN or infinite and left out, and the first of them."""
+        """Returns how many samples of a frame were NaN or infinite and left out, and the first of them."""
         with self._lock:
             self.load()
             if self._file is None:
@@ -163,15 +165,15 @@ class Film:
         return count, [BadSample(*sample) for sample in first]
 
     def bad_count(self, frame: int) -> int:
-        """How many samples of a frame were left out, as far as is known without a look into the file."""
+        """Returns how many samples of a frame were left out, from the index in memory, without reading the file."""
         with self._lock:
             return self._contents.bad_count(frame)
 
     def merge(self, parts: Iterable[Part]) -> list[bool]:
-        """Add parts in one transaction; for each, whether it was taken. Where this raises, none was.
+        """Adds parts in one transaction; returns for each whether it was accepted. If this raises, none was added.
 
-        A part that overlaps what is in the film is dropped, unless it has all of that and more (claims.py). So is one whose tile
-        the film does not have or whose sums are damaged.
+        A part that overlaps stored samples is dropped, unless it contains all of them and more (claims.py). A part with an
+        unknown tile or damaged sums is dropped too.
         """
         parts = list(parts)
         with self._lock:
@@ -179,7 +181,7 @@ class Film:
             fit = [0 <= part.tile < len(self.tiles) and part.first >= 0 and part.count > 0 for part in parts]
             try:
                 claims, joined = self._joined(parts, fit)
-            except ValueError:  # of one, or some: to look at each before is work for nothing where all are as they were sent
+            except ValueError:  # At least one part is damaged. Checking each part first would be wasted work in the usual case.
                 fit = [is_fit and self._is_whole(part) for part, is_fit in zip(parts, fit, strict=True)]
                 claims, joined = self._joined(parts, fit)
             if joined:
@@ -188,7 +190,7 @@ class Film:
             return claims.taken
 
     def _joined(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
-        """Those that are to be taken, added up where they follow each other. Raises ValueError where sums are damaged."""
+        """Selects the parts to accept and joins adjacent ones. Raises ValueError if sums are damaged."""
         claims = Claims(parts, fit, self._contents.covered, None if self.keeps_apart else self._contents.rows)
         return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
 
@@ -211,11 +213,11 @@ class Film:
             self._fold(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Whether all samples are of these frames."""
+        """Whether all stored samples belong to the given frames."""
         return self._known().has_only(frames)
 
     def forget(self, *frames: int) -> None:
-        """Remove all samples of these frames."""
+        """Deletes all samples of the given frames."""
         with self._lock:
             self.load()
             if self._file is None:
@@ -225,7 +227,10 @@ class Film:
             self._take_in(self._file)
 
     def heal(self) -> int:
-        """Remove what is not what was written, so that it counts as missing; returns how many samples, all pixels together."""
+        """Deletes rows that do not match their checksums, so that their samples count as missing.
+
+        Returns the number of deleted samples, over all pixels.
+        """
         with self._lock:
             self.load()
             if self._file is None:
@@ -235,12 +240,15 @@ class Film:
             return self._remove(broken)
 
     def has_sent(self, worker: str) -> bool:
-        """Whether sums of a worker are in it."""
+        """Whether the film contains sums from a worker."""
         with self._lock:
             return self._known().has_sent(worker)
 
     def take_back(self, worker: str) -> int:
-        """Remove all that a worker has sent, and what was added to it: it counts as missing. Returns how many samples."""
+        """Deletes all rows that contain a worker's sums, so that their samples count as missing.
+
+        Sums of other workers in the same rows are lost too. Returns the number of deleted samples, over all pixels.
+        """
         with self._lock:
             self.load()
             if self._file is None:
@@ -252,7 +260,7 @@ class Film:
             return self._remove(found)
 
     def _remove(self, heads: list[Head]) -> int:
-        """Remove rows; returns their samples, all pixels together."""
+        """Deletes rows; returns the number of their samples, over all pixels."""
         assert self._file is not None
         self._file.remove(heads)
         for head in heads:
@@ -262,7 +270,7 @@ class Film:
         return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
 
     def take_over(self, rows: Iterable[Row]) -> None:
-        """Add rows that are left of a film which cannot be read as a whole. Which of their samples were bad is not told."""
+        """Adds rows recovered from a film that cannot be opened. Records of their bad samples are not recovered."""
         with self._lock:
             self.load(make=True)
             assert self._file is not None
@@ -290,7 +298,7 @@ class Film:
         return True
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
-        """A tile's sums (CHANNELS, h, w) int64, read-only; None where no sample is in yet."""
+        """Returns a tile's sums, (CHANNELS, h, w) int64, read-only; None if it has no samples."""
         key = (self._path.stem, frame, tile)
         with self._lock:
             self.load()
@@ -303,10 +311,10 @@ class Film:
             return sums
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """As `tile_sums`, with these planes alone; what the others hold means nothing.
+        """Returns a tile's sums as `tile_sums` does, in which only the given planes are defined.
 
-        For whoever reads a whole frame: nothing is remembered, which would drive out what is read often, and the film is
-        locked for no longer than its file is read.
+        For reading a whole frame: bypasses the cache, which would evict frequently read tiles, and holds the film's lock only
+        while the file is read.
         """
         with self._lock:
             self.load()
@@ -317,7 +325,7 @@ class Film:
         return added_up(packed, self.tiles[tile], planes) if sums is None else sums
 
     def moment(self) -> FilmMoment:
-        """The film as it is now, to be read while it grows on. Raises also FilmWaits where it has no file yet."""
+        """Returns a snapshot of the film, readable while the film grows. Raises FilmWaits, also if it has no file yet."""
         with self._lock:
             self.load()
             if self._file is None:
@@ -329,13 +337,13 @@ class Film:
             return self._path.exists()
 
     def _known(self) -> Contents:
-        """What is remembered of the file, which was read once: it is true, also while the file cannot be read."""
+        """Returns the index of the file, which stays valid while the file cannot be read."""
         if self._is_closed or not self._is_known:
             self.load()
         return self._contents
 
     def _take_in(self, file: FilmFile) -> None:
-        """Read which samples are in the file."""
+        """Reads the index from the file, and drops the film's cached tiles."""
         self._contents = Contents(file.heads(), self.tiles)
         self._cache.forget(self._path.stem)
         self._is_known, self._in_doubt = True, False
@@ -351,7 +359,7 @@ class Film:
         return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
     def _fold(self, frame: int, tile: int) -> None:
-        """Make one row of a tile's rows where they are many. What was merged is in the film whether this succeeds or not."""
+        """Folds a tile's rows into one if there are many. Logs failures: the merged samples are stored in either case."""
         rows, is_one_run = self._contents.rows(frame, tile), self._contents.is_one_run(frame, tile)
         try:
             for heads in to_fold(rows, self.keeps_apart, is_one_run):

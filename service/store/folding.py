@@ -1,4 +1,4 @@
-"""Which rows of a tile become one: reading many costs more than reading one, and they take more room."""
+"""Selects rows of a tile to fold into one: many rows take more space and more time to read than one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from service.store.senders import senders_of, senders_text
 
 __all__ = ["FOLD_AT", "MOST_APART", "folded", "to_fold"]
 
-FOLD_AT = 8  # rows of a tile, or where they are kept apart of a worker
-MOST_APART = 64  # rows of a tile: with more workers than that they are folded all the same
+FOLD_AT = 8  # rows of a tile, or of one worker if rows of different workers are kept apart
+MOST_APART = 64  # rows of a tile above which rows of different workers are folded too
 
 
 def to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
-    """Those of a tile that are to become one row, each of these lists: all of them once they are one run of samples, or those of
-    one worker.
+    """Returns lists of a tile's rows, each to be folded into one row.
 
-    keeps_apart: what each worker has sent. is_one_run: whether the tile's samples follow each other without a gap.
+    All rows, once the tile's samples are contiguous; or the rows of each worker that has many, if `keeps_apart`.
+    keeps_apart: whether rows of different workers stay separate. is_one_run: whether the tile's samples are contiguous.
     """
     if len(rows) < FOLD_AT:
         return []
@@ -30,7 +30,7 @@ def to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[S
 
 
 def folded(heads: Collection[Head]) -> Head:
-    """The row that has what these have. Raises FilmLost."""
+    """Returns the head of the row that replaces `heads`. Raises FilmLost if their sample ranges are invalid."""
     frame, tile = next(iter(heads))[:2]
     runs = Coverage(span for head in heads for span in head_spans(head)).ranges
     ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None

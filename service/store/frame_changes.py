@@ -1,6 +1,8 @@
-"""Changes to many frames of a shot. A transaction over a hundred thousand rows would hold the database for seconds, and with it
-everybody else; so a long change is written down as a whole, in the transaction that accepts it, and then carried out some
-thousand frames at a time. One that a killed service has left is carried out by the next. Meanwhile its job is not rendered.
+"""Changes to many frames of a shot, applied in portions.
+
+One transaction over a hundred thousand rows would lock the database for seconds. A long change is therefore recorded as a whole,
+in the transaction that accepts it, and then applied AT_A_TIME frames at a time. After a restart, the service continues a change
+that was left unfinished. The job is not rendered while its change is pending.
 """
 
 from __future__ import annotations
@@ -24,27 +26,27 @@ from service.store.models import Frame, FrameChange, Job, Spent
 
 __all__ = ["FrameChanges", "Step", "apply_at_once", "begin", "is_short"]
 
-AT_A_TIME = 2000  # frames in one transaction
+AT_A_TIME = 2000  # frames per transaction
 MOST_PAUSE_S = 0.1
-AGAIN_AFTER_S = 5.0  # where the database or the disk was in the way
+AGAIN_AFTER_S = 5.0  # delay in seconds after an error of the database or the disk
 AS_TOLD = {"synchronize_session": False}
 NEARLY = 0.9999
 
-Given = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: columns in which it differs from the others
+Given = Mapping[int, Mapping[str, Any]]  # by frame key: columns with values that differ from those of the other frames
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Step:
-    """What is done to some frames of a job.
+    """One operation on some frames of a job.
 
-    add: they are written down, to come to `target` samples. unplan: their own aims are dropped. again: what was rendered of
-    them counts no more (and, with `unplan`, nor do their own aims). aim: the job's aim is theirs, and theirs only where it is
-    higher (unless `keep`). more: each comes to `spp` samples a pixel, or `more` than before. heal: those that failed are tried
-    again. drop: the job is being deleted, and all of its frames go.
+    add: inserts the frames, each with `target` samples. unplan: clears their own spp. again: discards their samples (and, with
+    `unplan`, their own spp). aim: applies the job's spp; a frame's own spp stays only if it is higher (always stays with `keep`).
+    more: sets each frame to `spp` samples per pixel, or to `more` above its present goal. heal: queues failed frames again.
+    drop: the job is being deleted with all its frames.
 
-    frames: which ones, as renderer.frames.frames_text writes them.
+    frames: the frame numbers, as `renderer.frames.frames_text` writes them.
     """
 
     do: Literal["add", "unplan", "again", "aim", "more", "heal", "drop"]
@@ -57,38 +59,41 @@ class Step:
 
     @classmethod
     def of(cls, do: Any, keys: Sequence[int], **what: Any) -> Step:
-        """For frames by their keys."""
+        """Creates a step for frames given by their keys."""
         return cls(do, frames_text([frame_number(key) for key in keys]), **what)
 
     @property
     def keys(self) -> list[int]:
-        """The frames."""
+        """The keys of the step's frames."""
         return [frame_key(number) for number in parse_frames(self.frames)] if self.frames else []
 
 
 def is_short(steps: Sequence[Step]) -> bool:
-    """Whether steps may be done in one transaction."""
+    """Whether the steps are small enough for one transaction."""
     return sum(len(step.keys) for step in steps) <= AT_A_TIME and all(step.do != "drop" for step in steps)
 
 
 def begin(job: str, steps: Sequence[Step], session: Session) -> None:
-    """Write down what is to be done; whatever was under way is forgotten."""
+    """Records steps to be applied to a job's frames; replaces a pending change of the job."""
     session.execute(delete(FrameChange).where(FrameChange.job == job))
     samples = sum(len(step.keys) * step.target for step in steps if step.do == "add")
     session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
 
 
 def apply_at_once(job: Job, steps: Sequence[Step], session: Session, given: Given | None = None) -> None:
-    """Do steps that are short."""
+    """Applies short steps within the caller's transaction."""
     for step in steps:
         _apply(job, step, step.keys, session, given or {})
 
 
 class FrameChanges:
-    """May be used from any thread."""
+    """Applies recorded changes, with a background thread for unfinished ones. Thread-safe."""
 
     def __init__(self, sessions: Sessions, events: Events, deleted: Callable[[str], None]) -> None:
-        """deleted: called with the id of a job that is to be deleted, after its frames were."""
+        """Prepares the background thread.
+
+        deleted: called with the id of a job marked for deletion, after its frames were deleted.
+        """
         self._sessions = sessions
         self._events = events
         self._deleted = deleted
@@ -97,18 +102,18 @@ class FrameChanges:
         self._thread = threading.Thread(target=self._run, name="frame changes", daemon=True)
 
     def start(self) -> None:
-        """Begin with what an earlier life has left."""
+        """Starts the background thread, which first continues the changes left by an earlier process."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End after what is in hand."""
+        """Stops the background thread after the portion in progress; waits up to 10 seconds."""
         self._stop.set()
         self._later.put(None)
         if self._thread.is_alive():
             self._thread.join(10)
 
     def is_under_way(self, job: str) -> bool:
-        """Whether something is being done to a job's frames."""
+        """Whether a job has a pending change of its frames."""
         return self._under_way(job) is not None
 
     def is_dropped(self, job: str) -> bool:
@@ -117,9 +122,10 @@ class FrameChanges:
         return change is not None and _is_drop(change)
 
     def carry_out(self, job: str, given: Given | None = None) -> None:
-        """Do all that is written down for a job. Raises FarmError; then it is gone on with later.
+        """Applies the pending changes of a job. If this raises FarmError, the background thread continues later.
 
-        given: of frames that are to be added, what is different of them."""
+        given: column values of frames to be added that differ from the defaults, by frame key.
+        """
         try:
             self._carry_out(job, given or {})
         except FarmError:
@@ -127,8 +133,10 @@ class FrameChanges:
             raise
 
     def carry_out_drop(self, job: str) -> None:
-        """Remove the frames of a job that is being deleted: those that refer to no blobs. Raises FarmError; then it is deleted
-        later."""
+        """Deletes the frames of a job that is being deleted, except those that refer to blobs.
+
+        If this raises FarmError, the background thread tries again later.
+        """
         try:
             self._drop(job)
         except FarmError:
@@ -157,7 +165,7 @@ class FrameChanges:
             return session.get(FrameChange, job)
 
     def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: Given) -> bool:
-        """Do the next part; whether there is another. plan: what is done to which frames, in parts."""
+        """Applies the next portion of a change; returns whether another is left. plan: (step, frame keys) of each portion."""
         began = time.monotonic()
         with self._sessions.begin() as session:
             change = session.get(FrameChange, known.job, with_for_update=True)
@@ -180,7 +188,7 @@ class FrameChanges:
         return is_left
 
     def _pause(self, began: float) -> None:
-        """Others, who wait for SQLite's lock, have as much time as this had."""
+        """Waits as long as the last transaction took, at most MOST_PAUSE_S, so that other writers get SQLite's lock."""
         self._stop.wait(min(time.monotonic() - began, MOST_PAUSE_S))
 
     def _run(self) -> None:
@@ -269,7 +277,7 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
 
 
 def _note_spent(job: Job, keys: list[int], session: Session) -> None:
-    """What was rendered of frames that are rendered anew counts as rendered all the same."""
+    """Adds the samples of frames that are rendered again to the user's account, so that they still count for the quota."""
     rendered = select(func.sum(Frame.samples)).where(Frame.job == job.id, Frame.number.in_(keys))
     if job.user is None or not (samples := int(session.scalar(rendered) or 0)):
         return
@@ -281,7 +289,7 @@ def _note_spent(job: Job, keys: list[int], session: Session) -> None:
 
 
 def _aimed(job: Job) -> dict[str, Any]:
-    """What a frame has is a part of what it is to have now."""
+    """Returns the new `target` and `progress` of frames as SQL expressions, after a change of their spp."""
     size = job.settings or {}
     pixels = literal(int(size.get("width", 0)) * int(size.get("height", 0)), BigInteger)
     wanted = cast(func.coalesce(Frame.spp, job.spp or 0), BigInteger) * pixels

@@ -1,9 +1,9 @@
-"""Which blobs can be deleted: those that no scene and no frame refers to, and that nobody is about to refer to.
+"""Garbage collection of blobs: deletes those that no scene, environment, reference or frame refers to, unless they are pinned.
 
-An upload pins its blobs until its scene is recorded; what a worker stores is pinned until its answer must have arrived. What is
-to go is decided under the lock by which blobs are pinned, together with the row that referred to them, and then deleted without
-it, some at a time. Whoever pins a blob takes it off what is to go, or waits until it has gone. So code that pins a blob and then
-finds or stores it can rely on it.
+An upload pins its blobs until its scene is recorded; a blob stored by a worker is pinned until its message must have arrived.
+The lock is held while the blobs to delete are chosen, together with the deletion of the row that referred to them; the blobs are
+then deleted without it, in portions. Pinning a blob removes it from the pending deletions, or waits until its deletion is done.
+Code that pins a blob and then finds or stores it can rely on it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from service.store.models import Environment, Frame, Reference, Scene
 __all__ = ["Garbage"]
 
 FEW = 2
-AT_A_TIME = 256  # blobs that are deleted between two looks at who has pinned one since
+AT_A_TIME = 256  # blobs deleted between two checks for new pins
 REFERRING: dict[Any, tuple[Any, ...]] = {  # tables, and their columns that refer to blobs
     Scene: (Scene.files, Scene.compiled, Scene.info),
     Environment: (Environment.file, Environment.thumbnail),
@@ -41,11 +41,14 @@ log = logging.getLogger(__name__)
 
 
 class Garbage:
-    """The one place that deletes blobs of scenes. Safe to use from several threads."""
+    """The only component that deletes blobs of scenes. Thread-safe."""
 
     def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float, guard: Callable[[], None] = lambda: None) -> None:
-        """patience_s: how long what a worker stored may wait for the scene that will refer to it. guard: raises FarmError where
-        none may be deleted."""
+        """Stores the parameters.
+
+        patience_s: how long, in seconds, a blob stored by a worker may wait for its reference. guard: raises FarmError if
+        deleting is not allowed.
+        """
         self._sessions = sessions
         self._blobs = blobs
         self._patience_s = patience_s
@@ -53,14 +56,14 @@ class Garbage:
         self._lock = threading.Lock()
         self._deleted = threading.Condition(self._lock)
         self._pins: Counter[str] = Counter()
-        self._promised: dict[str, list[float]] = {}  # until when, once for each time that it was stored
-        self._left: set[str] = set()  # what would have gone, had it not been pinned
-        self._going: set[str] = set()  # what is to be deleted
-        self._deleting: set[str] = set()  # what is being deleted
+        self._promised: dict[str, list[float]] = {}  # expiry times, one for each time the blob was stored
+        self._left: set[str] = set()  # unreferenced blobs that were kept because they were pinned
+        self._going: set[str] = set()  # to be deleted
+        self._deleting: set[str] = set()  # being deleted
 
     @contextmanager
     def pinned(self, hashes: Iterable[str]) -> Iterator[None]:
-        """Keep blobs, whether they are there already or will be put, while somebody makes a scene of them."""
+        """Pins blobs, existing or not, for the duration of the block in which a scene is made of them."""
         mine = set(hashes)
         with self._lock:
             self._pins.update(mine)
@@ -69,46 +72,49 @@ class Garbage:
             yield
         except BaseException:
             with self._lock:
-                self._left |= mine  # no scene came of them
+                self._left |= mine  # no scene was created
             raise
         finally:
             with self._lock:
                 self._pins.subtract(mine)
-                self._pins += Counter()  # forgets those that are 0
+                self._pins += Counter()  # removes zero counts
                 leftover = bool(self._free())
             if leftover:
-                with contextlib.suppress(FarmError):  # the next one to collect takes them along
+                with contextlib.suppress(FarmError):  # the next collection deletes them
                     self.collect(lambda session: set())
 
     def promise(self, sha256: str) -> None:
-        """A worker stores a blob, and will say for which scene."""
+        """Pins a blob that a worker stores, until its reference is recorded or `patience_s` has passed."""
         with self._lock:
             self._forget_promises()
             self._promise(sha256)
             self._save({sha256})
 
     def inherit(self, hashes: set[str]) -> None:
-        """Nobody refers to these blobs of an earlier life. Some of them a worker may have stored, whose answer is still on its
-        way; those that have none in time go with the next to collect."""
+        """Takes over unreferenced blobs found at start.
+
+        A worker may have stored some of them, with its message still in transit. Those not referred to within `patience_s` are
+        deleted by the next collection after that.
+        """
         with self._lock:
             for sha256 in hashes:
                 self._promise(sha256)
             self._left |= hashes
 
     def keep_promise(self, sha256: str, times: int = 1) -> None:
-        """What was promised is referred to by now, or was never stored."""
+        """Removes `times` pins made by `promise`: the blob is referred to, or was never stored."""
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
 
     def release(self, event: BlobsReleased) -> None:
-        """Delete those of these blobs that nobody needs. A worker had promised each so often, and they were referred to since."""
+        """Removes the pins of these blobs as often as the event says they were referred to, and deletes the unreferenced ones."""
         for sha256, times in event.references.items():
             self.keep_promise(sha256, times)
         self.collect(lambda session: set(event.references))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
-        """Change the database by a function that returns the blobs that it let go of, and delete those that nobody needs."""
+        """Runs a database change that returns the blobs it no longer refers to, and deletes those without references or pins."""
         with self._lock:
             with self._sessions.begin() as session:
                 gone = let_go(session) | self._free()
@@ -123,16 +129,16 @@ class Garbage:
             pass
 
     def _delete_some(self) -> bool:
-        """Delete some of what is to go; whether there was any."""
+        """Deletes one portion of the pending blobs; returns whether there was one."""
         with self._lock:
             some = {self._going.pop() for _ in range(min(AT_A_TIME, len(self._going)))}
             self._deleting |= some
         failed = True
         try:
             if some:
-                self._blobs.delete(some, self._guard)  # another service may have made a scene of them since
+                self._blobs.delete(some, self._guard)  # guarded: another service may have taken over and made a scene of them
             failed = False
-        except (FarmError, OSError) as error:  # what was written down stands; the next one to collect takes it along
+        except (FarmError, OSError) as error:  # the database change stands; the next collection tries again
             log.warning("%d blobs stay for now: %s", len(some), error)
         finally:
             with self._deleted:
@@ -142,13 +148,13 @@ class Garbage:
         return bool(some)
 
     def _save(self, hashes: set[str]) -> None:
-        """What was pinned is not deleted; what is being deleted already will be gone."""
+        """Removes pinned blobs from the pending deletions, and waits for the end of deletions in progress."""
         self._left |= hashes & self._going
         self._going -= hashes
         self._deleted.wait_for(lambda: not hashes & self._deleting)
 
     def _free(self) -> set[str]:
-        """What was left, and is not kept by anybody now."""
+        """Returns the blobs kept by an earlier collection that are no longer pinned."""
         self._forget_promises()
         return {sha256 for sha256 in self._left if not self._is_kept(sha256)}
 
@@ -165,7 +171,10 @@ class Garbage:
 
 
 def _that_may_refer_to(hashes: set[str]) -> list[Select[Any]]:
-    """The rows of which some may refer to one of these blobs. Of few blobs the database finds them, and they alone are read."""
+    """Returns queries for the rows that may refer to one of these blobs.
+
+    For at most FEW blobs, the database filters the rows by text search; otherwise all rows that can have references are read.
+    """
     found: list[Select[Any]] = []
     for table, columns in REFERRING.items():
         query = select(table)

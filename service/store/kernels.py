@@ -1,6 +1,6 @@
-"""The machine code for this farm's kinds of workers: compiled by one of them, signed, and kept for the next that joins.
+"""Compiled kernels for the farm's kinds of workers: compiled by one worker, signed, and stored for later ones.
 
-The service never unpacks it, and nothing is lost with it: a worker that finds none compiles.
+The service does not unpack them. They are only a cache: a worker that finds none compiles its own.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from service.store.whole import PRIVATE_FOLDER, write_whole
 
 __all__ = ["KernelStore"]
 
-KEPT = 24  # artefacts: a few kernels of each kind, and few kinds work side by side; older ones are of releases that are gone
+KEPT = 24  # artefacts: a few kernels for each of a few kinds of workers; older ones belong to former releases
 
 
 class KernelStore:
-    """Artefacts (renderer.artefact) by name; `token`: what they are signed with."""
+    """Stored artefacts (renderer.artefact) by name. token: the key that they are signed with."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
@@ -28,12 +28,12 @@ class KernelStore:
             left_over.unlink(missing_ok=True)
 
     def find(self, name: str) -> Path | None:
-        """The file of this name, where there is one."""
+        """Returns the path of an artefact, or None if it does not exist."""
         path = self._folder / name
         return path if is_name(name) and path.is_file() else None
 
     def signed_for(self, name: str, key: str) -> bytes:
-        """The artefact of this name, signed with another key. Raises NotFound where there is none that is whole."""
+        """Returns an artefact signed with another key. Raises NotFound if it is missing or its signature is invalid."""
         path = self.find(name)
         data = b"" if path is None else path.read_bytes()
         if not is_signed(io.BytesIO(data), self._token):
@@ -41,7 +41,7 @@ class KernelStore:
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
-        """Keep an artefact, whole or not at all. Raises Invalid where its name or its signature is not right."""
+        """Stores an artefact atomically, and deletes the oldest beyond KEPT. Raises Invalid for an invalid name or signature."""
         if not is_name(name):
             raise Invalid("This is no name of kernels: see renderer/artefact.py.")
         if not is_signed(io.BytesIO(data), self._token):

@@ -1,4 +1,4 @@
-"""What the database records: scenes, jobs and frames, and who may do what with them. Samples are recorded by the films."""
+"""The database tables: scenes, jobs and frames, and access to them. Samples are stored in films, not here."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ NOTED = text("note IS NOT NULL")
 
 
 class Base(DeclarativeBase):
-    """The tables of this service."""
+    """Base class of the tables."""
 
 
 def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
-    """The hashes of the blobs that worker.protocol.contract.BlobRefs refer to, and of their parts; those that can be made out."""
+    """Returns the hashes of the blobs that BlobRefs (worker.protocol.contract) and their parts refer to; skips malformed ones."""
     found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
     for ref in refs:
         parts = ref.get("parts") or ()
@@ -52,9 +52,9 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An upload, or one under another light or with other materials of its files, which some job's request made of it.
+    """An uploaded scene, or one derived from it for a job, with other lighting or another material variant.
 
-    The id is a hash of the content, so the same files are the same scene; strict, they are another one.
+    The id is a hash of the content, so the same files are the same scene; a strict scene has another id.
     """
 
     __tablename__ = "scenes"
@@ -67,23 +67,23 @@ class Scene(Base):
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
     variant: Mapped[str | None] = mapped_column(Text)
-    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
-    user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm that asks nobody who they are
-    key: Mapped[str | None] = mapped_column(String(20))  # by which token
-    of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is made of; None: it is one
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its members see it; empty: all users
+    user: Mapped[str | None] = mapped_column(String(64))  # who uploaded it; None: a farm without authentication
+    key: Mapped[str | None] = mapped_column(String(20))  # id of the token that was used
+    of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is derived from; None: it is an upload
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
-    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload itself; of a refused scene, all
-    strict: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # warnings fail it
-    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first kind that prepared it
+    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload; of a failed scene, all warnings
+    strict: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # whether warnings make it fail
+    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first worker kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
     measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to: its files, what Blender wrote, what it was compiled to, its thumbnail.
+        """The hashes of the blobs that the scene refers to: its files, Blender's export, its compiled forms, its thumbnail.
 
-        Those that can be made out: a damaged row, or one of another release, must not keep others from being deleted.
+        Malformed references are skipped, so that a damaged row or one of another release does not block the deletion of others.
         """
         files = self.files if isinstance(self.files, list) else []
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
@@ -96,10 +96,10 @@ class Scene(Base):
 
 
 class Job(Base):
-    """A request for pictures of a scene, and how far it is."""
+    """A request for pictures of a scene, and its progress."""
 
     __tablename__ = "jobs"
-    # Lists and tallies are made of these alone: a row is thousands of bytes long, mostly its settings.
+    # Covering indexes for lists and counts: a row takes thousands of bytes, mostly its settings.
     __table_args__ = (
         Index("jobs_listed", "created", "id", "state", "scene", "name", "project"),
         Index("jobs_by_state", "state", "created", "id", "scene", "name", "project"),
@@ -110,74 +110,77 @@ class Job(Base):
     )
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
-    scene: Mapped[str] = mapped_column(String(40), index=True)  # the upload
-    lit: Mapped[str | None] = mapped_column(String(40), index=True)  # what is rendered, where that is another scene's row
-    light: Mapped[str | None] = mapped_column(Text)  # what the uploaded image is called that lights it
+    scene: Mapped[str] = mapped_column(String(40), index=True)  # the uploaded scene
+    lit: Mapped[str | None] = mapped_column(String(40), index=True)  # the derived scene that is rendered, if any
+    light: Mapped[str | None] = mapped_column(Text)  # name of the uploaded image that lights it
     name: Mapped[str] = mapped_column(String(255))
     state: Mapped[str] = mapped_column(String(16))
     priority: Mapped[int] = mapped_column(Integer, default=0)
     created: Mapped[float] = mapped_column(Float)
     started: Mapped[float | None] = mapped_column(Float)
     finished: Mapped[float | None] = mapped_column(Float)
-    active_s: Mapped[float] = mapped_column(Float, default=0.0)  # wall time spent rendering, pauses left out
-    request: Mapped[dict[str, Any]] = mapped_column(JSON)  # as it was asked
+    active_s: Mapped[float] = mapped_column(Float, default=0.0)  # seconds of rendering, without pauses
+    request: Mapped[dict[str, Any]] = mapped_column(JSON)  # the original request
     settings: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # RenderSettings; None until the scene is ready
     tile_size: Mapped[int | None] = mapped_column(Integer)
     spp: Mapped[int | None] = mapped_column(Integer)
     noise: Mapped[float | None] = mapped_column(Float)
     seconds: Mapped[float | None] = mapped_column(Float)
-    kind: Mapped[str | None] = mapped_column(String(128))  # of the workers that render it, fixed at its first batch
+    kind: Mapped[str | None] = mapped_column(String(128))  # kind of the workers that render it, fixed at its first batch
     error: Mapped[str | None] = mapped_column(Text)
-    reproduce: Mapped[str | None] = mapped_column(Text)  # a command that shows the error again
+    reproduce: Mapped[str | None] = mapped_column(Text)  # command that reproduces the error
     shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
-    focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h that is rendered first
+    focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h of the area rendered first
     history: Mapped[dict[str, Any] | None] = mapped_column(
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/jobs/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
-    checked: Mapped[float | None] = mapped_column(Float)  # when its film was last read as a whole: service/keeping/scrub.py
-    pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # stays whatever its age
-    user: Mapped[str | None] = mapped_column(String(64))  # who asked for it; None: a farm that asks nobody who they are
-    max_slots: Mapped[int | None] = mapped_column(Integer)  # that may work on it at a time
-    deadline: Mapped[float | None] = mapped_column(Float)  # by when it is wanted
-    late: Mapped[float | None] = mapped_column(Float)  # since when it is expected to miss that; None: it is not
+    checked: Mapped[float | None] = mapped_column(Float)  # time of the last full check of its film: service/keeping/scrub.py
+    pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # exempt from deletion by age
+    user: Mapped[str | None] = mapped_column(String(64))  # who created it; None: a farm without authentication
+    max_slots: Mapped[int | None] = mapped_column(Integer)  # limit of slots that work on it at a time
+    deadline: Mapped[float | None] = mapped_column(Float)  # Unix time
+    late: Mapped[float | None] = mapped_column(Float)  # time since when it is expected to miss its deadline; None: it is not
     needs: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/scheduling/fleet/needs.py
     picture: Mapped[str | None] = mapped_column(
         String(64)
-    )  # equal for jobs of which one's samples are the other's: intake/picture.py
-    taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # what it began with: keeping/reuse.py
-    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its scene's
-    key: Mapped[str | None] = mapped_column(String(20))  # by which token it was asked for
-    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # whose samples in its film: keeping/taint.py
-    note: Mapped[str | None] = mapped_column(Text)  # what somebody wrote about it
+    )  # cache key, equal for jobs whose samples are interchangeable: intake/picture.py
+    taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # samples reused at its start: keeping/reuse.py
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # the project of its scene
+    key: Mapped[str | None] = mapped_column(String(20))  # id of the token that created it
+    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # workers with untrusted samples: keeping/taint.py
+    note: Mapped[str | None] = mapped_column(Text)  # free text by a user
 
     @property
     def stage(self) -> str:
-        """The scene whose compiled form is rendered."""
+        """The id of the scene whose compiled form is rendered."""
         return self.lit or self.scene
 
 
 class Wait(Base):
-    """A job that begins only when another is finished. The row goes when that is; see service/scheduling/waiting.py."""
+    """A dependency: a job that begins only when another is finished, after which the row is deleted.
+
+    See service/scheduling/waiting.py.
+    """
 
     __tablename__ = "waits"
 
     job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
-    other: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)  # which may be deleted meanwhile
+    other: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)  # may be deleted meanwhile
 
 
 class ShareTerms(Base):
-    """What somebody's jobs get of the slots, where an administrator has said so: service/scheduling/jobs/shares.py."""
+    """A user's share of the slots, if an administrator has set it: service/scheduling/jobs/shares.py."""
 
     __tablename__ = "shares"
 
-    name: Mapped[str] = mapped_column(String(80), primary_key=True)  # as share_of says it
+    name: Mapped[str] = mapped_column(String(80), primary_key=True)  # as returned by share_of
     weight: Mapped[float] = mapped_column(Float)
     max_slots: Mapped[int | None] = mapped_column(Integer)
 
 
 class WorkerTerms(Base):
-    """What was asked of a worker, by its name: also of one that is away, for when it comes back."""
+    """Settings of a worker, by its name; they apply also when a disconnected worker comes back."""
 
     __tablename__ = "worker_terms"
 
@@ -186,102 +189,102 @@ class WorkerTerms(Base):
 
 
 class Environment(Base):
-    """An uploaded image that lights scenes. Its id is a hash of its content."""
+    """An uploaded environment image that lights scenes. Its id is a hash of its content."""
 
     __tablename__ = "environments"
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
-    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its members see it; empty: all users
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef
-    thumbnail: Mapped[str] = mapped_column(String(64))  # the SHA-256 of a small picture, a JPEG
+    thumbnail: Mapped[str] = mapped_column(String(64))  # SHA-256 of a JPEG thumbnail
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to."""
+        """The hashes of the blobs that the environment refers to."""
         return {self.thumbnail, *blobs_of([self.file] if isinstance(self.file, dict) else [])}
 
 
 class Reference(Base):
-    """An uploaded picture to compare with. Its id is a hash of its content."""
+    """An uploaded reference picture for comparisons. Its id is a hash of its content."""
 
     __tablename__ = "reference_pictures"
 
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
-    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # whose members see it; empty: everybody
+    project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # its members see it; empty: all users
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
-    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef: as it was uploaded
-    film: Mapped[dict[str, Any]] = mapped_column(JSON)  # likewise: as the page reads it (watching/film_packet.py), by gzip
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef of the uploaded file
+    film: Mapped[dict[str, Any]] = mapped_column(JSON)  # BlobRef: gzipped packet of watching/film_packet.py
     width: Mapped[int] = mapped_column(Integer)
     height: Mapped[int] = mapped_column(Integer)
-    is_display: Mapped[bool] = mapped_column(Boolean)  # it had 8 bits a channel, as a screen shows them
-    clipped: Mapped[int] = mapped_column(Integer)  # pixels that the film cannot have as they were
+    is_display: Mapped[bool] = mapped_column(Boolean)  # whether it had 8 bits per channel, display-encoded
+    clipped: Mapped[int] = mapped_column(Integer)  # number of pixels that the film format cannot represent exactly
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to."""
+        """The hashes of the blobs that the reference picture refers to."""
         return blobs_of([ref for ref in (self.file, self.film) if isinstance(ref, dict)])
 
 
 class Frame(Base):
-    """One picture of a job. Of a still, how it goes is said by the job."""
+    """One frame of a job. For a still, the state is that of the job."""
 
     __tablename__ = "frames"
     __table_args__ = (Index("frames_of_job", "job"),)
 
     job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
-    number: Mapped[int] = mapped_column(Integer, primary_key=True)  # in halves: renderer.frames.frame_key
-    samples: Mapped[int] = mapped_column(BigInteger, default=0)  # in the film, all pixels together
-    target: Mapped[int] = mapped_column(BigInteger, default=0)  # what the request comes to at most
+    number: Mapped[int] = mapped_column(Integer, primary_key=True)  # in half frames: renderer.frames.frame_key
+    samples: Mapped[int] = mapped_column(BigInteger, default=0)  # stored in the film, over all pixels
+    target: Mapped[int] = mapped_column(BigInteger, default=0)  # samples over all pixels that the request needs at most
     bad_samples: Mapped[int] = mapped_column(BigInteger, default=0)
     progress: Mapped[float] = mapped_column(Float, default=0.0)
     state: Mapped[str] = mapped_column(String(16), server_default="queued", default="queued")  # running | finished | failed
     error: Mapped[str | None] = mapped_column(Text)
     noise: Mapped[float | None] = mapped_column(Float)
-    spp: Mapped[int | None] = mapped_column(Integer)  # where it is to have others than the job
-    # RenderSettings at its moment; None until that is known.
+    spp: Mapped[int | None] = mapped_column(Integer)  # if it differs from the job's
+    # RenderSettings of this frame; None until they are known.
     settings: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
-    # Kind -> BlobRef of what was compiled for this frame alone, for as long as it is needed.
+    # Kind -> BlobRef of the form compiled for this frame alone, while it is needed.
     compiled: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that it refers to."""
+        """The hashes of the blobs that the frame refers to."""
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
         return blobs_of([ref for ref in compiled.values() if isinstance(ref, dict)])
 
 
 class FrameChange(Base):
-    """What is being done to the frames of a long shot: service/store/frame_changes.py. The row goes when all is done."""
+    """A pending change to the frames of a long shot: service/store/frame_changes.py. The row is deleted when it is complete."""
 
     __tablename__ = "frame_changes"
 
     job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
     steps: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # frame_changes.Step each
-    done: Mapped[int] = mapped_column(Integer)  # of the frames that its steps name, all together
-    samples: Mapped[int] = mapped_column(BigInteger)  # that frames come to which are not written down yet, for quotas
+    done: Mapped[int] = mapped_column(Integer)  # number of frames processed, counted over all steps
+    samples: Mapped[int] = mapped_column(BigInteger)  # samples of frames that are not inserted yet, for quotas
 
 
 class User(Base):
-    """Somebody who may log in."""
+    """A user who may log in."""
 
     __tablename__ = "users"
 
     name: Mapped[str] = mapped_column(String(64), primary_key=True)
     role: Mapped[str] = mapped_column(String(16))  # view | submit | admin
-    password: Mapped[str | None] = mapped_column(Text)  # Argon2id; None: by a link alone
-    subject: Mapped[str | None] = mapped_column(String(512), index=True)  # issuer and subject, of whom an OpenID provider lets in
+    password: Mapped[str | None] = mapped_column(Text)  # Argon2id hash; None: the user logs in by link only
+    subject: Mapped[str | None] = mapped_column(String(512), index=True)  # issuer and subject at an OpenID provider
     created: Mapped[float] = mapped_column(Float)
 
 
 class Project(Base):
-    """What some users alone see: service/access/projects.py."""
+    """A project: its contents are visible only to its members; see service/access/projects.py."""
 
     __tablename__ = "projects"
 
@@ -290,17 +293,17 @@ class Project(Base):
 
 
 class Member(Base):
-    """A user who sees a project."""
+    """The membership of a user in a project."""
 
     __tablename__ = "members"
 
     project: Mapped[str] = mapped_column(ForeignKey("projects.name", ondelete="CASCADE"), primary_key=True)
     user: Mapped[str] = mapped_column(String(64), primary_key=True, index=True)
-    role: Mapped[str] = mapped_column(String(16), default="submit", server_default="submit")  # view | submit: at most this, there
+    role: Mapped[str] = mapped_column(String(16), default="submit", server_default="submit")  # view | submit: at most this
 
 
 class Quota(Base):
-    """How much somebody may have, where an administrator has said so: service/access/quotas.py. None: no limit."""
+    """A user's or token's limits, if an administrator has set them: service/access/quotas.py. None: no limit."""
 
     __tablename__ = "quotas"
 
@@ -311,7 +314,10 @@ class Quota(Base):
 
 
 class Spent(Base):
-    """What a job of the last day has rendered that was deleted, or by its id and /again, that is rendered anew."""
+    """Samples of the last day that count for quotas though no frame records them any more.
+
+    job: the id of a deleted job, or `<id>/again` for frames that are rendered again.
+    """
 
     __tablename__ = "spent"
 
@@ -323,54 +329,54 @@ class Spent(Base):
 
 
 class Key(Base):
-    """A secret that lets somebody in. Only its hash is here."""
+    """A secret that grants access. Only its hash is stored."""
 
     __tablename__ = "keys"
 
-    id: Mapped[str] = mapped_column(String(20), primary_key=True)  # which may be shown
+    id: Mapped[str] = mapped_column(String(20), primary_key=True)  # not secret
     hash: Mapped[str] = mapped_column(String(64), unique=True)  # SHA-256
     kind: Mapped[str] = mapped_column(String(16))  # session | token | link | worker
-    user: Mapped[str] = mapped_column(String(64), index=True)  # whose it is; of a worker's: who made it
-    name: Mapped[str] = mapped_column(String(255))  # what it is for, in its owner's words
-    role: Mapped[str] = mapped_column(String(16))  # at most this, and at most what the user may
+    user: Mapped[str] = mapped_column(String(64), index=True)  # owner; for a worker's key, its creator
+    name: Mapped[str] = mapped_column(String(255))  # purpose, chosen by the owner
+    role: Mapped[str] = mapped_column(String(16))  # upper limit, besides the user's own role
     created: Mapped[float] = mapped_column(Float)
     expires: Mapped[float | None] = mapped_column(Float)
     seen: Mapped[float | None] = mapped_column(Float)
 
 
 class Delivery(Base):
-    """A message to one hook about the end of one job; service/hooks/outbox.py sends it until it has arrived."""
+    """A webhook message to one hook about the end of one job; service/hooks/outbox.py sends it until it is delivered."""
 
     __tablename__ = "deliveries"
     __table_args__ = (UniqueConstraint("hook", "job", "ended", name="deliveries_once"), Index("deliveries_due", "due"))
 
-    id: Mapped[str] = mapped_column(String(40), primary_key=True)  # the same at every attempt
-    hook: Mapped[str] = mapped_column(String(2048))  # a URL, or the path of a program
-    job: Mapped[str] = mapped_column(String(40))  # empty: since when this hook is told
+    id: Mapped[str] = mapped_column(String(40), primary_key=True)  # equal in all attempts
+    hook: Mapped[str] = mapped_column(String(2048))  # URL, or path of a program
+    job: Mapped[str] = mapped_column(String(40))  # empty: the row records since when this hook is configured
     ended: Mapped[float] = mapped_column(Float)
     message: Mapped[dict[str, Any]] = mapped_column(JSON)
     attempts: Mapped[int] = mapped_column(Integer, default=0)
-    due: Mapped[float | None] = mapped_column(Float)  # when it is sent next; None: it has arrived, or is given up
+    due: Mapped[float | None] = mapped_column(Float)  # time of the next attempt; None: delivered or given up
     done: Mapped[float | None] = mapped_column(Float)
     error: Mapped[str | None] = mapped_column(Text)  # of the latest attempt
 
 
 class Owner(Base):
-    """Which service works as the farm, where several were started for it. service/owning/ says how that changes."""
+    """The service that owns the farm, if several were started for it: see service/owning/."""
 
     __tablename__ = "owners"
 
     what: Mapped[str] = mapped_column(String(40), primary_key=True)
-    epoch: Mapped[int] = mapped_column(BigInteger)  # greater with each owner; what one of a lesser writes is refused
-    owner: Mapped[str | None] = mapped_column(String(40))  # a life of a service; None: it has given the farm up
-    place: Mapped[str] = mapped_column(String(300))  # its machine and port, for people
-    url: Mapped[str] = mapped_column(String(300))  # where other services reach it
-    folder: Mapped[str] = mapped_column(String(64))  # the id of its data folder, where its films lie
+    epoch: Mapped[int] = mapped_column(BigInteger)  # increases with each owner; writes with a lesser epoch are refused
+    owner: Mapped[str | None] = mapped_column(String(40))  # id of the owning process; None: ownership was released
+    place: Mapped[str] = mapped_column(String(300))  # machine and port, for display
+    url: Mapped[str] = mapped_column(String(300))  # URL for other services
+    folder: Mapped[str] = mapped_column(String(64))  # id of the data folder with its films
     process: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/owning/process.py
-    locked: Mapped[bool] = mapped_column(Boolean)  # whether it holds the folder's lock: who gets that knows then that it is dead
+    locked: Mapped[bool] = mapped_column(Boolean)  # holds the folder's lock, which is free once the process is dead
     since: Mapped[float] = mapped_column(Float)
-    takeovers: Mapped[int] = mapped_column(Integer)  # from owners that had not given up
-    asked: Mapped[int] = mapped_column(BigInteger)  # by services that stand by: each time one more
-    answered: Mapped[int] = mapped_column(BigInteger)  # by the owner, to which of these
+    takeovers: Mapped[int] = mapped_column(Integer)  # takeovers from owners that had not released ownership
+    asked: Mapped[int] = mapped_column(BigInteger)  # number of the latest request by a standby service
+    answered: Mapped[int] = mapped_column(BigInteger)  # number of the latest request that the owner answered
     asked_by: Mapped[str | None] = mapped_column(String(300))
-    asked_at: Mapped[float | None] = mapped_column(Float)  # unix time
+    asked_at: Mapped[float | None] = mapped_column(Float)  # Unix time

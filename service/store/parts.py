@@ -1,4 +1,4 @@
-"""What batches bring to a film: sums of a tile's samples, and who sent them."""
+"""Contributions of batches to a film: sums of a tile's samples, and the workers that sent them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["Part", "joined_parts"]
 
 @dataclass(frozen=True)
 class Part:
-    """A batch's contribution: samples first ... first + count - 1 of a tile (by its index), packed by worker.contract."""
+    """A contribution: samples first ... first + count - 1 of a tile (by index), with sums packed by worker.contract."""
 
     frame: int
     tile: int
@@ -22,13 +22,15 @@ class Part:
     sums: bytes
     bad: list[BadSample] = field(default_factory=list)
     bad_count: int = 0
-    workers: tuple[str, ...] = ()  # that have sent it
+    workers: tuple[str, ...] = ()  # that sent it
 
 
 def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
-    """Parts whose samples follow each other, as one: a row costs more than what is added to it. With the sums that it has.
+    """Joins parts with contiguous samples into one, since each row is costly; returns each part with its unpacked sums.
 
-    apart: those of different workers are not added up. Raises ValueError where a part's sums are damaged."""
+    The sums are None for a part that was not joined. apart: do not join parts of different workers.
+    Raises ValueError if a part's sums are damaged.
+    """
     runs: list[list[Part]] = []
     for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
         last = runs[-1][-1] if runs else None

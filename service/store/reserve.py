@@ -1,4 +1,4 @@
-"""Disk space kept in reserve, so that a deletion can be recorded on a full disk: deleting frees space only after that."""
+"""Disk space kept in reserve, so that a deletion can be recorded on a full disk; deleting frees space only after that."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from service.store.whole import PRIVATE
 
 __all__ = ["Reserve"]
 
-SIZE = 1 << 20  # of SQLite's log: the pages that a deletion touches
+SIZE = 1 << 20  # bytes, enough for SQLite's log of the pages that a deletion changes
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
 
 class Reserve:
-    """A file of bytes that nobody reads."""
+    """A file of unused bytes that is deleted when the space is needed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def fill(self) -> None:
-        """Keep room back, where it is not kept yet and there is some."""
+        """Writes the reserve file if it is missing and there is space."""
         with contextlib.suppress(OSError):
             if self._path.exists() and self._path.stat().st_size == SIZE:
                 return
             with os.fdopen(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE), "wb") as file:
-                file.write(os.urandom(SIZE))  # no file system packs these to less
+                file.write(os.urandom(SIZE))  # not compressible by the file system
                 file.flush()
                 os.fsync(file.fileno())
 
     def spend_on(self, deletion: Callable[[], T]) -> T:
-        """Run a deletion, and where there is no room for it, give the reserve back and run it again."""
+        """Runs a deletion; if the disk is full, deletes the reserve and runs it again. Refills the reserve afterwards."""
         try:
             return deletion()
         except NoRoom:

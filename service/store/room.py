@@ -1,4 +1,4 @@
-"""Whether there is room on the disk, and the sentence to say if there is not."""
+"""Checks for free disk space, and the error for a full disk."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ CHECK_EVERY = 16 << 20
 
 
 def no_room() -> NoRoom:
-    """What is said where the disk is full."""
+    """Returns the error for a full disk."""
     return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed.", advice="Then send it again.")
 
 
 @contextmanager
 def full_disk() -> Iterator[None]:
-    """Raise NoRoom where the system says that the disk is full."""
+    """Translates the system's disk-full errors into NoRoom."""
     try:
         yield
     except OSError as error:
@@ -32,13 +32,16 @@ def full_disk() -> Iterator[None]:
 
 
 def need_room(folder: Path, keep_free: int) -> None:
-    """Raise NoRoom where something new is not to be begun: with what is under way, the disk would soon be full."""
+    """Raises NoRoom if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
     if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
         raise no_room()
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """A function of the bytes about to be written; raises NoRoom where the disk would fall below `keep_free`."""
+    """Returns a function to call with the number of bytes about to be written.
+
+    It raises NoRoom if the disk would fall below `keep_free` bytes; it checks once every CHECK_EVERY bytes.
+    """
     since_check = CHECK_EVERY
 
     def check(size: int) -> None:

@@ -1,7 +1,7 @@
 """Blobs in an S3-compatible object store: AWS, MinIO, Ceph, R2. Needs obstore (the extra `s3`).
 
-Address and credentials come from the environment, as all S3 clients take them: AWS_ENDPOINT_URL, AWS_REGION,
-AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY; the latter two also from files: AWS_ACCESS_KEY_ID_FILE ...
+Address and credentials come from the usual environment variables: AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID,
+AWS_SECRET_ACCESS_KEY; credentials also from files: AWS_ACCESS_KEY_ID_FILE ...
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ PATIENCE = timedelta(seconds=10)
 
 
 class S3Blobs:
-    """Blobs as objects `<prefix>/<first two hex digits>/<sha256>` of a bucket. What is uploaded lies in `temporary` first."""
+    """Blobs as objects `<prefix>/<first two hex digits>/<sha256>` of a bucket. Uploads are staged in the folder `temporary`."""
 
     is_local = False
 
     def __init__(self, url: str, temporary: Path) -> None:
-        """url: s3://bucket/prefix"""
+        """Connects to the bucket of a URL s3://bucket/prefix."""
         address = urlsplit(url)
         self._bucket = address.netloc
         self._temporary = temporary
@@ -57,11 +57,14 @@ class S3Blobs:
         )
 
     def writer(self) -> BlobWriter:
-        """See BlobStore."""
+        """Implements `BlobStore.writer`."""
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """See BlobStore. An object appears when all of it has arrived, so it is whole or not there."""
+        """Implements `BlobStore.put`. An object appears when it was uploaded completely.
+
+        Raises Unavailable if the bucket is missing.
+        """
         try:
             with self._faults():
                 obstore.put(self._store, _key(writer.sha256), writer.path)
@@ -69,7 +72,7 @@ class S3Blobs:
             raise Unavailable(f"There is no bucket {self._bucket}. Make it, or set RAYFARM_BLOBS to another.") from None
 
     def open(self, sha256: str) -> BinaryIO:
-        """See BlobStore."""
+        """Implements `BlobStore.open`. The file is a temporary copy."""
         chunks = self.serve(sha256).chunks
         file = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+b", dir=str(self._temporary))  # noqa: SIM115 - the caller closes it
         try:
@@ -82,17 +85,17 @@ class S3Blobs:
         return cast(BinaryIO, file)
 
     def serve(self, sha256: str) -> ServedBlob:
-        """See BlobStore."""
+        """Implements `BlobStore.serve`."""
         with self._faults():
             found = obstore.get(self._store, _key(sha256))
             return ServedBlob(found.meta["size"], self._chunks(found))
 
     def exists(self, sha256: str) -> bool:
-        """See BlobStore."""
+        """Implements `BlobStore.exists`."""
         return self.size(sha256) is not None
 
     def size(self, sha256: str) -> int | None:
-        """See BlobStore."""
+        """Implements `BlobStore.size`."""
         try:
             with self._faults():
                 return obstore.head(self._store, _key(sha256))["size"]
@@ -100,14 +103,14 @@ class S3Blobs:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """See BlobStore. All in one request."""
+        """Implements `BlobStore.delete`, with one call of obstore for all hashes."""
         if hashes:
             guard()
             with self._faults():
                 obstore.delete(self._store, [_key(sha256) for sha256 in hashes])
 
     def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
-        """See BlobStore."""
+        """Implements `BlobStore.sweep`."""
         self._staging.sweep()
         old = time.time() - older_than_s
         with self._faults():
@@ -138,7 +141,7 @@ class S3Blobs:
 
 
 def _credentials() -> dict[str, Any]:
-    """Those that files hold (AWS_SECRET_ACCESS_KEY_FILE ...). obstore reads the others from the environment itself."""
+    """Returns the credentials that are given by files (AWS_SECRET_ACCESS_KEY_FILE ...); obstore reads the others itself."""
     return {key: value_of(name) for key, name in CREDENTIALS.items() if os.environ.get(name + FILE)}
 
 

@@ -1,4 +1,4 @@
-"""Who sent a row of a film: the workers whose sums are in it, as the row keeps their names."""
+"""Encoding of the worker names in a film row: the workers whose sums the row contains."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 __all__ = ["senders_of", "senders_text"]
 
-MOST = 64  # of more, the row says that it may be anybody
+MOST = 64  # with more workers than this, the row stands for any worker
 ANYBODY = "*"
 
 
@@ -17,7 +17,7 @@ class _Everybody(frozenset[str]):
 
 
 def senders_text(names: Collection[str]) -> str | None:
-    """For the row; None where nobody knows."""
+    """Encodes worker names for a row; None if no name is known."""
     known = sorted({name for name in names if name})
     if not known:
         return None
@@ -25,7 +25,7 @@ def senders_text(names: Collection[str]) -> str | None:
 
 
 def senders_of(text: str | None) -> frozenset[str]:
-    """From the row; where that says anybody, all names are in it."""
+    """Decodes the worker names of a row; a row for any worker gives a set that contains every name."""
     try:
         found = json.loads(text) if text else []
     except ValueError:

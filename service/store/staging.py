@@ -1,4 +1,4 @@
-"""Uploaded bytes on their way in: a temporary file on this machine, hashed as it is written."""
+"""Staging of uploads: bytes are written to a local temporary file and hashed meanwhile."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import BinaryIO
 __all__ = ["BlobWriter", "Staging", "commit_all"]
 
 PREFIX = "blob-"
-AT_A_TIME = 8  # blobs that are put into the store
+AT_A_TIME = 8  # blobs put into the store in parallel
 
 
 class BlobWriter:
-    """Nothing is visible before `commit`; `discard` leaves no trace. `path` is for the store that takes the file."""
+    """A blob being written, visible after `commit`; `discard` deletes it. `path`: the temporary file, for the store."""
 
     def __init__(self, folder: Path, put: Callable[[BlobWriter], None]) -> None:
         handle, name = tempfile.mkstemp(dir=folder, prefix=PREFIX)
@@ -29,42 +29,42 @@ class BlobWriter:
         self.size = 0
 
     def write(self, data: bytes) -> None:
-        """Append bytes."""
+        """Appends bytes."""
         self._file.write(data)
         self._hash.update(data)
         self.size += len(data)
 
     def end(self) -> None:
-        """All of it is written. An upload has thousands of files, and they are not held open until the last one has come."""
+        """Closes the file after the last write, so that an upload of thousands of files does not hold them all open."""
         self._file.close()
 
     @property
     def sha256(self) -> str:
-        """The hash of what was written so far."""
+        """The SHA-256 of the bytes written so far."""
         return self._hash.hexdigest()
 
     def rewind(self) -> BinaryIO:
-        """What was written, to be read from its beginning."""
+        """Opens the written bytes for reading from the beginning."""
         self._file.close()
         self._file = self.path.open("rb")
         return self._file
 
     def commit(self) -> str:
-        """Put it into the store; returns its hash."""
+        """Puts the blob into the store; returns its hash."""
         self._file.close()
         self._put(self)
         self.discard()
         return self.sha256
 
     def discard(self) -> None:
-        """Forget what was written."""
-        with contextlib.suppress(OSError):  # a full disk has no room for the last of it
+        """Deletes the temporary file."""
+        with contextlib.suppress(OSError):  # closing flushes, which fails on a full disk
             self._file.close()
         self.path.unlink(missing_ok=True)
 
 
 def commit_all(writers: Iterable[BlobWriter]) -> list[str]:
-    """Put them into the store, several at a time: most of the time goes into waiting for the disk, once for all that wait.
+    """Commits blobs in parallel threads, so that their waits for the disk overlap.
 
     Returns their hashes in the same order. Raises what `commit` raises.
     """
@@ -80,10 +80,10 @@ class Staging:
         folder.mkdir(parents=True, exist_ok=True)
 
     def writer(self, put: Callable[[BlobWriter], None]) -> BlobWriter:
-        """Begin a blob; `put` takes it when it is complete."""
+        """Returns a writer for a new blob; `put` is called with it by `commit`."""
         return BlobWriter(self._folder, put)
 
     def sweep(self) -> None:
-        """Remove what an earlier life of the service did not finish."""
+        """Deletes files that an earlier process left unfinished."""
         for left_over in [*self._folder.glob(f"{PREFIX}*"), *self._folder.glob("means-*")]:
             left_over.unlink(missing_ok=True)

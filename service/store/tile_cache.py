@@ -1,7 +1,7 @@
-"""Sums of the most recently used tiles, across all films.
+"""LRU cache of the unpacked sums of tiles, over all films.
 
-What is added to a tile after somebody looked at it is added up when somebody looks again; if nobody does, the tile is
-forgotten. So a film that grows unwatched costs no adding.
+Samples added to a cached tile are kept pending and added up when the tile is read next; if too many are pending, the tile is
+evicted. A film that grows without readers therefore costs no additions.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ __all__ = ["TileCache"]
 MOST_PENDING = 4
 
 Key = tuple[str, int, int]  # film, frame, tile
-Grow = Callable[[Sums], None]  # adds something to a tile's sums
+Grow = Callable[[Sums], None]  # adds pending samples to a tile's sums, in place
 
 
 class TileCache:
-    """An LRU bounded in bytes. The arrays are read-only, so readers need no lock."""
+    """An LRU cache bounded in bytes. The arrays are read-only, so readers need no lock."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
@@ -31,7 +31,10 @@ class TileCache:
         self._lock = threading.Lock()
 
     def get(self, key: Key) -> Sums | None:
-        """The sums of a tile, or None where they were forgotten. Of one tile from one thread at a time."""
+        """Returns the sums of a tile, or None if they are not cached.
+
+        Must not be called for one tile by several threads at a time.
+        """
         with self._lock:
             sums, pending = self._items.get(key), self._pending.get(key, ())
             if sums is not None:
@@ -45,7 +48,7 @@ class TileCache:
         return sums
 
     def put(self, key: Key, sums: Sums) -> None:
-        """Keep sums, and forget what was not used longest."""
+        """Caches sums, and evicts the least recently used tiles."""
         sums.flags.writeable = False
         with self._lock:
             self._drop(key)
@@ -54,7 +57,7 @@ class TileCache:
             self._make_room()
 
     def grow(self, key: Key, add: Grow, size: int) -> None:
-        """Something is added to a tile: where its sums are here, they follow once they are asked for. size: bytes it keeps."""
+        """Records an addition to a tile, applied at the next `get` if the tile is cached. size: bytes that `add` holds."""
         with self._lock:
             if key in self._items:
                 pending = self._pending.setdefault(key, [])
@@ -65,12 +68,12 @@ class TileCache:
                 self._make_room()
 
     def drop(self, key: Key) -> None:
-        """Forget a tile."""
+        """Evicts a tile."""
         with self._lock:
             self._drop(key)
 
     def forget(self, film: str) -> None:
-        """Forget a film's tiles."""
+        """Evicts all tiles of a film."""
         with self._lock:
             for key in [k for k in self._items if k[0] == film]:
                 self._drop(key)

@@ -1,7 +1,7 @@
-"""Turns of a process's threads at a database that takes one writer at a time.
+"""A fair queue of a process's threads for a database that takes one writer at a time.
 
-SQLite lets waiting writers poll: under many submissions one of them may wait for seconds while others come again and again. Here
-they stand in line, and those that must not wait go first.
+With SQLite, waiting writers poll: under many submissions one of them may wait for seconds while others succeed. Here they are
+served in order, and urgent ones first.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ __all__ = ["Turns"]
 
 
 class Turns:
-    """Safe to use from any thread. Not to be taken twice by one."""
+    """The queue. Thread-safe; not reentrant."""
 
     def __init__(self) -> None:
         self._free = threading.Condition()
         self._is_taken = False
-        self._line: list[tuple[bool, int]] = []  # who waits: the least goes next
+        self._line: list[tuple[bool, int]] = []  # heap of waiting threads: the smallest is next
         self._numbers = count()
 
     @contextmanager
     def taken(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
-        """Wait for a turn, and keep it for as long as the block lasts. is_urgent: before all that are not. Raises Unavailable."""
+        """Waits for a turn and holds it for the duration of the block.
+
+        patience_s: timeout in seconds. is_urgent: go before all that are not urgent. Raises Unavailable at the timeout.
+        """
         ticket = not is_urgent, next(self._numbers)
         with self._free:
             heapq.heappush(self._line, ticket)

@@ -1,4 +1,4 @@
-"""Brings a database to this release's tables: an empty one, one of an older release, never one of a newer."""
+"""Creates or migrates the database's tables for this release; refuses a database of a newer release."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from service.store.models import Scene
 
 __all__ = ["FIRST", "Standing", "refuse_newer", "standing", "upgrade"]
 
-FIRST = "0001"  # the tables of release 0.1.0, which wrote no revision down
+FIRST = "0001"  # the tables of release 0.1.0, which recorded no revision
 
 
 @dataclass(frozen=True)
 class Standing:
-    """The revision that a database is at (None: of release 0.1.0, or empty), and this release's."""
+    """The revision of a database (None: release 0.1.0, or empty), and that of this release."""
 
     current: str | None
     head: str
@@ -30,7 +30,7 @@ class Standing:
 
 
 def standing(engine: Engine) -> Standing:
-    """Where a database stands; changes nothing."""
+    """Returns the revision of a database. Changes nothing."""
     head, known = _revisions()
     with engine.connect() as connection:
         current = MigrationContext.configure(connection).get_current_revision()
@@ -38,7 +38,7 @@ def standing(engine: Engine) -> Standing:
 
 
 def refuse_newer(engine: Engine) -> Standing:
-    """Where a database stands. Raises CannotStart for one of a newer release; changes nothing."""
+    """Returns the revision of a database. Raises CannotStart for one of a newer release. Changes nothing."""
     stands = standing(engine)
     if stands.is_newer:
         raise CannotStart(
@@ -49,7 +49,7 @@ def refuse_newer(engine: Engine) -> Standing:
 
 
 def upgrade(engine: Engine) -> None:
-    """Make or migrate the tables in one transaction. Raises CannotStart for one of a newer release."""
+    """Creates or migrates the tables in one transaction. Raises CannotStart for a database of a newer release."""
     config = _config()
     stands = refuse_newer(engine)
     if stands.current == stands.head:
@@ -63,7 +63,7 @@ def upgrade(engine: Engine) -> None:
 
 @functools.cache
 def _revisions() -> tuple[str, frozenset[str]]:
-    """This release's revision, and all that it knows: read once from a file each."""
+    """Returns this release's revision and all revisions it knows. Cached, since each comes from its own file."""
     scripts = ScriptDirectory.from_config(_config())
     return str(scripts.get_current_head()), frozenset(script.revision for script in scripts.walk_revisions())
 

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, whatever happens in between: also a power cut."""
+"""Atomic file writes: a file is complete or absent, also after a power cut."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from pathlib import Path
 
 __all__ = ["PRIVATE", "PRIVATE_FOLDER", "make_private", "move_whole", "write_once", "write_whole"]
 
-PRIVATE = 0o600  # what the service keeps is its user's alone
+PRIVATE = 0o600  # modes of the service's files and folders: accessible to their owner only
 PRIVATE_FOLDER = 0o700
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder, and those above it that are not there, for their owner alone."""
+    """Creates a folder and its missing parents, accessible to their owner only."""
     if not folder.is_dir():
         make_private(folder.parent)
         folder.mkdir(PRIVATE_FOLDER, exist_ok=True)
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a small file; another process sees the old content or the new one."""
+    """Writes a small file atomically: other processes see the old content or the new one."""
     with _beside(path, data) as temporary:
         move_whole(temporary, path)
 
 
 def write_once(path: Path, data: bytes) -> None:
-    """Write a small file where there is none: of several processes that do so at once one does, and all read the same."""
+    """Writes a small file unless it exists. If several processes do so at once, one succeeds and all read the same content."""
     with _beside(path, data) as temporary:
         _sync(temporary)
         try:
             path.hardlink_to(temporary)
         except FileExistsError:
             return
-        except OSError:  # a file system without links
+        except OSError:  # a file system without hard links
             temporary.replace(path)
         _sync(path.parent)
 
@@ -52,7 +52,7 @@ def _beside(path: Path, data: bytes) -> Iterator[Path]:
 
 
 def move_whole(temporary: Path, path: Path) -> None:
-    """Give a written file its name. First its bytes reach the disk, then the name does: a name never stands for less."""
+    """Renames a written file to its final name, synced to disk first, so that the name never refers to incomplete content."""
     _sync(temporary)
     temporary.replace(path)
     _sync(path.parent)

@@ -1,1 +1,1 @@
-"""The database's versions, by Alembic. A change of service/store/models.py comes with a file in versions/."""
+"""Database migrations, by Alembic. Each change of service/store/models.py needs a file in versions/."""

@@ -1,4 +1,4 @@
-"""What Alembic runs: the steps, on the connection and in the transaction of service/store/upgrade.py."""
+"""Alembic's environment: runs the migrations on the connection and in the transaction of service/store/upgrade.py."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""One file a step, each with the step before it as `down_revision`."""
+"""One file per migration, each with its predecessor as `down_revision`."""

@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """From nothing."""
+    """Creates the tables in an empty database."""
     op.create_table(
         "scenes",
         sa.Column("id", sa.String(40), primary_key=True),

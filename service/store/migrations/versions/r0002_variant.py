@@ -1,4 +1,4 @@
-"""Which variant of its materials a scene shows."""
+"""Adds the material variant of a scene."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Scenes of before show their files' own materials."""
+    """Adds scenes.variant; existing scenes get NULL, the materials of their files."""
     with op.batch_alter_table("scenes") as scenes:
         scenes.add_column(sa.Column("variant", sa.Text()))

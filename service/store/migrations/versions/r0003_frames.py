@@ -1,4 +1,4 @@
-"""Jobs of several frames."""
+"""Adds jobs of several frames."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Jobs of before are stills, whose one frame goes as the job goes."""
+    """Adds jobs.shot and the state of frames; existing jobs are stills, whose frame follows the job's state."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("shot", sa.JSON()))
     with op.batch_alter_table("frames") as frames:

@@ -1,4 +1,4 @@
-"""Lists of very many jobs."""
+"""Adds covering indexes for long job lists."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Two indexes hold all that a list is chosen and ordered by, in place of two that hold a column each."""
+    """Replaces two single-column indexes by two that cover all columns used for filtering and sorting."""
     op.create_index("jobs_listed", "jobs", ["created", "id", "state", "scene", "name"])
     op.create_index("jobs_by_state", "jobs", ["state", "created", "id", "scene", "name"])
     for column in ("created", "state"):

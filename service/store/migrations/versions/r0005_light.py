@@ -1,4 +1,4 @@
-"""The light from around is part of a job's request, and uploaded environments are kept by themselves."""
+"""Makes lighting part of a job's request, and stores uploaded environments separately."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Jobs of before keep the scenes that were made for their light."""
+    """Creates the environments table and the lighting columns; existing jobs keep the scenes derived for their lighting."""
     op.create_table(
         "environments",
         sa.Column("id", sa.String(40), primary_key=True),

@@ -1,4 +1,4 @@
-"""A rectangle of a job's picture that is rendered first."""
+"""Adds the focus of a job: a rectangle that is rendered first."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Jobs of before have none."""
+    """Adds jobs.focus; existing jobs have none."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("focus", sa.JSON()))

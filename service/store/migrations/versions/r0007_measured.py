@@ -1,4 +1,4 @@
-"""What the latest job of a scene has measured of it."""
+"""Adds the measurements of a scene by its latest job."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Nothing is known of scenes of before until they are rendered again."""
+    """Adds scenes.measured; existing scenes have none until they are rendered again."""
     with op.batch_alter_table("scenes") as scenes:
         scenes.add_column(sa.Column("measured", sa.JSON()))

@@ -1,4 +1,4 @@
-"""How a job came to its picture."""
+"""Adds the rendering history of a job."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Of jobs of before nothing is known."""
+    """Adds jobs.history; existing jobs have none."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("history", sa.JSON()))

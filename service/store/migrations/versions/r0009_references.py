@@ -1,4 +1,4 @@
-"""Pictures to compare with."""
+"""Adds reference pictures for comparisons."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """There were none before."""
+    """Creates the reference_pictures table."""
     op.create_table(
         "reference_pictures",
         sa.Column("id", sa.String(40), primary_key=True),

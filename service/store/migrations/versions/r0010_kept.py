@@ -1,4 +1,4 @@
-"""What is kept: when a job's film was last read as a whole, and whether it is to stay whatever its age."""
+"""Adds the time of a job's last film check, and whether the job is pinned (exempt from deletion by age)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """No film of before was looked at, and nobody has pinned anything."""
-    # Not in a batch: that makes the table anew for a column with a default, and what refers to its rows goes with the old one.
+    """Adds jobs.checked and jobs.pinned; existing films count as unchecked and existing jobs as not pinned."""
+    # Not in a batch: a batch recreates the table, and rows that refer to the old table would be deleted with it.
     op.add_column("jobs", sa.Column("checked", sa.Float()))
     op.add_column("jobs", sa.Column("pinned", sa.Boolean(), nullable=False, server_default=sa.false()))

@@ -1,4 +1,4 @@
-"""Users, and what lets them in."""
+"""Adds users and their keys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Nobody is known yet."""
+    """Creates the users and keys tables."""
     op.create_table(
         "users",
         sa.Column("name", sa.String(64), primary_key=True),

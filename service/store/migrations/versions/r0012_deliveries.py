@@ -1,4 +1,4 @@
-"""What others are told of jobs' ends, and whether it arrived."""
+"""Adds webhook deliveries about the end of jobs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Nobody has been told of anything yet."""
+    """Creates the deliveries table and an index of jobs by end time."""
     op.create_table(
         "deliveries",
         sa.Column("id", sa.String(40), primary_key=True),

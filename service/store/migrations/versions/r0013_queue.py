@@ -1,4 +1,4 @@
-"""Whose a job is, what it waits for and by when it is wanted; what shares people have, and what is asked of workers."""
+"""Adds a job's owner, dependencies, deadline and requirements, users' shares, and settings of workers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Jobs of before wait for nothing, are wanted at no time, and nobody knows whose they are."""
+    """Adds columns and tables; existing jobs have no dependencies, no deadline and an unknown owner."""
     op.add_column("jobs", sa.Column("user", sa.String(64)))
     op.add_column("jobs", sa.Column("max_slots", sa.Integer()))
     op.add_column("jobs", sa.Column("deadline", sa.Float()))

@@ -1,4 +1,4 @@
-"""Which picture a job is of, so that another of the same picture is found; and what it took from one."""
+"""Adds the cache key of a job's picture, by which its samples can be reused, and the record of reused samples."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Of jobs of before nobody knows: nothing is taken from them."""
+    """Adds jobs.picture and jobs.taken; existing jobs have no key, so their samples are not reused."""
     op.add_column("jobs", sa.Column("picture", sa.String(64)))
     op.add_column("jobs", sa.Column("taken", sa.JSON()))
     op.create_index("jobs_by_picture", "jobs", ["picture", "created"])

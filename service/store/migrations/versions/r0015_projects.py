@@ -1,4 +1,4 @@
-"""Projects, their members, and what is in them; who uploaded and who asked for it, and how much they may."""
+"""Adds projects, their members and contents, the user and key of each upload and job, and quotas."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LISTED = {
 
 
 def upgrade() -> None:
-    """There are none yet: everybody who is let in sees all that is there, and nobody knows whose it is."""
+    """Adds tables and columns; existing rows belong to no project, which all users see, and have unknown owners."""
     op.create_table(
         "projects",
         sa.Column("name", sa.String(64), primary_key=True),
@@ -32,7 +32,7 @@ def upgrade() -> None:
     op.create_index("ix_members_user", "members", ["user"])
     for table in TABLES:
         op.add_column(table, sa.Column("project", sa.String(64), nullable=False, server_default=""))
-        if table != "jobs":  # whose these are has been known for longer
+        if table != "jobs":  # jobs.user exists since 0013
             op.add_column(table, sa.Column("user", sa.String(64)))
         op.add_column(table, sa.Column("key", sa.String(20)))
     op.create_table(

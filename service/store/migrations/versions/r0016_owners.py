@@ -1,4 +1,4 @@
-"""Which of several services works as the farm."""
+"""Adds the record of which service owns the farm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Nobody yet: whoever makes this table is about to."""
+    """Creates the owners table, empty."""
     op.create_table(
         "owners",
         sa.Column("what", sa.String(40), primary_key=True),

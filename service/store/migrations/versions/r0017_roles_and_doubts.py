@@ -1,4 +1,4 @@
-"""What a member may do in a project; and of a job which workers' samples in its film are not believed any more."""
+"""Adds a member's role in a project, and the workers whose samples in a job's film are no longer trusted."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Those that are members already may do there what they may anywhere; no film is doubted yet."""
+    """Adds members.role and jobs.doubted; existing members get `submit`, limited by the role they have elsewhere."""
     op.add_column("members", sa.Column("role", sa.String(16), nullable=False, server_default="submit"))
     op.add_column("jobs", sa.Column("doubted", sa.JSON()))

@@ -1,4 +1,4 @@
-"""What somebody wrote about a job; an index of those that have such a note, so that a search reads these alone."""
+"""Adds notes on jobs, and an index of the jobs with a note for searches."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ NOTED = sa.text("note IS NOT NULL")
 
 
 def upgrade() -> None:
-    """No job has a note yet."""
+    """Adds jobs.note and its partial index; existing jobs have no note."""
     op.add_column("jobs", sa.Column("note", sa.Text()))
     op.create_index("jobs_noted", "jobs", ["id"], sqlite_where=NOTED, postgresql_where=NOTED)

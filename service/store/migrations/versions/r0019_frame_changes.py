@@ -1,4 +1,4 @@
-"""What is being done to the frames of a long shot, some at a time: service/store/frame_changes.py."""
+"""Adds pending changes to the frames of long shots: service/store/frame_changes.py."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Nothing is under way."""
+    """Creates the frame_changes table."""
     op.create_table(
         "frame_changes",
         sa.Column("job", sa.String(40), sa.ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True),

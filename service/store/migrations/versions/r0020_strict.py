@@ -1,4 +1,4 @@
-"""Scenes that their warnings fail."""
+"""Adds strict scenes, which fail on warnings."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Scenes of earlier releases are not strict."""
+    """Adds scenes.strict; existing scenes are not strict."""
     op.add_column("scenes", sa.Column("strict", sa.Boolean(), nullable=False, server_default=sa.false()))
