@@ -1,1 +1,1 @@
-"""How requests and uploads come in: checked, stored completely, and resolved to what a job needs."""
+"""Intake of requests and uploads: validation, storage, and resolution to a job's settings."""

@@ -1,4 +1,4 @@
-"""Zip archives from strangers: unpacked as a stream, with every limit checked against the bytes that actually come out."""
+"""Extraction of untrusted zip archives as a stream; all limits are checked against the bytes that are actually extracted."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from service.store.staging import BlobWriter
 
 __all__ = ["expand"]
 
-RATIO_FREE_BYTES = 16 << 20  # small files may shrink as well as they like
-DIRECTORY_BYTES_A_FILE = 512  # on average, of its entry in the zip's directory
+RATIO_FREE_BYTES = 16 << 20  # smaller files may have any compression ratio
+DIRECTORY_BYTES_A_FILE = 512  # average size of a file's entry in the zip's directory
 
 UNPACKED = "If it is none, unpack it and upload the folder."
 
@@ -35,11 +35,11 @@ def expand(
     check_disk: Callable[[int], None],
     notes: list[str],
 ) -> Iterator[tuple[str, BlobWriter]]:
-    """The files of a zip: (relative path, written but not committed blob), junk and folders left out.
+    """Yields the files of a zip archive as (relative path, written but uncommitted blob), without junk files and folders.
 
-    The caller owns the writers it was given. check_disk(bytes) raises where the disk has no room for as many more. notes: takes a
-    sentence where names are guessed.
-    Raises TooLarge where the archive is so in files, bytes or ratio, Invalid where it is not a sane archive.
+    The caller owns the writers. check_disk: called with a number of bytes before they are written; raises if the disk lacks
+    space. notes: receives a sentence if the encoding of names was guessed. Raises TooLarge if a limit on files, bytes or
+    compression ratio is exceeded, Invalid if the archive is damaged or unsuitable.
     """
     try:
         with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
@@ -59,13 +59,16 @@ def expand(
     except DAMAGED as error:
         raise _damaged(name, error) from error
     except OSError as error:
-        if error.errno in (None, errno.EINVAL):  # bzip2 says so of its data, and the disk of a place before its beginning
+        if error.errno in (None, errno.EINVAL):  # from bzip2: damaged data; from the file system: a negative offset
             raise _damaged(name, error) from error
         raise
 
 
 class _Archive:
-    """The file of an archive. zipfile reads the whole directory at once: one that so many files do not need is refused."""
+    """Wrapper of an archive's file that bounds each read.
+
+    zipfile reads the whole directory at once, so a directory too large for `max_files` files raises TooLarge.
+    """
 
     def __init__(self, file: BinaryIO, name: str, max_files: int) -> None:
         self._file = file
@@ -73,7 +76,7 @@ class _Archive:
         self._refusal = f"The archive {name} has a directory of far more files than the {max_files} that are taken."
 
     def read(self, size: int = -1) -> bytes:
-        """As the file's."""
+        """Reads up to `size` bytes. Raises TooLarge if `size` exceeds the limit."""
         if size > self._limit:
             raise TooLarge(self._refusal)
         return self._file.read(size)
@@ -87,7 +90,7 @@ def _damaged(name: str, error: Exception) -> Invalid:
 
 
 def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
-    """Refuse what the directory itself admits, before anything is written."""
+    """Raises TooLarge or Invalid for what the archive's directory reveals, before anything is written."""
     if len(entries) > max_files:
         raise TooLarge(f"The archive {name} has {len(entries)} files; at most {max_files} are taken.")
     for entry in entries:
@@ -112,7 +115,10 @@ def _extract(
     max_ratio: float,
     check_disk: Callable[[int], None],
 ) -> BlobWriter:
-    """One entry's bytes; its directory may lie, so the bounds are held against what comes out."""
+    """Writes one entry to a blob.
+
+    The sizes in the directory may be wrong, so the extracted bytes are checked against the limits.
+    """
     writer = store.writer()
     try:
         for piece in pieces(file, entry):

@@ -1,4 +1,4 @@
-"""The scenes that Rayfarm ships, as files beside it."""
+"""The example scenes shipped with Rayfarm, as files in a folder."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from service.store.blobs import BlobStore
 
 __all__ = ["Example", "examples", "form_of"]
 
-# A scene file's own words: its first comment says what is to be seen, its field `name` what it is called.
+# Taken from the scene file: its first comment is the description, its field `name` the title.
 DESCRIPTION = re.compile(r"\A# *(.+)")
 TITLE = re.compile(r"^name: *[\"']?(.*?)[\"']? *$", re.MULTILINE)
-# "# Frames 0-95": what of it is a shot; and how many of them a second has, where the file says so.
+# "# Frames 0-95": the frames of the example's shot; `fps`: its frame rate, if the file has one.
 FRAMES = re.compile(r"^# *Frames (\S+)", re.MULTILINE)
 FPS = re.compile(r"^fps: *([0-9.]+)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Example:
-    """What is said of an example. frames, fps: of one that is made as a shot."""
+    """Metadata of an example. frames, fps: set if it is meant as a shot."""
 
     name: str
     title: str
@@ -31,13 +31,16 @@ class Example:
 
 
 def examples(folder: Path) -> list[tuple[Example, Path]]:
-    """The examples by name, and their scene files: NAME.yaml, and NAME/NAME.yaml of those that have other files beside them."""
+    """Returns the examples sorted by name, each with its scene file.
+
+    Scene files are NAME.yaml, or NAME/NAME.yaml for examples with further files in that folder.
+    """
     files = [*folder.glob("*.yaml"), *(path for path in folder.glob("*/*.yaml") if path.stem == path.parent.name)]
     return [(_described(path), path) for path in sorted(files, key=lambda path: path.stem)]
 
 
 def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
-    """An example as the form by which it would be uploaded."""
+    """Returns an example as the form with which it would be uploaded."""
     form = Form({"name": example.title, "main": path.name})
     try:
         for part, file in _parts(path):
@@ -52,7 +55,7 @@ def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
 
 
 def _parts(path: Path) -> list[tuple[str, Path]]:
-    """All files of an example, by their names in an upload."""
+    """Returns all files of an example as (name in the upload, path)."""
     if path.parent.name != path.stem:
         return [(path.name, path)]
     return [(file.relative_to(path.parent).as_posix(), file) for file in sorted(path.parent.rglob("*")) if file.is_file()]

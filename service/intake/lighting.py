@@ -1,7 +1,6 @@
-"""Which compiled scene a request needs: the upload's own, or one under another light or with another variant of its materials.
+"""Selects the compiled scene for a request: the uploaded scene, or one derived from it by other lighting or another variant.
 
-The latter are rows beside the upload's, created when somebody asks for them and deleted when nobody needs them: they can be
-made again.
+Derived scenes are separate rows, created on demand. Unused ones are deleted, since they can be created again.
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ from worker.protocol.contract import BlobRef
 
 __all__ = ["Lighting", "Lit"]
 
-KEPT = 12  # that nobody needs now: whoever tries lights comes back to one
+KEPT = 12  # unused derived scenes that are kept: users who try lighting often return to one
 TOUCHED_S = 60.0
 Status = Literal["preparing", "ready", "failed"]
 
 
 @dataclass(frozen=True)
 class Lit:
-    """A scene as a request wants it. compiled: the SHA-256 of what it is compiled to for the kind asked for; None: not yet.
+    """A scene as a request needs it.
 
-    blobs: all that it refers to.
+    compiled: SHA-256 of its compiled form for the requested worker kind; None: not compiled yet. blobs: all blobs it refers to.
     """
 
     id: str
@@ -50,7 +49,7 @@ class Lit:
 
 
 class Lighting:
-    """Makes and forgets lit scenes. Safe to use from several threads."""
+    """Creates and deletes derived scenes. Thread-safe."""
 
     def __init__(
         self,
@@ -73,21 +72,24 @@ class Lighting:
         self.row(row.scene, row.request.get("environment"), row.request.get("variant"))
 
     def lit(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
-        """What to render for this request by workers of a kind; where it is not prepared for them yet, it will be: ask again.
+        """Returns the scene to render for a request. If it is not compiled for `kind` yet, starts that; call again later.
 
-        environment: as a job's request has it. Whoever goes on using it holds it meanwhile. Raises NotFound where there is no
-        such scene or image, Invalid where there is no such light or variant.
+        environment: as in the job's request. Callers that use the scene afterwards must hold it (`held`).
+        Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant does not.
         """
         found = self.row(scene, environment, variant)
         ref = found.compiled.get(kind)
-        is_elsewhere = ref is None and found.status == "ready"  # it is prepared, but for another kind
+        is_elsewhere = ref is None and found.status == "ready"  # prepared for another worker kind only
         if is_elsewhere:
             self._events.publish(PreparationRequested(found.id, kind))
         status = "preparing" if is_elsewhere else cast(Status, found.status)
         return Lit(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene:
-        """The scene to render, made where it is not there: the upload's own row where nothing of it changes. Raises as `lit`."""
+        """Returns the row of the scene to render, creating it if needed; the uploaded scene itself if nothing changes.
+
+        Raises as `lit`.
+        """
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
         if stored is None or stored.id == base.id:
@@ -98,14 +100,14 @@ class Lighting:
             self._touch(found)
             return found
         with self._garbage.pinned(ref.sha256 for ref in stored.files), self.held(stored.id):
-            self._upload(scene)  # where it is deleted by now, its files may be
+            self._upload(scene)  # the scene may have been deleted meanwhile, with its files
             self._wanted(base, environment, variant)  # and so may the image
             made = record(stored, self._sessions, self._events, of=base.of or base.id, owner=Owner(base.project))
             self.clear()
         return made
 
     def known(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
-        """As `row`, of what is there, failed or not; None where it would have to be made."""
+        """Returns the same row as `row`, failed or not, but creates nothing: None if it does not exist."""
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
         if stored is None or stored.id == base.id:
@@ -115,7 +117,7 @@ class Lighting:
 
     @contextmanager
     def held(self, id: str) -> Iterator[None]:
-        """Keep a lit scene and its blobs while it is used by something else than a job."""
+        """Holds a derived scene and its blobs for the duration of the block, for uses other than jobs."""
         self.hold(id)
         try:
             yield
@@ -123,18 +125,18 @@ class Lighting:
             self.release(id)
 
     def hold(self, id: str) -> None:
-        """As `held`, until as many calls of `release`. Of what is gone already, it keeps nothing: look after it was held."""
+        """Holds a derived scene until `release` was called as often. Does not keep a deleted scene: check it after this call."""
         with self._lock:
             self._held[id] += 1
 
     def release(self, id: str) -> None:
-        """It is used no longer by whom has held it."""
+        """Releases one `hold` of a scene."""
         with self._lock:
             self._held[id] -= 1
             self._held += Counter()
 
     def clear(self, kept: int = KEPT) -> None:
-        """Let go of lit scenes that nobody needs, but for the latest."""
+        """Deletes unused derived scenes, except the `kept` most recent."""
         gone: list[str] = []
 
         def forget(session: Session) -> set[str]:
@@ -157,7 +159,7 @@ class Lighting:
             self._events.publish(RowWritten("scene", id))
 
     def _touch(self, scene: Scene) -> None:
-        """It was asked for again: it is among the latest."""
+        """Marks a derived scene as recently used; written at most once every TOUCHED_S seconds."""
         if scene.of is not None and time.time() - scene.created > TOUCHED_S:
             with self._sessions.begin() as session:
                 session.execute(update(Scene).where(Scene.id == scene.id).values(created=time.time()))
@@ -170,7 +172,7 @@ class Lighting:
         return found
 
     def _wanted(self, base: Scene, environment: Mapping[str, Any] | None, variant: str | None) -> Upload | None:
-        """The files of what is asked for; None where that is the scene as it is."""
+        """Returns the changed files of the requested scene; None if the request changes neither lighting nor variant."""
         asked = environment or {}
         light: str | BlobRef | None = None
         if (sky := asked.get("sky")) is not None:
@@ -184,7 +186,7 @@ class Lighting:
         return changed(base, light, variant)
 
     def name_of(self, environment: Mapping[str, Any] | None) -> str | None:
-        """What the uploaded image is called that lights a request's scene; None where none does."""
+        """Returns the name of the uploaded image in a request's environment, or None if there is none."""
         id = (environment or {}).get("image")
         if id is None:
             return None

@@ -1,4 +1,4 @@
-"""multipart/form-data as a stream: files are written to disk chunk by chunk, and every limit is enforced meanwhile."""
+"""Streaming reader of multipart/form-data: files are written to disk in chunks, and all limits are enforced meanwhile."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ MAX_HEADER = 8192
 
 @dataclass
 class Form:
-    """What was sent. The owner of `files` commits or discards the writers."""
+    """A received form. The owner of `files` must commit or discard the writers."""
 
     fields: dict[str, str] = field(default_factory=dict)
     files: list[tuple[str, BlobWriter]] = field(default_factory=list)
 
     def discard(self) -> None:
-        """Forget the files."""
+        """Discards the files."""
         for _, writer in self.files:
             writer.discard()
         self.files.clear()
@@ -43,7 +43,10 @@ async def read_form(
     max_bytes: int,
     check_disk: Callable[[int], None],
 ) -> Form:
-    """Read a form with files. Raises TooLarge past a limit, UnknownFormat for another media type, Invalid where it is damaged."""
+    """Reads a form with files.
+
+    Raises TooLarge if a limit is exceeded, UnknownFormat for another media type, Invalid for malformed data.
+    """
     media, options = parse_options_header(content_type)
     if media != b"multipart/form-data" or not options.get(b"boundary"):
         raise UnknownFormat("Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes")
@@ -76,7 +79,7 @@ async def read_form(
 
 
 class _Reader:
-    """Takes the parser's callbacks; data comes as (buffer, start, end)."""
+    """The callbacks of the parser, which passes data as (buffer, start, end)."""
 
     def __init__(self, store: BlobStore, max_files: int) -> None:
         self.form = Form()
@@ -153,5 +156,5 @@ class _Reader:
 
 
 def _unescape(filename: str) -> str:
-    """Undo the three escapes that browsers make in names (HTML, "multipart/form-data encoding algorithm")."""
+    """Undoes the three escapes of file names by browsers (HTML, "multipart/form-data encoding algorithm")."""
     return filename.replace("%22", '"').replace("%0D", "\r").replace("%0A", "\n")

@@ -1,4 +1,4 @@
-"""File names from outside: relative paths inside an upload, and nothing else."""
+"""Validation of names from users: relative paths inside an upload, titles and notes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def safe_name(name: str) -> str:
-    """The name as a clean relative path with forward slashes. Raises Invalid where it could leave the upload."""
+    """Returns the name as a normalized relative path with forward slashes. Raises Invalid if it is unsafe, empty or too long."""
     shown = ascii(name if len(name) <= 120 else name[:117] + "...")
     if not name:
         raise Invalid("A file came without a name. Give every file its name, with its folders if it has any.")
@@ -36,7 +36,7 @@ def safe_name(name: str) -> str:
 
 
 def plain_title(text: str) -> str:
-    """What a person calls a scene or a job: one line of text. Raises Invalid where it is not."""
+    """Returns the stripped title of a scene or job. Raises Invalid unless it is one line without control characters."""
     text = text.strip()
     if _has_control(text):
         raise Invalid(f"name: {text[:60]!a} has control characters or line breaks. Give it one line of plain text.")
@@ -44,7 +44,10 @@ def plain_title(text: str) -> str:
 
 
 def plain_note(text: str) -> str:
-    """What a person writes about a job: lines of text. Raises Invalid where it is not."""
+    """Returns the stripped note on a job, with line feeds.
+
+    Raises Invalid if it has other control characters than line feed and tab.
+    """
     text = text.replace("\r\n", "\n").strip()
     if _has_control(text.replace("\n", " ").replace("\t", " ")):
         raise Invalid(f"note: {text[:60]!a} has control characters. Give it lines of plain text.")

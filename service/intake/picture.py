@@ -1,4 +1,4 @@
-"""Whether two jobs are of the same picture: then the samples of one are the samples of the other, to the bit."""
+"""Cache key of a job's picture: jobs with equal keys have bit-identical samples."""
 
 from __future__ import annotations
 

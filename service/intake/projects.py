@@ -1,4 +1,4 @@
-"""Which project an upload belongs to, and the ids of what is in a project."""
+"""The owner of an upload, and the ids of content within a project."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ __all__ = ["NOBODY", "Owner", "id_in", "serves", "serving"]
 
 @dataclass(frozen=True)
 class Owner:
-    """project: whose members see it; empty: everybody. user, key: who sent it, and by which token, where that is known."""
+    """The owner of an upload.
+
+    project: the project whose members see it; empty: all users. user, key: the uploader and the id of its token, if known.
+    """
 
     project: str = ""
     user: str | None = None
@@ -24,17 +27,19 @@ NOBODY = Owner()
 
 
 def id_in(project: str, id: str) -> str:
-    """The id of a content within a project. The same content elsewhere is another thing: neither its name nor that it is there
-    tells anything to others."""
+    """Returns the id of content within a project.
+
+    The same content has another id in another project, so an id does not reveal to others that it exists there.
+    """
     return hashlib.sha256(f"{project}\n{id}".encode()).hexdigest()[: len(id)] if project else id
 
 
 def serves(thing: str, project: str) -> bool:
-    """Whether a thing of one project may be used in another: its own things and everybody's may be. Empty: of no project."""
+    """Whether content of one project may be used in another: its own, and content of no project (empty)."""
     return thing in ("", project)
 
 
 def serving(column: Any, project: str) -> ColumnElement[bool]:
-    """As `serves`, of a table's column `project`."""
+    """Returns the condition of `serves` for a table's column `project`."""
     found: ColumnElement[bool] = column.in_(["", project])
     return found

@@ -19,10 +19,13 @@ ROWS = 64
 
 
 def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, object]:
-    """Writes the film; its size, whether it is display-referred, and how many pixels are changed. Raises SceneError."""
+    """Writes an uploaded image as a film packet; returns width, height, is_display and the number of clipped pixels.
+
+    image, film: paths as encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises SceneError if the image cannot be read or is too large.
+    """
     pixels = read(Path(os.fsdecode(image)).read_bytes(), name)
     if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)  # as screens show it
+        pixels = (pixels >> 8).astype(np.uint8)  # reduced to 8 bits, as displayed
     height, width = pixels.shape[:2]
     if max(width, height) > 0xFFFF:
         raise SceneError(f"{name}: is {width}x{height}; a side has at most 65535 pixels")
@@ -41,7 +44,7 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
 
 
 def from_srgb(codes: np.ndarray) -> np.ndarray:
-    """sRGB codes 0..255 as linear light 0..1, float32 (IEC 61966-2-1)."""
+    """Converts sRGB codes 0..255 to linear values 0..1, float32 (IEC 61966-2-1)."""
     value = np.arange(256) / 255
     table = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     return np.asarray(table.astype(np.float32)[codes])

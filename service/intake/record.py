@@ -1,4 +1,4 @@
-"""Writes a stored upload to the database as a scene, and has it prepared."""
+"""Records a stored upload in the database as a scene, and starts its preparation."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ __all__ = ["record"]
 
 
 def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NOBODY) -> Scene:
-    """Write an upload whose blobs are pinned down as a scene, and have it prepared. One that is there already stays as it is.
+    """Records an upload, whose blobs are pinned, as a scene and starts its preparation; an existing scene stays as it is.
 
-    of: the upload that it is made of, where it is none itself. owner: whose it is.
+    of: for a derived scene, the id of the upload. owner: the scene's owner. A failed scene is prepared again.
     """
     try:
         scene = _write(stored, sessions, of, owner)
-    except IntegrityError:  # another wrote the same scene down in the same moment
+    except IntegrityError:  # another thread recorded the same scene at the same time
         scene = _write(stored, sessions, of, owner)
     events.publish(RowWritten("scene", scene.id))
     return scene
@@ -53,9 +53,9 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
             )
             session.add(scene)
         elif scene.status == "failed":
-            scene.status, scene.error = "preparing", None  # another try: the fault may have been the worker's
+            scene.status, scene.error = "preparing", None  # try again: the worker may have been at fault
             scene.notes = stored.notes
         if of is None and scene.of is not None:
-            scene.of, scene.name = None, stored.name  # uploaded by itself, it is a scene of its own
+            scene.of, scene.name = None, stored.name  # a derived scene that is uploaded becomes an independent one
             scene.user, scene.key = owner.user, owner.key
         return scene

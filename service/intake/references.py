@@ -1,4 +1,4 @@
-"""Pictures uploaded for comparison: read once, in a confined process, and kept as films."""
+"""Uploaded reference pictures for comparisons: read once, in a confined process, and stored as film packets."""
 
 from __future__ import annotations
 
@@ -28,14 +28,17 @@ __all__ = ["SUFFIXES", "keep_reference"]
 
 SUFFIXES = (".exr", ".hdr", ".pfm", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 SECONDS = 120.0
-MEMORY = 4 << 30  # bytes, beside what the process has before it reads
+MEMORY = 4 << 30  # bytes, in addition to the memory that the process has at its start
 PIECE = 1 << 20
 
 
 def keep_reference(
     name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NOBODY
 ) -> Reference:
-    """The row of an image, made where its content is new. Raises Invalid where it is none, and what the stores raise."""
+    """Returns the row of a reference picture, storing it if its content is new.
+
+    Raises Invalid if the file is no readable image, Failed if reading it failed, and what the stores raise.
+    """
     id = id_in(owner.project, file.sha256[:20])
     if (known := _known(id, sessions)) is not None:
         return known
@@ -72,7 +75,7 @@ def _recorded(row: Reference, sessions: Sessions) -> Reference:
             hold_project(row.project, session)
             session.add(row)
         return row
-    except IntegrityError:  # another sent the same in the same moment
+    except IntegrityError:  # another request stored the same content at the same time
         known = _known(row.id, sessions)
         if known is None:
             raise

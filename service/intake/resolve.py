@@ -1,4 +1,4 @@
-"""From a request and a scene to the settings that fix every sample."""
+"""Resolves a request and a scene to the settings that determine every sample."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from service.store.models import Job, Scene
 
 __all__ = ["default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
 
-MOST_TILES = 1 << 17  # each is in the engine's memory while the job is rendered: hundreds of bytes
+MOST_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory while the job is rendered
 
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
-    """Tiles small enough that all slots have work and a watcher sees it grow, large enough that batches are few.
+    """Returns the tile size in pixels: small enough to keep all slots busy and show progress, large enough to keep batches few.
 
-    A frame comes to about 16 to 200 tiles. Depends on the size alone, since a noise level is judged tile by tile. of_shot: other
-    frames have work for all slots, so that tiles may be large.
+    A frame has about 16 to 200 tiles. Depends on the image size only, since noise is judged per tile.
+    of_shot: use larger tiles, since other frames keep the slots busy.
     """
     pixels = width * height
     if of_shot:
@@ -31,9 +31,10 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
 
 
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
-    """Fill in the job's settings, sample count and tile size. Raises SettingsError where the scene cannot give them.
+    """Sets the job's settings, sample count, tile size and picture key from its request and scene.
 
-    A still with an open shutter becomes a shot of one frame. What else has the same picture, its row says from now on.
+    A still with an open shutter becomes a shot of one frame. max_pixels: upper limit of width x height.
+    Raises SettingsError if the request does not fit the scene.
     """
     request = job.request
     info = scene.info or {}
@@ -52,20 +53,23 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
             f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind"
         )
     if settings.shutter and job.shot is None:
-        job.shot = Shot().to_json()  # of one frame: what moves meanwhile has keys, and is compiled with them
+        job.shot = Shot().to_json()  # of one frame: moving objects are compiled with their keyframes
     job.settings = settings.to_json()
     job.picture = picture_of(job)
 
 
 def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
-    """Raises SettingsError with all warnings of a scene; that it has no light of its own is none where the request gives it."""
+    """Raises SettingsError with all warnings of a scene, if any.
+
+    The warning about a missing light is ignored if the request sets an environment.
+    """
     said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
     if said:
         raise SettingsError(refusal(said))
 
 
 def refusal(warnings: Sequence[str]) -> str:
-    """The error of a strict scene or job with these warnings, without the full stop at its end."""
+    """Returns the error of a strict scene or job with these warnings, without the final full stop."""
     listed = " ".join(warnings).rstrip(".")
     if len(warnings) == 1:
         return f"strict makes the scene's 1 warning an error: {listed}"
@@ -79,7 +83,10 @@ def frame_settings(
     defaults: dict[str, Any],
     views: Sequence[dict[str, Any]] = (),
 ) -> RenderSettings:
-    """What fixes every sample of a frame. view, defaults, views: what its scene has at that moment. Raises SettingsError."""
+    """Returns the settings that determine every sample of one frame. Raises SettingsError.
+
+    view, defaults, views: those of the scene at the frame's time.
+    """
     seen = tuple(map(View.from_json, views))
     return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults, seen)
 
@@ -99,7 +106,7 @@ def _settings(
 
 
 def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
-    """Where only one side is asked for, the other keeps the shape of the scene's own size."""
+    """Returns width and height; if only one is requested, the other follows from the scene's aspect ratio."""
     own = (int(defaults.get("width") or DEFAULT_SIZE[0]), int(defaults.get("height") or DEFAULT_SIZE[1]))
     width, height = request.get("width"), request.get("height")
     if width and height:

@@ -1,7 +1,7 @@
-"""The bytes of a zip entry, never more than a megabyte of them in memory.
+"""Streams the bytes of a zip entry in chunks of at most one megabyte.
 
-zipfile guarantees that for deflate alone: with bzip2 or LZMA it returns whatever the few kilobytes it reads expand to, which in
-a bomb may be gigabytes.
+zipfile bounds the chunk size for deflate only: with bzip2 or LZMA it returns whatever the few kilobytes it reads expand to, which
+may be gigabytes in a zip bomb.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ UNKNOWN_SIZE = b"\xff" * 8
 
 
 def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
-    """What is in an entry, piece by piece. Raises what zipfile, bz2 and lzma raise where it is damaged."""
+    """Yields the extracted bytes of an entry in chunks. Raises the errors of zipfile, bz2 and lzma if it is damaged."""
     if entry.compress_type not in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         with file.open(entry) as source:
             while piece := source.read(CHUNK):
@@ -36,14 +36,15 @@ def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
 
 
 def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
-    """An entry's bytes as they lie in the archive: those of one that is not packed."""
+    """Yields the compressed bytes of an entry, by opening it as if it were stored uncompressed."""
     as_stored = copy.copy(entry)
     as_stored.compress_type = zipfile.ZIP_STORED
     as_stored.file_size = entry.compress_size
-    del as_stored.CRC  # it is of what comes out
+    del as_stored.CRC  # the CRC is that of the extracted bytes
     with file.open(as_stored) as source:
         if entry.compress_type == zipfile.ZIP_LZMA:
-            # Version, length of the properties; then what a .lzma file begins with, but for the size (APPNOTE 5.8.8).
+            # Skips the version; yields the properties as the header of a .lzma file without its size (APPNOTE 5.8.8), then an
+            # unknown size.
             yield source.read(int.from_bytes(source.read(4)[2:], "little")) + UNKNOWN_SIZE
         while piece := source.read(CHUNK):
             yield piece

@@ -1,4 +1,4 @@
-"""An upload becomes a scene's files: all of them, whole and checked, or none."""
+"""Converts an upload to the files of a scene: all of them, complete and checked, or none."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Upload:
-    """The stored files of a scene. `id` is a hash of all that follows but the name and the notes.
+    """The stored files of a scene. `id` is a hash of the other fields except name and notes.
 
-    environment: an image among the files, or a sky as renderer.scene.sky writes it. variant: of a glTF file's materials.
-    strict: whether warnings fail the scene.
+    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: of the materials
+    of a glTF file. strict: whether warnings make the scene fail.
     """
 
     id: str
@@ -54,19 +54,22 @@ class Upload:
     strict: bool = False
 
     def as_strict(self) -> Upload:
-        """The same files as a strict scene: one of its own, which does not fail for those who sent the files without it."""
+        """Returns the same files as a strict scene, which has its own id and so cannot make a non-strict scene fail."""
         if self.strict:
             return self
         return replace(self, id=hashlib.sha256(f"strict\n{self.id}".encode()).hexdigest()[: len(self.id)], strict=True)
 
     @property
     def size(self) -> int:
-        """Bytes of all files together."""
+        """Total size of the files in bytes."""
         return sum(file.size for file in self.files)
 
 
 async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """The same bytes in larger pieces, each worth a thread in which it is hashed and written; the first chunk at once."""
+    """Yields the first chunk at once, and the others joined to pieces of at least PIECE bytes.
+
+    Each piece is hashed and written in a thread, which small chunks would not be worth.
+    """
     pieces: list[bytes] = []
     size, enough = 0, 1
     async for chunk in chunks:
@@ -88,9 +91,9 @@ async def receive(
     record: Callable[[Upload], T],
     find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Read, expand, check and store an upload, and write it down. find: a scene by its id, to which files may be added.
+    """Reads, unpacks, checks and stores an upload, and records it with `record`; returns its result.
 
-    Raises FarmError; then nothing of it is left.
+    find: returns a scene by its id, for uploads that add files to a scene. Raises FarmError; then nothing is stored.
     """
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
@@ -99,7 +102,7 @@ async def receive(
         try:
             return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record, find)
         finally:
-            form.discard()  # a service that ends may cancel this before a thread has begun
+            form.discard()  # a service that stops may cancel this before the thread has started
 
 
 def keep(
@@ -111,9 +114,9 @@ def keep(
     record: Callable[[Upload], T],
     find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Expand, check and store what was sent, and write it down by `record`, before which nobody can delete its blobs.
+    """Unpacks, checks and stores a received form and records it with `record`, with its blobs pinned meanwhile.
 
-    Raises FarmError; then nothing of it is left.
+    Returns the result of `record`. find: see `receive`. Raises FarmError; then nothing is stored.
     """
     sent: list[tuple[str, BlobWriter]] = []
     files: dict[str, BlobWriter] = {}
@@ -154,8 +157,10 @@ def _added(
     settings: Settings,
     record: Callable[[Upload], T],
 ) -> T:
-    """A scene with more files, or others of the same names, or another of its files as the one that is shown: what was missing
-    need not be sent with all the rest. asked: the scene's file as the form names it; empty: as before."""
+    """Records a scene with added or replaced files, or with another main file, so that missing files can be sent separately.
+
+    find: returns the scene; raises if it was deleted. asked: the form's main file; empty: unchanged.
+    """
     if not asked and all(writer.size == 0 for writer in files.values()):
         raise Invalid("The upload is empty. Choose the files that are to be added.")
     scene = find()
@@ -167,7 +172,7 @@ def _added(
     _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
     hashes = [writer.sha256 for writer in files.values()]
     with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
-        find()  # where it is deleted by now, its files may be
+        find()  # the scene may have been deleted meanwhile, with its files
         refs = sorted((*kept, *_committed(files)), key=_path)
         main, notes, variant, name = scene.main, scene.notes, scene.variant, scene.name
         if asked:
@@ -180,7 +185,7 @@ def _added(
 
 
 def _flag(name: str, form: Form) -> bool | None:
-    """A form's field that says yes or no; None where it is not there. Raises Invalid."""
+    """Returns a boolean field of a form, or None if it is absent. Raises Invalid for other values."""
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
         raise Invalid(f"{name} is {text[:60]!r}; true and false are possible.")
@@ -188,7 +193,7 @@ def _flag(name: str, form: Form) -> bool | None:
 
 
 def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:
-    """The files, stored, in the order of their paths."""
+    """Commits the files; returns their BlobRefs sorted by path."""
     hashes = commit_all(files.values())
     return sorted((BlobRef(path, sha256, files[path].size) for path, sha256 in zip(files, hashes, strict=True)), key=_path)
 
@@ -198,8 +203,10 @@ def _path(ref: BlobRef) -> str:
 
 
 def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
-    """The file of a scene that is to be shown, and what there is to say about the others. asked: also with the folders that all
-    files of the upload shared. Raises Invalid."""
+    """Returns the requested main file among `names`, and notes about other scene files. Raises Invalid if there is none.
+
+    asked: may include the common folders that were stripped from the upload.
+    """
     path = f"/{safe_name(asked)}"
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
     main, notes = (None, []) if known is None else pick_main(names, known)
@@ -209,10 +216,10 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
 
 
 def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:
-    """The scene's files under another light from around (a preset's name, a sky, or an image by the path that it is to have among
-    them), or with other materials of the file. None leaves what the scene has; an empty variant is the file's own materials.
+    """Returns the scene's files with other lighting or another material variant.
 
-    Raises Invalid where there is none such.
+    light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged.
+    variant: None: unchanged; empty: the default materials of the file. Raises Invalid if the variant does not exist.
     """
     files = [BlobRef(**ref) for ref in scene.files]
     environment = light.path if isinstance(light, BlobRef) else light or scene.environment
@@ -226,9 +233,12 @@ def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | Non
 
 
 def _variant_of(scene: Scene, asked: str) -> str | None:
-    """By its name, where that tells it from others: a scene is the same by whichever of its names it is asked for."""
+    """Returns the name of a variant given by name or number, so that equal requests give equal scenes.
+
+    A number is kept if the name at that position is ambiguous. Raises Invalid if there is no such variant.
+    """
     if not asked or scene.info is None or "variants" not in scene.info:
-        return asked or None  # what is not known yet, preparing finds out
+        return asked or None  # not known yet; preparation checks it
     names: list[str] = scene.info["variants"]
     if asked in names:
         return asked
@@ -241,14 +251,14 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
-    """A sky as renderer.scene.sky reads it; equal skies are equal texts. Raises Invalid where there is none such."""
+    """Returns a sky in the notation of renderer.scene.sky, equal for equal skies. elevation, azimuth: degrees. Raises Invalid."""
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
         raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
 
 
 def light_text(preset: str) -> str:
-    """A preset as renderer.scene.presets knows it; one that is a sky is the same as that sky."""
+    """Returns a preset's name, or the equivalent sky for a preset that is one."""
     sky = PRESETS[preset].sky
     return preset if sky is None else sky_text(*sky)
 
@@ -267,7 +277,7 @@ def _id(files: list[BlobRef], main: str, environment: str | None, variant: str |
 
 
 def _refuse_files_as_folders(names: Iterable[str]) -> None:
-    """A folder on a worker's disk cannot hold both a file `a` and a file `a/b`."""
+    """Raises Invalid if a file's name is also a folder's: a disk cannot hold both `a` and `a/b`."""
     known = set(names)
     for name in known:
         for folder in PurePosixPath(name).parents:
@@ -278,13 +288,13 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
 def _expanded(
     form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None], notes: list[str]
 ) -> list[tuple[str, BlobWriter]]:
-    """The form's files with archives replaced by what is in them; junk left out."""
+    """Returns the form's files with archives replaced by their contents, without junk files."""
     found: list[tuple[str, BlobWriter]] = []
     left_files, left_bytes = settings.max_upload_files, settings.max_unzipped_bytes
     try:
         for name, writer in form.files:
             if not name and writer.size == 0:
-                continue  # what a browser sends for a file field with nothing chosen
+                continue  # browsers send this for a file field without a selection
             path = safe_name(name)
             if is_junk(path):
                 continue
@@ -296,7 +306,7 @@ def _expanded(
                 found.append(entry)
                 left_files -= 1
                 left_bytes -= entry[1].size
-            writer.discard()  # all that was in it is there twice
+            writer.discard()  # all its content is stored separately by now
     except BaseException:
         for _, writer in found:
             writer.discard()
@@ -305,13 +315,13 @@ def _expanded(
 
 
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
-    """The scene file, and the environment: an image among the files, or a sky."""
+    """Returns the main file, and the environment: an image among the files, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
         raise Invalid("The upload is empty. Choose a scene file, and the textures that it needs.")
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
-        numbered = [frame_name(main, number) for number in numbers_of(main, files)]  # of smoke.####.obj
+        numbered = [frame_name(main, number) for number in numbers_of(main, files)]  # a sequence smoke.####.obj
         if main not in files and not numbered:
             raise Invalid(f"main: there is no file {main} in the upload{', nor one with a number for #' if '#' in main else ''}.")
     try:
@@ -344,7 +354,7 @@ class _Stripped:
 
 
 def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _Stripped:
-    """Drop the folders that all files share: a folder or its zip, dropped whole, is the same scene as its content."""
+    """Strips the folders that all files share, so that a folder or its zip gives the same scene as its contents."""
     folder = "".join(f"{part}/" for part in PurePosixPath(main).parts[:-1])
     while folder and not all(name.startswith(folder) for name in files):
         folder = folder[: folder.rstrip("/").rfind("/") + 1]
