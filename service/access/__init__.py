@@ -1,1 +1,1 @@
-"""Who may do what: users, their passwords, sessions and tokens, and a record of what was done."""
+"""Access control: users, passwords, sessions, tokens, projects, quotas, and the audit log."""

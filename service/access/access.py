@@ -1,4 +1,4 @@
-"""All parts of access control together, as the service holds them."""
+"""The components of access control as one object."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINK_S = 86400.0
 
 
 class Access:
-    """Who may do what."""
+    """Access control of the service. Raises CannotStart if the default token would be reachable from other machines."""
 
     def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:
         if settings.needs_login and settings.token == FOR_THIS_MACHINE:
@@ -31,8 +31,8 @@ class Access:
                 "Set RAYFARM_TOKEN to one of your own, as of `openssl rand -hex 16`."
             )
         self.needs_login = settings.needs_login
-        self.is_open = settings.login == "never"  # to everybody, whatever the request
-        self.is_published = bool(settings.published)  # from a container
+        self.is_open = settings.login == "never"  # no login for any request
+        self.is_published = bool(settings.published)  # reached through a container's published port
         self.keys = Keys(sessions)
         self.users = Users(sessions, self.keys)
         self.projects = Projects(sessions)
@@ -41,15 +41,15 @@ class Access:
         self.audit = Audit(settings.data)
         self._owner = settings.owner_token
         self._farm = settings.token
-        # Cookies know no ports: two farms of one machine must not overwrite each other's.
+        # Cookies are shared between ports: two farms on one machine need different names.
         self.cookie = f"rayfarm-{fingerprint(instance)[:12]}"
 
     def owner_link(self) -> str:
-        """The code of a new link for the owner."""
+        """Returns the secret of a new login link for the owner, valid for LINK_S seconds."""
         return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
 
     def remembered(self, secret: str) -> Caller | None:
-        """Who shows this, where that is known without asking the database."""
+        """Returns the caller with this secret if it is known without a database query, else None."""
         if self._farm and is_same(secret, self._farm):
             return Caller("farm", Role.NOBODY, "worker")
         if self._owner and is_same(secret, self._owner):
@@ -57,5 +57,5 @@ class Access:
         return self.keys.remembered(secret)
 
     def find(self, secret: str) -> Caller | None:
-        """Who shows this; None where it lets nobody in. Asks the database. Raises Unavailable."""
+        """Returns the caller with this secret, or None if it is invalid. Queries the database. Raises Unavailable."""
         return self.remembered(secret) or self.keys.find(secret)

@@ -1,8 +1,7 @@
-"""How often somebody may fail to log in.
+"""Rate limit of failed logins.
 
-Counted by address and name, so that guessing does not lock out the user whose name is guessed; by address, against trying many
-names; and by name, against trying from many addresses. An attempt is counted before it is checked, so simultaneous attempts
-count too.
+Counted by address and name, so that guessing does not lock out the user with that name; by address, against trying many names;
+and by name, against trying from many addresses. An attempt is counted before it is checked, so simultaneous attempts count too.
 """
 
 from __future__ import annotations
@@ -15,21 +14,21 @@ from collections import OrderedDict, deque
 __all__ = ["Attempts"]
 
 WINDOW_S = 900.0
-OF_ONE = 6  # from one address, at one name
+OF_ONE = 6  # limit for one address and one name
 OF_ADDRESS = 30
 OF_NAME = 120
-MOST = 20_000  # that are remembered of; those of longest ago are forgotten first
+MOST = 20_000  # counters kept; the least recently used are dropped first
 
 
 class Attempts:
-    """The failed tries of the last minutes, in memory: a service that starts anew has seen none."""
+    """Counts the failed attempts of the last WINDOW_S seconds, in memory: a restart resets them."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._tries: OrderedDict[tuple[str, str], deque[float]] = OrderedDict()
 
     def begin(self, address: str, name: str) -> float | None:
-        """Count a try; or the seconds to wait for the next one, and it does not count."""
+        """Counts an attempt and returns None; or returns the seconds to wait before the next attempt and does not count it."""
         now = time.monotonic()
         with self._lock:
             waits = [self._wait(key, most, now) for key, most in self._keys(address, name)]
@@ -43,7 +42,7 @@ class Attempts:
         return None
 
     def succeeded(self, address: str, name: str) -> None:
-        """The try was right: it, and earlier ones of the same hand, are forgotten."""
+        """Records a successful attempt: neither it nor earlier failures from this address with this name count any more."""
         with self._lock:
             (both, _), *others = self._keys(address, name)
             failed = len(self._tries.pop(both, ()))
@@ -66,7 +65,7 @@ class Attempts:
 
 
 def _network(address: str) -> str:
-    """The address; of IPv6 the network that one household or machine has to itself."""
+    """Returns the address; for IPv6 its /64 network, which usually belongs to one household or machine."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:

@@ -1,9 +1,9 @@
-"""Who did what: one line of JSON each, only ever appended, in the data folder's audit.jsonl.
+"""Audit log: one line of JSON for each action, appended to audit.jsonl in the data folder.
 
-    {"at": 1767225600.0, "who": "anna", "kind": "session", "from": "192.168.1.7",
-     "what": "DELETE /api/jobs/{id}", "about": "/api/jobs/7f3a", "status": 204}
+  {"at": 1767225600.0, "who": "anna", "kind": "session", "from": "192.168.1.7",
+  "what": "DELETE /api/jobs/{id}", "about": "/api/jobs/7f3a", "status": 204}
 
-It never contains a secret. A file that has become large is renamed to audit.1.jsonl, and so on; the oldest is deleted.
+It never contains a secret. A file larger than LARGE bytes is renamed to audit.1.jsonl, and so on; the oldest is deleted.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ log = logging.getLogger(__name__)
 
 LARGE = 8 << 20
 KEPT = 4
-LONGEST = 200  # characters of what a caller chose
+LONGEST = 200  # characters of a value chosen by the caller
 READ_AT_ONCE = 1 << 16
 
 
 class Audit:
-    """Adds lines, and reads the latest."""
+    """Appends lines to the audit log, and reads the latest."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._lock = threading.Lock()
 
     def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
-        """Write down what was done. Where it cannot be written, the service's log gets it."""
+        """Appends a line. If the file cannot be written, the line goes to the service's log instead."""
         fields = {"at": round(time.time(), 3), "who": printable(who[:LONGEST]), "kind": kind, "from": address}
         fields |= {"what": what[:LONGEST], "about": printable(about[:LONGEST]), "status": status}
         line = json.dumps(fields) + "\n"
@@ -53,14 +53,14 @@ class Audit:
             log.warning("cannot write audit.jsonl (%s): %s", error, line.strip())
 
     def latest(self, count: int) -> list[dict[str, Any]]:
-        """The newest lines, the newest first."""
+        """Returns the latest `count` lines, newest first."""
         found: list[dict[str, Any]] = []
         for number in range(KEPT):
             for line in _backwards(self._path(number)):
                 try:
                     fields = json.loads(line)
                 except ValueError:
-                    continue  # cut off by a full disk or a power cut
+                    continue  # truncated by a full disk or a power cut
                 if isinstance(fields, dict):
                     found.append(fields)
                 if len(found) >= count:
@@ -77,7 +77,7 @@ class Audit:
 
 
 def _backwards(path: Path) -> Iterator[bytes]:
-    """The lines of a file, the last first."""
+    """Yields the lines of a file in reverse order, without empty ones; nothing if it does not exist."""
     try:
         file = path.open("rb")
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Keys: what a browser, a program or a worker sends to be let in. Created once, stored as a hash, withdrawn at any time."""
+"""Keys: the secrets of sessions, tokens, links and workers. Created once, stored as a hash, revocable at any time."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from service.store.models import Key, User
 __all__ = ["FRESH_S", "KeyKind", "Keys"]
 
 KeyKind = Literal["session", "token", "link", "worker"]
-FRESH_S = 3.0  # for which a key is not looked up again: another process may have withdrawn it
+FRESH_S = 3.0  # seconds for which a key is cached: another process may revoke it
 SEEN_EVERY_S = 300.0
 MOST_KNOWN = 4096
-KEPT_S = 30 * 86400.0  # for which a key that is over stays: a clock that was ahead for a while must not have deleted any
+KEPT_S = 30 * 86400.0  # seconds that an expired key is kept, in case the clock was temporarily ahead
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class _Known:
 
 
 class Keys:
-    """The keys of the database; those that are in use are remembered for some seconds."""
+    """The keys in the database, with a short-lived cache of those in use."""
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
@@ -45,26 +45,29 @@ class Keys:
         self._version = 0
 
     def make(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
-        """A new key: its secret, which is told this once, and its row."""
+        """Creates a key; returns its secret, which is not stored, and its row.
+
+        lasts_s: lifetime in seconds; None: unlimited. Raises NotFound if the user does not exist.
+        """
         secret, now = new_secret(kind), time.time()
         row = Key(id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.word, created=now)
         row.expires = None if lasts_s is None else now + lasts_s
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
-                raise NotFound(f"There is no user {user[:64]!r} any more.")  # whose namesake it would let in some day
+                raise NotFound(f"There is no user {user[:64]!r} any more.")  # else the key would admit a later user of this name
             session.execute(delete(Key).where(Key.expires < now - KEPT_S))
             session.add(row)
         return secret, row
 
     def remembered(self, secret: str) -> Caller | None:
-        """Whose key it is, where that was looked up just now. Waits for nothing."""
+        """Returns the caller with this key if it is cached, else None. Does not block."""
         known = self._known.get(fingerprint(secret))
         if known is None or time.monotonic() - known.read > FRESH_S or _is_over(known.expires):
             return None
         return known.caller
 
     def find(self, secret: str) -> Caller | None:
-        """Whose key it is; None where it is none, is over or was withdrawn. A link lets nobody in by itself."""
+        """Returns the caller with this key; None if it is unknown, expired, revoked or a link (see `use_link`)."""
         hash, version = fingerprint(secret), self._version
         with self._sessions() as session:
             row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
@@ -82,40 +85,40 @@ class Keys:
         return caller
 
     def use_link(self, secret: str) -> str | None:
-        """Whom a link is for; it is used up then. None where it is none any more."""
+        """Returns a link's user, and deletes the link; None if it is invalid or expired, or the user was deleted."""
         found = Key.hash == fingerprint(secret), Key.kind == "link"
         with self._sessions.begin() as session:
             row = session.scalar(select(Key).where(*found))
-            # Of two at the same moment one deletes it.
+            # Of two simultaneous uses, one deletes the row.
             deleted = cast("CursorResult[Any]", session.execute(delete(Key).where(*found))).rowcount
             if row is None or deleted != 1 or _is_over(row.expires):
                 return None
             return row.user if _role_of(row.user, session) is not Role.NOBODY else None
 
     def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
-        """Those that let somebody in, the newest first. user: whose; None: everybody's."""
+        """Returns the valid keys of a kind, newest first. user: only this user's; None: all."""
         with self._sessions() as session:
             return list(session.scalars(self.holding((kind,), user)))
 
     @staticmethod
     def holding(kinds: tuple[KeyKind, ...], user: str | None = None) -> Select[Any]:
-        """The query for those of `listed`, of several kinds. user: whose; a worker's key is everybody's."""
+        """Returns the query for valid keys of several kinds. user: only this user's, and all worker keys; None: all."""
         wanted = select(Key).where(*_that_hold(*kinds)).order_by(Key.created.desc(), Key.id)
         return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
 
     def is_there(self, kind: KeyKind, id: str) -> bool:
-        """Whether there is one of this kind and id."""
+        """Whether a key of this kind and id exists."""
         with self._sessions() as session:
             return session.scalar(select(Key.id).where(Key.id == id, Key.kind == kind)) is not None
 
     def count(self, kind: KeyKind, users: list[str]) -> Counter[str]:
-        """How many each of some users has."""
+        """Returns the number of valid keys of a kind for each of the given users."""
         with self._sessions() as session:
             query = select(Key.user, func.count()).where(*_that_hold(kind), Key.user.in_(users)).group_by(Key.user)
             return Counter({user: count for user, count in session.execute(query)})  # noqa: C416 - typed
 
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
-        """It lets nobody in from now on. user: whose it must be. Raises NotFound."""
+        """Revokes a key and returns its row. user: the owner that it must have. Raises NotFound."""
         with self._sessions.begin() as session:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
@@ -125,13 +128,13 @@ class Keys:
         return row
 
     def withdraw_sessions(self, user: str, but: str | None = None) -> None:
-        """End what a user has open. but: the id of the one that stays."""
+        """Revokes a user's sessions and links. but: the id of a key to keep."""
         with self._sessions.begin() as session:
             session.execute(delete(Key).where(Key.user == user, Key.kind.in_(("session", "link")), Key.id != (but or "")))
         self.forget()
 
     def forget(self) -> None:
-        """Look everything up again: something has changed."""
+        """Clears the cache, after a change of keys or users."""
         with self._lock:
             self._version += 1
             self._known = {}

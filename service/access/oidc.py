@@ -1,11 +1,11 @@
-"""Logging in through an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC
-7636).
+"""Login through an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC 7636).
 
 The service stores nothing about unfinished logins. State, nonce, PKCE verifier and redirect address are in a browser's cookie,
 encrypted and authenticated with a key of the data folder (JWE, RFC 7516): anonymous requests cannot displace a login, and a login
 survives a restart of the service.
 
-A user is identified by issuer and subject alone: a name that somebody else has is never given away, whatever the provider says.
+A user is identified by issuer and subject only: an existing user's name is never given to another subject, whatever the provider
+sends.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ __all__ = ["WAIT_S", "Begun", "LetIn", "Oidc", "Refused", "Why", "oidc_of"]
 
 Why = Literal["cancelled", "late", "provider", "role", "name"]
 
-WAIT_S = 600  # for the login at the provider
+WAIT_S = 600  # seconds that a login at the provider may take
 ENCRYPTION = {"alg": "dir", "enc": "A256GCM"}
-KNOWN_S = 3600.0  # the provider's own description
+KNOWN_S = 3600.0  # seconds for which the provider's metadata and keys are cached
 LEEWAY_S = 60
 TIMEOUT_S = 10.0
-SIGNED_BY = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")  # not by what both know
+SIGNED_BY = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")  # asymmetric only
 NEEDED = ("issuer", "authorization_endpoint", "token_endpoint", "jwks_uri")
 
 
 class Refused(Exception):  # noqa: N818 - named as what it says
-    """Somebody is not let in. why: what the page says; detail: what the service's log says."""
+    """The login is refused. why: reason shown on the page; the message is the detail for the service's log."""
 
     def __init__(self, why: Why, detail: str) -> None:
         super().__init__(detail)
@@ -56,7 +56,7 @@ class Refused(Exception):  # noqa: N818 - named as what it says
 
 @dataclass(frozen=True)
 class Begun:
-    """A login that continues at the provider. sealed: for a cookie that the browser sends when it returns."""
+    """A login that continues at the provider. sealed: the cookie that the browser sends when it returns."""
 
     url: str
     state: str
@@ -65,7 +65,7 @@ class Begun:
 
 @dataclass(frozen=True)
 class LetIn:
-    """Somebody whom the provider has sent. token: the ID token, by which the provider knows the session when it is to end."""
+    """A user who logged in at the provider. token: the ID token, needed to end the session at the provider."""
 
     user: User
     token: str
@@ -73,7 +73,7 @@ class LetIn:
 
 @dataclass(frozen=True)
 class _Pending:
-    """A login under way, as the cookie holds it."""
+    """An unfinished login, as stored in the cookie."""
 
     state: str
     nonce: str
@@ -84,11 +84,11 @@ class _Pending:
 
 @cache
 def _trust() -> ssl.SSLContext:
-    return httpx.create_ssl_context()  # to read the certificates takes long
+    return httpx.create_ssl_context()  # created once: loading the certificates is slow
 
 
 def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
-    """The provider that is set; None where none is. Raises CannotStart."""
+    """Returns the configured provider, or None if there is none. Raises CannotStart for an invalid configuration."""
     if not settings.oidc_discovery:
         return None
     if not settings.oidc_client:
@@ -100,7 +100,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
         raise CannotStart("RAYFARM_OIDC_DISCOVERY begins with https://: what a provider says must not be another's words.")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of names that the library will call otherwise
+            warnings.simplefilter("ignore")  # the library warns of future renamings
             import_module("authlib.integrations.httpx_client")
             import_module("joserfc.jwt")
     except ImportError:
@@ -109,7 +109,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
 
 
 class Oidc:
-    """One provider. Its description and keys are asked for when somebody logs in, and kept for a while."""
+    """One OpenID provider. Its metadata and keys are fetched at a login, and cached for KNOWN_S seconds."""
 
     def __init__(self, settings: Settings, secret: str, login_key: bytes, sessions: Sessions) -> None:
         from joserfc.jwk import OctKey
@@ -138,9 +138,10 @@ class Oidc:
         return Begun(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
 
     def finish(self, state: str, code: str, error: str, sealed: str) -> LetIn:
-        """Finishes a login by the provider's answer. Raises Refused.
+        """Finishes a login with the parameters of the provider's redirect. Raises Refused.
 
-        The provider accepts each code once, so an answer cannot be used twice. sealed: the cookie of `begin`; empty without one.
+        The provider accepts each code once, so a redirect cannot be used twice. sealed: the cookie of `begin`; empty if there is
+        none.
         """
         pending = self._unsealed(sealed)
         if pending is None or not is_same(state, pending.state):
@@ -158,7 +159,7 @@ class Oidc:
         return jwe.encrypt_compact(ENCRYPTION, json.dumps(asdict(pending), separators=(",", ":")), self._key)
 
     def _unsealed(self, sealed: str) -> _Pending | None:
-        """The login of a cookie; None if this farm did not make it."""
+        """Decrypts the cookie of a login; None if this farm did not create it."""
         from joserfc import jwe
         from joserfc.errors import JoseError
 
@@ -169,9 +170,11 @@ class Oidc:
             return None
 
     def way_out(self, token: str, back: str) -> str | None:
-        """Where a browser ends its session at the provider too (RP-Initiated Logout 1.0); None where that cannot be.
+        """Returns the URL that ends the browser's session at the provider (RP-Initiated Logout 1.0), or None if that is not
+        possible.
 
-        token: the ID token of the login; empty where it is not known any more. back: where the provider sends the browser then.
+        token: the ID token of the login; empty if it is not known any more. back: where the provider sends the browser
+        afterwards.
         """
         if not self._logs_out:
             return None
@@ -212,7 +215,7 @@ class Oidc:
         return found, shown
 
     def _told(self, url: str, token: str, subject: str) -> dict[str, Any]:
-        """What the provider tells of a user beside the token. Raises httpx.HTTPError and ValueError."""
+        """Returns the name and role claims from the provider's userinfo endpoint. Raises httpx.HTTPError and ValueError."""
         answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S, verify=_trust())
         answer.raise_for_status()
         told = answer.json()
@@ -232,7 +235,7 @@ class Oidc:
             return jwt.decode(token, self._provider(anew=True)[1], algorithms=signed_by)
 
     def _provider(self, anew: bool = False) -> tuple[dict[str, Any], Any]:
-        """What the provider says of itself, and its keys. Raises Refused."""
+        """Returns the provider's metadata and keys. anew: bypass the cache. Raises Refused."""
         from joserfc.jwk import KeySet
 
         known = self._known
@@ -267,7 +270,7 @@ class Oidc:
         )
 
     def _user(self, claims: dict[str, Any]) -> User:
-        """The user of these claims, made where it is new; with the role that they give."""
+        """Returns the user with these claims, created if new, with the role of the claims. Raises Refused."""
         role = self._role(claims)
         subject = f"{claims['iss']} {claims['sub']}"
         if role is Role.NOBODY:
@@ -284,7 +287,7 @@ class Oidc:
         return user
 
     def _role(self, claims: dict[str, Any]) -> Role:
-        """The most that any of the claim's values gives; the usual one where none does."""
+        """Returns the highest role among the claim's values, or the default role if none is mapped."""
         told = claims.get(self._role_claim)
         values = told if isinstance(told, list) else str(told or "").split()
         return max(

@@ -1,6 +1,6 @@
-"""Passwords: kept as Argon2id (RFC 9106), with what the library recommends.
+"""Passwords, stored as Argon2id hashes (RFC 9106) with the library's recommended parameters.
 
-A check takes 64 MB and a good part of a second of a core on purpose; so few are made at a time, and the rest wait.
+A check takes 64 MB and a considerable part of a second of CPU time by design, so at most two run at the same time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ AT_ONCE = threading.BoundedSemaphore(2)
 
 @cache
 def _hasher() -> PasswordHasher:
-    from argon2 import PasswordHasher  # only who logs in needs it
+    from argon2 import PasswordHasher  # imported on demand: only password logins need it
 
     return PasswordHasher(parallelism=1)
 
@@ -34,7 +34,7 @@ def _of_nobody() -> str:
 
 
 def check_strength(password: str, name: str) -> None:
-    """Raises Invalid where a password is too easily guessed, or too long."""
+    """Raises Invalid if a password is too short, too long or easily guessed. name: the user's name."""
     if len(password) < SHORTEST:
         raise Invalid(f"The password has {len(password)} characters. Take at least {SHORTEST}: a few words are best.")
     if len(password) > LONGEST:
@@ -44,13 +44,13 @@ def check_strength(password: str, name: str) -> None:
 
 
 def hashed(password: str) -> str:
-    """What is kept of a password."""
+    """Returns the hash of a password."""
     with AT_ONCE:
         return _hasher().hash(password)
 
 
 def is_right(password: str, kept: str | None) -> bool:
-    """Whether this is the password. kept: None where there is none, which takes as long to find out."""
+    """Whether the password matches the hash `kept`; None, for no password, takes as long to check."""
     from argon2.exceptions import InvalidHashError, VerificationError
 
     with AT_ONCE:

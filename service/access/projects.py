@@ -1,8 +1,8 @@
-"""Projects: scenes, jobs, environments and references that their members alone see.
+"""Projects: scenes, jobs, environments and references that are visible only to their members.
 
-One rule, asked at two places: the gate asks it of what a path names, and lists, events and requests that name other things ask
-it of rows. What is in no project is seen by everybody who is let in; who keeps the farm sees all. A member has a role in the
-project, which takes away from what the user may do elsewhere and never adds to it.
+The rule is applied in two places: the gate checks the object named in a path; lists, events and requests that name other objects
+check rows. Content of no project is visible to all users; administrators see everything. A member's role in a project can only
+restrict the user's own role.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ __all__ = ["EVERYTHING", "NOTHING", "Kind", "MemberRole", "Projects", "Sight", "
 Kind = Literal["scene", "job", "environment", "reference"]
 MemberRole = Literal["view", "submit"]
 ROWS: dict[Kind, Any] = {"scene": Scene, "job": Job, "environment": Environment, "reference": Reference}
-FRESH_S = 3.0  # for which a user's projects are not looked up again: another process may have changed them
+FRESH_S = 3.0  # seconds for which a user's projects are cached: another process may change them
 MOST_KNOWN = 65536
 
 
 @dataclass(frozen=True)
 class Sight:
-    """What a caller sees: everything; or what is in no project, and in these. looks: the ones where that is all it may."""
+    """The projects visible to a caller: all, or those listed and content of no project. looks: projects that are read-only."""
 
     everything: bool
     projects: frozenset[str] = frozenset()
     looks: frozenset[str] = frozenset()
 
     def sees(self, project: str | None) -> bool:
-        """Whether what is in this project is seen; None: what is not there at all, of which anybody may be told so."""
+        """Whether content of this project is visible. None: it does not exist, which may be reported to anyone."""
         return self.everything or not project or project in self.projects
 
     def changes(self, project: str | None) -> bool:
-        """Whether what is seen in this project may be changed, and added to, by whom the farm lets change anything."""
+        """Whether the caller may change this project's content, if the caller's own role permits changes."""
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:
-        """As `sees`, of a table's column `project`."""
+        """Returns the condition of `sees` for a table's column `project`."""
         if self.everything:
             return true()
         found: ColumnElement[bool] = column.in_(["", *sorted(self.projects)])
@@ -62,7 +62,7 @@ NOTHING = Sight(False)
 
 @dataclass(frozen=True)
 class Summary:
-    """A project: its members by name, their roles in it, and how many of each kind are in it."""
+    """A project: its members by name, their roles, and its number of objects of each kind."""
 
     name: str
     created: float
@@ -72,16 +72,16 @@ class Summary:
 
 
 class Projects:
-    """The projects of the database; what was looked up just now is remembered."""
+    """The projects in the database, with a short-lived cache."""
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
         self._lock = threading.Lock()
         self._sights: dict[str, tuple[float, Sight]] = {}
-        self._where: dict[tuple[Kind, str], str] = {}  # a thing's project is the same for as long as it is there
+        self._where: dict[tuple[Kind, str], str] = {}  # an object never changes its project
 
     def remembered(self, caller: Caller | None) -> Sight | None:
-        """What a caller sees, where that is known without asking the database."""
+        """Returns what a caller sees if that is known without a database query, else None."""
         if caller is None or caller.is_worker:
             return NOTHING
         if caller.sees_everything:
@@ -90,7 +90,7 @@ class Projects:
         return sight if read and time.monotonic() - read < FRESH_S else None
 
     def sight(self, caller: Caller | None) -> Sight:
-        """What a caller sees."""
+        """Returns what a caller sees."""
         if (known := self.remembered(caller)) is not None:
             return known
         assert caller is not None
@@ -105,11 +105,11 @@ class Projects:
         return sight
 
     def known(self, kind: Kind, id: str) -> str | None:
-        """The project that something is in, where that was looked up before."""
+        """Returns the project of an object if it is cached, else None."""
         return self._where.get((kind, id))
 
     def of(self, kind: Kind, id: str) -> str | None:
-        """The project that something is in, empty where it is in none; None where it is not there."""
+        """Returns the project of an object; empty if it is in none, None if the object does not exist."""
         if (known := self.known(kind, id)) is not None:
             return known
         with self._sessions() as session:
@@ -120,14 +120,14 @@ class Projects:
         return found
 
     def note(self, kind: Kind, id: str, project: str) -> None:
-        """Remember where something is."""
+        """Caches the project of an object."""
         with self._lock:
             if len(self._where) >= MOST_KNOWN:
                 self._where.clear()
             self._where[kind, id] = project
 
     def add(self, name: str) -> Summary:
-        """A new project without members. Raises Invalid and Conflict."""
+        """Creates a project without members. Raises Invalid for an invalid name, Conflict if it exists."""
         if not NAME.fullmatch(name):
             raise Invalid(f"{name[:64]!r} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).")
         try:
@@ -138,12 +138,12 @@ class Projects:
         return self.find(name)
 
     def named(self, sight: Sight) -> list[str]:
-        """Those that are seen, in order."""
+        """Returns the names of the visible projects, in order."""
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
 
     def described(self, names: Collection[str]) -> list[Summary]:
-        """Of these, by name; those that are gone are left out."""
+        """Returns the summaries of the given projects, ordered by name; deleted ones are left out."""
         with self._sessions() as session:
             rows = session.scalars(select(Project).where(Project.name.in_(names)).order_by(Project.name)).all()
             roles: dict[str, dict[str, str]] = {row.name: {} for row in rows}
@@ -158,14 +158,17 @@ class Projects:
         return [Summary(row.name, row.created, list(roles[row.name]), roles[row.name], counts[row.name]) for row in rows]
 
     def find(self, name: str) -> Summary:
-        """One of them. Raises NotFound."""
+        """Returns the summary of a project. Raises NotFound."""
         found = self.described([name]) if "\0" not in name else []
         if not found:
             raise no_project(name)
         return found[0]
 
     def check(self, name: str, sight: Sight) -> str:
-        """The name, where something may be put there: a project that is seen, or none. Raises NotFound and NotAllowed."""
+        """Returns `name` if content may be added to it: no project, or a visible one.
+
+        Raises NotFound, or NotAllowed if it is read-only.
+        """
         if not name:
             return name
         with self._sessions() as session:
@@ -177,11 +180,11 @@ class Projects:
         return name
 
     def check_again(self, name: str, caller: Caller | None, sight: Sight) -> None:
-        """Once all of an upload is here, which may have taken hours. sight: as it was when it began. Raises as `check`."""
+        """Repeats `check` after an upload, which may have taken hours. sight: as of the upload's start. Raises as `check`."""
         self.check(name, sight if sight.everything else self.sight(caller))
 
     def let_in(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
-        """Make a user one of its members, or give one another role; it holds at once. Raises NotFound."""
+        """Adds a member to a project or changes the member's role, with immediate effect. Raises NotFound."""
         with self._sessions.begin() as session:
             if session.get(Project, name) is None:
                 raise no_project(name)
@@ -192,14 +195,14 @@ class Projects:
         return self.find(name)
 
     def put_out(self, name: str, user: str) -> Summary:
-        """Take a member away; it holds at once, also for what is open. Raises NotFound."""
+        """Removes a member, with immediate effect, also on open connections. Raises NotFound."""
         with self._sessions.begin() as session:
             session.execute(delete(Member).where(Member.project == name, Member.user == user))
         self.forget()
         return self.find(name)
 
     def remove(self, name: str) -> None:
-        """An empty one. Raises NotFound and Conflict."""
+        """Deletes an empty project. Raises NotFound, or Conflict if it is not empty."""
         with self._sessions.begin() as session:
             if session.get(Project, name, with_for_update=True) is None:
                 raise no_project(name)
@@ -213,13 +216,13 @@ class Projects:
         self.forget()
 
     def forget(self) -> None:
-        """Look up anew who sees what."""
+        """Clears the cache of visible projects."""
         with self._lock:
             self._sights = {}
 
 
 def hold_project(name: str, session: Session) -> None:
-    """Within a transaction that puts something into a project: nobody removes it before that is over. Raises NotFound."""
+    """Locks a project's row within a transaction that adds content, so that it is not deleted meanwhile. Raises NotFound."""
     if name and session.get(Project, name, with_for_update={"read": True, "key_share": True}) is None:
         raise no_project(name)
 
@@ -230,10 +233,10 @@ def _count(row: Any, project: str, session: Session) -> int:
 
 
 def no_project(name: str) -> NotFound:
-    """There is none that is seen."""
+    """Returns the error for a project that does not exist or is not visible."""
     return NotFound(f"There is no project {name[:64]!r}, or you are none of its members. GET /api/projects lists yours.")
 
 
 def only_looks(name: str) -> NotAllowed:
-    """It is seen, and no more than that."""
+    """Returns the error for a change in a read-only project."""
     return NotAllowed(f"In the project {name!r} you may look and change nothing. Ask who runs the farm.")

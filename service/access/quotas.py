@@ -1,8 +1,7 @@
-"""How much a user, and a single token, may have and do: bytes of uploads and films, concurrent jobs, samples a day.
+"""Quotas of users and tokens: bytes of uploads and films, concurrent jobs, samples per day.
 
-The farm's limits apply unless an administrator sets others for somebody; administrators themselves have none by default. Where
-nobody is asked for a login there are none. Deleting jobs gives back their bytes at once, and their samples when the day is
-over.
+The farm's default limits apply to a user unless an administrator sets others; administrators have none by default, and neither
+have farms without login. Deleting jobs frees their bytes at once, and their samples when the day is over.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ from service.store.models import ACTIVE, Environment, Frame, FrameChange, Job, K
 __all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
 
 DAY_S = 86400.0
-SOON_S = 60.0  # when somebody who has too many jobs may ask again
-MOST = (1 << 63) - 1  # that is told of, and may be set
+SOON_S = 60.0  # seconds after which a caller with too many jobs may retry
+MOST = (1 << 63) - 1  # largest number that is reported or may be set
 OTHERS = "or ask who runs the farm for more"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """At most so much; None: no limit. Of what is used, so much."""
+    """Limits, in which None is no limit; or the amounts in use."""
 
     bytes: int | None = None
     jobs: int | None = None
@@ -44,7 +43,7 @@ Kind = Literal["user", "token"]
 
 @dataclass(frozen=True)
 class Allowance:
-    """whose: user:NAME or token:ID. is_own: an administrator has said so; else they are everybody's."""
+    """The limits and usage of a user or token. whose: user:NAME or token:ID. is_own: set by an administrator, not the default."""
 
     whose: str
     limits: Limits
@@ -53,7 +52,7 @@ class Allowance:
 
 
 class Quotas:
-    """Looks up what is allowed and what is used. size_of: of a job's film, in bytes."""
+    """Looks up limits and usage. size_of: returns the size of a job's film in bytes."""
 
     def __init__(self, sessions: Sessions, usual: Limits, size_of: Callable[[str], int]) -> None:
         self._sessions = sessions
@@ -61,26 +60,26 @@ class Quotas:
         self._size_of = size_of
 
     def of(self, caller: Caller | None) -> list[Allowance]:
-        """What counts for a caller: of its user, and of its token where that has limits of its own."""
+        """Returns the allowances that apply to a caller: the user's, and the token's if it has its own limits."""
         with self._sessions() as session:
             allowed = list(self._limits(caller, session))
             return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in allowed]
 
     def named(self) -> list[str]:
-        """All users, and the tokens that have limits of their own, in order."""
+        """Returns all users and the tokens with their own limits, as user:NAME and token:ID, in order."""
         with self._sessions() as session:
             users = {f"user:{name}" for name in session.scalars(select(User.name))}
             return sorted(users | set(session.scalars(select(Quota.whose))))
 
     def described(self, named: Collection[str]) -> list[Allowance]:
-        """Of these, some of `named`; who is gone meanwhile has used nothing."""
+        """Returns the allowances of some of `named`; one that was deleted meanwhile has no usage."""
         names: dict[Kind, list[str]] = {kind: [] for kind in get_args(Kind)}
         for kind, name in map(_parts, named):
             names[kind].append(name)
         with self._sessions() as session:
             rows = {row.whose: _limits_of(row) for row in session.scalars(select(Quota).where(Quota.whose.in_(named)))}
             chiefs = set(session.scalars(select(User.name).where(User.role == "admin", User.name.in_(names["user"]))))
-            # By one look at each table for all of a kind: one for each of them would take minutes where both are many.
+            # One query per table for all of a kind: one query per user or token would take minutes with many of both.
             counts = (self._bytes, _jobs, _samples)
             used = {kind: [count(kind, session, some) for count in counts] for kind, some in names.items() if some}
         found = []
@@ -92,7 +91,7 @@ class Quotas:
         return found
 
     def set(self, whose: str, limits: Limits | None) -> None:
-        """Say what somebody may; None: what everybody may. Raises NotFound."""
+        """Sets the limits of a user or token; None: restores the defaults. Raises NotFound."""
         kind, _, name = whose.partition(":")
         with self._sessions.begin() as session:
             row = session.get(User if kind == "user" else Key, name)
@@ -103,7 +102,7 @@ class Quotas:
                 session.add(Quota(whose=whose, **{each.name: getattr(limits, each.name) for each in fields(Limits)}))
 
     def check_bytes(self, caller: Caller | None, more: int = 0) -> None:
-        """Whether so many bytes more may be kept. Raises NoRoom."""
+        """Raises NoRoom if a caller may not store `more` further bytes."""
         with self._sessions() as session:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
@@ -117,9 +116,9 @@ class Quotas:
                     )
 
     def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
-        """Whether a job may begin, or samples more of one that is under way. session: in which that is written down.
+        """Raises OverQuota or NoRoom if a caller may not start a job, or render `samples` more of an existing one.
 
-        Raises OverQuota, and NoRoom as above.
+        session: the transaction in which the job is recorded. is_new: whether the number of jobs counts.
         """
         for whose, limits in self._limits(caller, session):
             kind, name = _parts(whose)
@@ -160,7 +159,7 @@ class Quotas:
         return Limits(*(count(kind, session, [name])[name] for count in (self._bytes, _jobs, _samples)))
 
     def _bytes(self, kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-        """Of uploads and films, by owner: of these users or tokens."""
+        """Returns the bytes of uploads and films of the given users or tokens."""
         sizes = Counter[str]()
         uploads = select(_owner(Scene, kind), func.sum(Scene.bytes)).where(Scene.of.is_(None))
         sizes.update({owner: int(size or 0) for owner, size in session.execute(_of(Scene, kind, names, uploads, grouped=True))})
@@ -178,7 +177,7 @@ class Quotas:
 
 
 def spend(jobs: Iterable[Job], session: Session) -> None:
-    """Write down what jobs of the last day have rendered, before they are deleted."""
+    """Records the samples of jobs of the last day that are about to be deleted, so that they still count."""
     since = time.time() - DAY_S
     session.execute(delete(Spent).where(Spent.created < since))
     for job in jobs:
@@ -188,9 +187,9 @@ def spend(jobs: Iterable[Job], session: Session) -> None:
 
 
 def _samples_since(since: float) -> list[tuple[Select[Any], Any]]:
-    """Sums of what counts as a day's samples, and of each the table that says whose they are."""
+    """Returns the queries that sum up the samples that count for a day, each with the table that has the owner."""
     asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
-    # as floats: of integers, SQLite adds up no more than 2**63
+    # as floats: SQLite's integer sums overflow at 2**63
     of_jobs = select(func.sum(cast(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples), Float)))
     of_jobs = of_jobs.join(Job, Frame.job == Job.id).where((Job.created > since) | Job.state.in_(ACTIVE))
     coming = select(func.sum(cast(FrameChange.samples, Float))).join(Job, FrameChange.job == Job.id)
@@ -203,13 +202,13 @@ def _limits_of(row: Quota) -> Limits:
 
 
 def _jobs(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-    """Unfinished ones, by owner."""
+    """Returns the number of unfinished jobs of the given users or tokens."""
     active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
     return Counter({row[0]: row[1] for row in session.execute(_of(Job, kind, names, active, grouped=True))})
 
 
 def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-    """Of the last day, by owner."""
+    """Returns the number of samples of the last day of the given users or tokens."""
     samples = Counter[str]()
     for query, row in _samples_since(time.time() - DAY_S):
         for count, owner in session.execute(_of(row, kind, names, query.add_columns(_owner(row, kind)), grouped=True)):
@@ -218,7 +217,7 @@ def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[st
 
 
 def _of(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
-    """What a query finds of these users or tokens; by its owner, where it adds up."""
+    """Restricts a query to the given users or tokens; grouped: groups it by owner."""
     owner = _owner(row, kind)
     query = query.where(owner.in_(names))
     return query.group_by(owner) if grouped else query

@@ -1,6 +1,6 @@
-"""Care for the farm's Redis: ends scripts that block it, removes floods and keys of the wrong type, names known security flaws.
+"""Maintenance of the farm's Redis: ends blocking scripts, removes excess data and wrong keys, warns of security flaws.
 
-All that Redis holds is rebuilt from the database, the films and the workers' next reports, so any key may be removed.
+All data in Redis can be rebuilt from the database, the films and the workers' next reports, so any key may be removed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["RedisCare", "end_busy", "is_busy"]
 
 log = logging.getLogger(__name__)
 
-# The type of each key of a farm by the beginning of its name; the first that fits counts.
+# The type of the farm's keys by prefix of their names; the first match counts.
 TYPES: tuple[tuple[bytes, bytes], ...] = (
     (b"rayfarm:results", b"stream"),
     (b"rayfarm:view-answers", b"list"),
@@ -33,10 +33,10 @@ TYPES: tuple[tuple[bytes, bytes], ...] = (
     (b"unacked", b"hash"),
 )
 MATCHES = ("rayfarm[:.]*", "_kombu.binding*", "unacked*")
-EVERY = 6  # rounds between two looks at all keys
-FULL = 0.5  # share of Redis's memory, or of its connections, above which floods are looked for
-MOST_OF_MEMORY = 0.125  # share of the memory for the keys of one kind but results, which the service bounds itself
-MOST_OF_CLIENTS = 0.25  # share of the connections for one worker's user
+EVERY = 6  # rounds between two scans of all keys
+FULL = 0.5  # share of Redis's memory, or of its connections, above which excess use is searched for
+MOST_OF_MEMORY = 0.125  # share of the memory for the keys of one kind, except results, whose size the service limits itself
+MOST_OF_CLIENTS = 0.25  # share of the connections for one worker's Redis user
 KIND = re.compile(rb"rayfarm:[a-z-]+|rayfarm\.|_kombu|unacked")
 RESULTS = b"rayfarm:results"
 WORKER_USER = "rayfarm-"
@@ -44,12 +44,12 @@ AT_ONCE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
-    """Whether Redis answers nothing but this since a script or function runs without end."""
+    """Whether Redis rejects commands because a script or function blocks it."""
     return isinstance(error, redis.ResponseError) and str(error).startswith("BUSY")
 
 
 def end_busy(connection: redis.Redis) -> bool:
-    """End the script or function that blocks Redis; False if it has written already, so that only a restart ends it."""
+    """Ends the script or function that blocks Redis; returns False if it has already written, so that only a restart ends it."""
     ended = False
     for command in ("SCRIPT KILL", "FUNCTION KILL"):
         with contextlib.suppress(redis.ResponseError):
@@ -58,7 +58,7 @@ def end_busy(connection: redis.Redis) -> bool:
 
 
 class RedisCare:
-    """Looks after one Redis; `look` is called every few seconds."""
+    """Maintains one Redis server; `look` is called every few seconds."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
@@ -66,17 +66,17 @@ class RedisCare:
         self._said = ""
 
     def look(self) -> None:
-        """End floods, load what older workers run, look for wrong keys, and warn of flaws. Raises redis.RedisError."""
+        """Ends excess use, loads the script of older workers, removes wrong keys, and warns of flaws. Raises redis.RedisError."""
         self._end_floods_of_connections()
         self._make_room()
-        self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may load none
+        self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may not load scripts
         if self._rounds % EVERY == 0:
             self._warn()
             self._repair()
         self._rounds += 1
 
     def unblock(self) -> None:
-        """End a script that blocks Redis. Raises redis.RedisError."""
+        """Ends a script that blocks Redis, and logs the result. Raises redis.RedisError."""
         if end_busy(self._redis):
             log.warning("a script blocked Redis and was ended")
         else:
@@ -89,7 +89,7 @@ class RedisCare:
         self._said = flaw or ""
 
     def _end_floods_of_connections(self) -> None:
-        """Closes the connections of workers' users that take up most of those that Redis allows."""
+        """Closes the connections of each worker's user that uses most of Redis's connection limit."""
         clients = self._redis.info("clients")
         most = int(clients.get("maxclients") or 0)
         if not most or int(clients["connected_clients"]) < FULL * most:
@@ -101,7 +101,7 @@ class RedisCare:
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
     def _make_room(self) -> None:
-        """Removes the largest keys of each kind that takes up more memory than a farm needs, if Redis is half full."""
+        """Removes the largest keys of each kind that uses more memory than a farm needs, if Redis is half full."""
         memory = self._redis.info("memory")
         limit = int(memory.get("maxmemory") or 0)
         if not limit or int(memory["used_memory"]) < FULL * limit:
@@ -130,7 +130,7 @@ class RedisCare:
                 )
 
     def _names(self) -> Iterator[list[bytes]]:
-        """The farm's keys, some at a time."""
+        """Yields the farm's keys in portions of at most AT_ONCE."""
         for pattern in MATCHES:
             names: list[bytes] = []
             for name in self._redis.scan_iter(pattern, count=AT_ONCE):

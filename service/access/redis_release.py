@@ -1,4 +1,4 @@
-"""Which Redis or Valkey a server is, and whether its release has the security fixes that a farm relies on."""
+"""Identifies a Redis or Valkey release, and whether it has the security fixes that a farm relies on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 __all__ = ["OLDEST", "RedisRelease", "release_of", "release_printed"]
 
-OLDEST = (6, 2)  # without LMPOP and ZRANGE BYSCORE Celery's queues do not work
+OLDEST = (6, 2)  # Celery's queues need LMPOP and ZRANGE BYSCORE
 # The first patch release of each series with the fixes of CVE-2025-49844 (code execution by a Lua script) and CVE-2025-21605
 # (output buffers that grow without a login); of Valkey 9.0 also of CVE-2026-27623 (a crash without a login).
 FIXED: dict[str, dict[tuple[int, ...], int]] = {
@@ -20,7 +20,7 @@ FIXED: dict[str, dict[tuple[int, ...], int]] = {
 
 @dataclass(frozen=True)
 class RedisRelease:
-    """A server's name, "Redis" or "Valkey", and its version; () where it is not known."""
+    """A server's name, "Redis" or "Valkey", and its version; () if it is unknown."""
 
     name: str
     numbers: tuple[int, ...]
@@ -30,14 +30,14 @@ class RedisRelease:
 
     @property
     def is_too_old(self) -> bool:
-        """Whether a farm does not work with it."""
+        """Whether the release lacks commands that a farm needs."""
         return self.name == "Redis" and self.numbers[:2] < OLDEST
 
     @property
     def flaw(self) -> str | None:
         """A sentence if the release lacks security fixes; None if it has them.
 
-        A distribution may have fixed the flaws without raising the version; the version does not say so.
+        A distribution may have fixed the flaws without a new version number.
         """
         fixed = FIXED[self.name]
         series = self.numbers[:2]
@@ -51,14 +51,14 @@ class RedisRelease:
 
 
 def release_of(info: Mapping[str, Any]) -> RedisRelease:
-    """The release of a server by its answer to INFO: Valkey reports a Redis version too, for old clients."""
+    """Returns a server's release from its INFO reply. Valkey also reports a Redis version, for old clients."""
     if "valkey_version" in info:
         return RedisRelease("Valkey", _numbers(str(info["valkey_version"])))
     return RedisRelease("Redis", _numbers(str(info.get("redis_version", ""))))
 
 
 def release_printed(text: str) -> RedisRelease:
-    """The release of a program by what it prints for `--version`, such as "Valkey server v=9.1.2 sha=..."."""
+    """Returns a program's release from its output for `--version`, such as "Valkey server v=9.1.2 sha=..."."""
     found = re.search(r"(Redis|Valkey) server v=(\d+(?:\.\d+)*)", text)
     return RedisRelease(found[1], _numbers(found[2])) if found else RedisRelease("Redis", ())
 

@@ -1,7 +1,7 @@
-"""A Redis user for every worker's token, so that a worker's access to Redis ends with its token.
+"""A Redis user for each worker's token, so that a worker's access to Redis ends with its token.
 
-These users exist only in Redis's memory, may touch the keys of the queue and of the farm and nothing else, and have a password
-that follows from the farm's token and the key's id: after a restart of Redis they are made again as they were, and the workers
+These users exist only in Redis's memory, may access only the keys of the queue and of the farm, and have a password derived from
+the farm's token and the key's id: after a restart of Redis they are created again with the same password, and the workers
 continue. Redis itself closes a deleted user's connections.
 """
 
@@ -26,31 +26,31 @@ __all__ = ["FLAT_RULES", "LOOK_EVERY_S", "RULES", "RedisUsers"]
 
 log = logging.getLogger(__name__)
 
-LOOK_EVERY_S = 5.0  # for what other processes withdraw, what expires, and a Redis that started anew
+LOOK_EVERY_S = 5.0  # seconds between updates, for tokens revoked by other processes, expired tokens, and a restarted Redis
 CONNECTION = (
     *("+auth", "+hello", "+ping", "+select", "+quit", "+reset"),
     *("+client|setname", "+client|setinfo", "+client|getname", "+client|id"),
     *("+multi", "+exec", "+discard", "+unwatch"),
 )
-# Scripts: only those that the service has loaded (service/access/redis_care.py), for workers of older releases.
+# Only scripts loaded by the service (service/access/redis_care.py), for workers of older releases.
 RULES = (
     *("reset", "on", *CONNECTION),
-    # Results and answers: appended, never read or removed.
+    # Results and answers: append only.
     "(~rayfarm:results +xadd +xlen)",
     "(~rayfarm:view-answers ~rayfarm:explained:* +rpush +ltrim +expire)",
     # Celery's queues and its bookkeeping.
     "(~rayfarm.* +brpop +rpop +lpush +rpush +llen +pexpire)",
-    "(~rayfarm.help.* ~rayfarm:worker:* +del +unlink +exists)",  # one DEL of both when a worker leaves
+    "(~rayfarm.help.* ~rayfarm:worker:* +del +unlink +exists)",  # a leaving worker deletes both with one DEL
     "(~_kombu.binding* +sadd +srem +smembers)",
     "(~unacked ~unacked_index +hget +hset +hdel +hlen +zadd +zrem +zrange +zrevrangebyscore +watch)",
     "(~unacked_mutex +set +get +del +watch +evalsha)",
-    # What workers say of themselves and of what they have in hand.
+    # Workers' reports about themselves and their tasks.
     "(~rayfarm:worker:* ~rayfarm:offer:* ~rayfarm:vitals:* ~rayfarm:log:* ~rayfarm:joining ~rayfarm:deaths:* ~rayfarm:site:* "
     "~rayfarm:site-secret:* +set +setex +get +mget +del +unlink +exists +expire +incr +ttl)",
-    # What the service says to workers.
+    # The service's messages to workers.
     "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* +get +mget +exists +ttl)",
 )
-# For Redis 6.2, which knows one list of commands for all keys of a user.
+# For Redis 6.2, in which a user has one list of commands for all keys.
 FLAT_RULES = (
     *("reset", "on", *CONNECTION),
     *("~rayfarm:*", "~rayfarm.*", "~_kombu.binding*", "~unacked*"),
@@ -61,7 +61,7 @@ FLAT_RULES = (
 
 
 class RedisUsers:
-    """Keeps Redis's users as the workers' keys are. Where Redis does not let the service do so, `trouble` says why."""
+    """Synchronizes Redis's users with the workers' keys. `trouble`: why Redis refuses that, or None."""
 
     def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
         self._redis = connection
@@ -70,26 +70,26 @@ class RedisUsers:
         self._secret = secret
         self._prefix = f"rayfarm-{fingerprint(instance)[:8]}-"  # several farms may share a Redis
         self._lock = threading.Lock()
-        self._known: set[str] = set()  # that have this release's rules
+        self._known: set[str] = set()  # users with this release's rules
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="redis users", daemon=True)
         self.trouble: str | None = None
 
     def start(self) -> None:
-        """Begin to look after them."""
+        """Starts the background thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End; the users stay, and so do the workers."""
+        """Stops the background thread; the Redis users remain, so workers stay connected."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
         self._redis.close()
 
     def address_for(self, key: str, url: str) -> str:
-        """Returns Redis's address with the user of this key; unchanged, with a warning, if Redis has no ACL or denies it.
+        """Returns Redis's address with the user of this key; unchanged, with a warning, if Redis has no ACL or denies its use.
 
-        Raises Unavailable for every other answer: a busy, full or read-only Redis must not give a worker the farm's own rights.
+        Raises Unavailable for every other error: a busy, full or read-only Redis must not give a worker the farm's own rights.
         """
         name = self._prefix + key
         try:
@@ -106,7 +106,7 @@ class RedisUsers:
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()
 
     def look(self) -> None:
-        """Let Redis know of all keys that let a worker in, and of no others. Raises redis.RedisError and FarmError."""
+        """Creates the Redis users of all valid worker keys and deletes all others. Raises redis.RedisError and FarmError."""
         with self._lock:
             wanted = {self._prefix + key.id for key in self._keys.listed("worker")}
             there = {name for name in map(_text, self._redis.acl_users()) if name.startswith(self._prefix)}
@@ -118,7 +118,7 @@ class RedisUsers:
         self.trouble = None
 
     def look_now(self) -> None:
-        """As soon as may be: a key was withdrawn. What cannot be done now is done at the next look."""
+        """Updates the users now, after a key was revoked. Errors are ignored; the next periodic update repeats it."""
         with contextlib.suppress(redis.RedisError, FarmError, OSError):
             self.look()
 

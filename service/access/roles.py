@@ -1,4 +1,4 @@
-"""What a caller may do, and who a caller is."""
+"""Roles, and the caller of a request."""
 
 from __future__ import annotations
 
@@ -11,31 +11,34 @@ __all__ = ["OPEN", "OWNER", "Caller", "Kind", "Role", "RoleName"]
 RoleName = Literal["view", "submit", "admin"]
 Kind = Literal["open", "owner", "session", "token", "worker"]
 
-OWNER = "owner"  # whoever reads the data folder's owner-token: no user can be called so
+OWNER = "owner"  # user name for holders of the data folder's owner-token; reserved
 
 
 class Role(IntEnum):
-    """Each may what those before it may."""
+    """Ordered roles: each includes the permissions of the lower ones."""
 
     NOBODY = 0
-    VIEW = 1  # look at everything
+    VIEW = 1  # read everything
     SUBMIT = 2  # upload, render, change and delete
-    ADMIN = 3  # workers too, and who else may
+    ADMIN = 3  # also manage workers and users
 
     @classmethod
     def of(cls, name: str) -> Role:
-        """By its name in the API; a name of another release means nothing here."""
+        """Returns the role with this name in the API; NOBODY for an unknown name."""
         return {"view": cls.VIEW, "submit": cls.SUBMIT, "admin": cls.ADMIN}.get(name, cls.NOBODY)
 
     @property
     def word(self) -> str:
-        """Its name in the API."""
+        """The role's name in the API."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class Caller:
-    """Who sent a request. name: of the user, or of the worker's token. key: the id of what was shown; None: no row of keys."""
+    """The caller of a request. name: of the user, or of the worker's token.
+
+    key: the id of the key used; None: not in the database.
+    """
 
     name: str
     role: Role
@@ -44,17 +47,17 @@ class Caller:
 
     @property
     def is_worker(self) -> bool:
-        """Whether it showed a worker's token."""
+        """Whether the caller used a worker's token."""
         return self.kind == "worker"
 
     @property
     def sees_everything(self) -> bool:
-        """Whether no project is closed to it: who keeps the farm can read its data folder too."""
+        """Whether the caller sees all projects: administrators can read the data folder anyway."""
         return self.role >= Role.ADMIN
 
     @property
     def is_known(self) -> bool:
-        """Whether it showed who it is, and is not only let in because the service is open to this machine."""
+        """Whether the caller is authenticated, and not only admitted because the service is open to this machine."""
         return self.kind != "open"
 
 

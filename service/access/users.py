@@ -21,14 +21,14 @@ TAKEN = (OWNER, OPEN.name)
 
 
 class Users:
-    """The users of the database. What changes them ends what they have open, where that must not go on."""
+    """The users in the database. Changes end the user's sessions where needed."""
 
     def __init__(self, sessions: Sessions, keys: Keys) -> None:
         self._sessions = sessions
         self._keys = keys
 
     def add(self, name: str, role: Role, password: str | None) -> User:
-        """A new user. Raises Invalid and Conflict."""
+        """Creates a user. Raises Invalid for an invalid name or password, Conflict if the name exists."""
         if not NAME.fullmatch(name) or name in TAKEN:
             raise Invalid(
                 f"{name[:64]!r} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {OWNER!r}."
@@ -42,12 +42,12 @@ class Users:
         return user
 
     def listed(self) -> list[User]:
-        """All, by name."""
+        """Returns all users, ordered by name."""
         with self._sessions() as session:
             return list(session.scalars(select(User).order_by(User.name)))
 
     def find(self, name: str) -> User:
-        """Raises NotFound."""
+        """Returns a user. Raises NotFound."""
         with self._sessions() as session:
             user = session.get(User, name)
         if user is None:
@@ -55,7 +55,7 @@ class Users:
         return user
 
     def set_role(self, name: str, role: Role) -> User:
-        """It holds at once, also for what the user has open. Raises NotFound."""
+        """Sets a user's role, with immediate effect on open sessions. Raises NotFound."""
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
@@ -65,7 +65,10 @@ class Users:
         return user
 
     def set_password(self, name: str, password: str, stays: str | None = None) -> User:
-        """Ends the user's sessions. stays: the id of the one that does not. Raises NotFound and Invalid."""
+        """Sets a user's password and ends the user's sessions. stays: the id of a session to keep.
+
+        Raises NotFound and Invalid.
+        """
         self.find(name)
         kept = _checked(password, name)
         with self._sessions.begin() as session:
@@ -77,7 +80,7 @@ class Users:
         return user
 
     def remove(self, name: str) -> None:
-        """With all that let the user in. Raises NotFound."""
+        """Deletes a user with all keys, memberships, quotas and shares; worker keys stay. Raises NotFound."""
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
@@ -90,7 +93,7 @@ class Users:
         self._keys.forget()
 
     def log_in(self, name: str, password: str) -> User | None:
-        """The user, where the password is right. That takes as long for a name that nobody has."""
+        """Returns the user if the password is right, else None; an unknown name takes as long to check."""
         with self._sessions() as session:
             user = session.get(User, name[:64])
         return user if is_right(password, user.password if user else None) else None

@@ -1,4 +1,4 @@
-"""The caller of a request and what it may see, as functions of the service need it."""
+"""The caller of a request and what it may see, as the service's functions need them."""
 
 from __future__ import annotations
 
