@@ -1,1 +1,1 @@
-"""Telling others when a job ends: by webhook, or by running a program of the farm's owner."""
+"""Notifications about the end of jobs: by webhook, or by a program on the service's machine."""

@@ -1,4 +1,4 @@
-"""One attempt to deliver one message to one hook."""
+"""Delivery of one message to one hook, in one attempt."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ __all__ = ["RefusedError", "UndeliveredError", "post", "run", "shown"]
 
 ANSWER_WITHIN_S = 10.0
 RUN_WITHIN_S = 60.0
-SAID = 300  # characters of what a program said that are kept
+SAID = 300  # characters of a program's error output that are kept
 
 
 def shown(hook: str) -> str:
-    """A hook as it may be told and written down: what stands behind its host is often its secret."""
+    """Returns a hook for logs: for a URL, only scheme and host, since the rest often contains a secret."""
     parts = urlsplit(hook)
     return f"{parts.scheme}://{parts.hostname}/..." if parts.scheme and parts.netloc else hook
 
 
 class UndeliveredError(Exception):
-    """It did not arrive; why, as a sentence. It may at another time."""
+    """The delivery failed, with the reason as a sentence; a later attempt may succeed."""
 
 
 class RefusedError(UndeliveredError):
-    """It is not wanted there any more."""
+    """The receiver wants no more messages."""
 
 
 def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
-    """Send a message, signed. Raises UndeliveredError."""
+    """Sends a signed message to a URL. Raises UndeliveredError, or RefusedError if the receiver answers 410."""
     body = json.dumps(message, separators=(",", ":")).encode()
     signed = {"Content-Type": "application/json", "User-Agent": "rayfarm", **headers(secret, id, int(time.time()), body)}
     try:
@@ -57,7 +57,7 @@ def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
 
 
 async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
-    # httpx's own limits are for each piece of an answer, of which there may be many.
+    # httpx's own timeouts apply to each chunk of a response, not to the whole.
     client = httpx.AsyncClient(timeout=None, follow_redirects=False, verify=_certificates())
     async with asyncio.timeout(ANSWER_WITHIN_S), client, client.stream("POST", url, content=body, headers=signed) as answer:
         return answer.status_code
@@ -65,19 +65,19 @@ async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
 
 @functools.cache
 def _certificates() -> ssl.SSLContext:
-    """Whom to believe, read once: it takes longer than sending a message."""
+    """Returns the trusted certificates, loaded once: that takes longer than sending a message."""
     return httpx.create_ssl_context()
 
 
 def run(program: str, id: str, message: dict[str, Any]) -> None:
-    """Run a program with the message as its standard input. Raises UndeliveredError."""
+    """Runs a program with the message as its standard input. Raises UndeliveredError."""
     data = message["data"]
     told = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
     told |= {f"RAYFARM_JOB_{key.upper()}": str(data.get(key) or "") for key in ("id", "name", "state", "error", "page")}
-    # The farm's own secrets are not the program's business.
+    # The program must not receive the farm's secrets.
     inherited = {key: value for key, value in os.environ.items() if not key.startswith("RAYFARM_")}
     try:
-        with tempfile.TemporaryFile() as stderr:  # a pipe would stay open with what the program leaves running
+        with tempfile.TemporaryFile() as stderr:  # a pipe would stay open as long as background processes of the program run
             env = inherited | {key: value.replace("\0", "") for key, value in told.items()}
             returned = _ended([program], json.dumps(message).encode(), env, stderr)
             stderr.seek(max(0, stderr.seek(0, os.SEEK_END) - 4 * SAID))
@@ -91,8 +91,11 @@ def run(program: str, id: str, message: dict[str, Any]) -> None:
 
 
 def _ended(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
-    """What a program returns. Raises subprocess.TimeoutExpired; then what it has started is ended too, or each message to come
-    would leave some of that behind."""
+    """Runs a command and returns its exit status.
+
+    Raises subprocess.TimeoutExpired after RUN_WITHIN_S seconds; then the command's whole process group is killed, so that no
+    processes pile up.
+    """
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr, env=env, start_new_session=True
     ) as process:

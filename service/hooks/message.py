@@ -1,4 +1,4 @@
-"""The message about a job that has ended, or is late."""
+"""The messages to hooks: about a job that has ended or is late, about a worker that was set aside, and tests."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["about", "set_aside", "trial"]
 
 
 def about(job: Job, public_url: str) -> dict[str, Any]:
-    """The message about a job that has ended, or of one that has not: that it is expected after its deadline.
+    """Returns the message about a job that has ended, or about an unfinished one that is expected to miss its deadline.
 
-    public_url: where the page is; may be empty.
+    public_url: base URL of the page; may be empty.
     """
     told: dict[str, Any] = {
         "id": job.id,
@@ -33,13 +33,15 @@ def about(job: Job, public_url: str) -> dict[str, Any]:
 
 
 def set_aside(at: float, told: dict[str, Any]) -> dict[str, Any]:
-    """The message about a worker that rendered something else than others. told: who, why, in which job it was found out, and
-    which jobs are rendered again in part."""
+    """Returns the message about a worker that was set aside because its samples differ from those of others.
+
+    told: the details: the worker, the reason, the job in which it was found, and the jobs that are partly rendered again.
+    """
     return _event("worker.set-aside", at, told)
 
 
 def trial(now: float) -> dict[str, Any]:
-    """A message that says only that messages arrive."""
+    """Returns a test message."""
     return _event("test", now, {"text": "This is a test: messages of this farm arrive here."})
 
 

@@ -1,8 +1,6 @@
-"""Tells hooks about every job that ends or is late, at least once, also across restarts: each message is a row until it was
-delivered.
+"""Notifies hooks about every job that ends or is late, at least once, also across restarts: messages are rows until delivered.
 
-What was already told is known from the row's (hook, job, time when it ended or became late): a job that continues and ends
-again is reported again.
+A row's (hook, job, time of the event) identifies what was already sent: a job that continues and ends again is reported again.
 """
 
 from __future__ import annotations
@@ -27,16 +25,16 @@ __all__ = ["RETRIES_S", "Outbox"]
 log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 1.0
-OVERLAP_S = 60.0  # rows may be committed in another order than their times
+OVERLAP_S = 60.0  # seconds; rows may be committed in another order than their times
 AT_A_TIME = 100
 ENDS_WITHIN_S = 2.0
-LONGEST_REST_S = 60.0  # of a hook that does not answer
+LONGEST_REST_S = 60.0  # seconds that a hook which does not respond is left alone at most
 KEPT_S = 30 * 86400.0
-RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # after each attempt that failed
+RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # delay in seconds after each failed attempt
 
 
 class Outbox:
-    """A thread for each hook looks for ends of jobs and sends what is due: one that does not answer holds up no other."""
+    """The outbox, with one thread per hook that finds ended jobs and sends due messages; a slow hook does not delay others."""
 
     def __init__(self, settings: Settings, sessions: Sessions, events: Events) -> None:
         self._settings = settings
@@ -44,17 +42,17 @@ class Outbox:
         self.hooks = list(dict.fromkeys([*settings.webhooks, *([settings.job_hook] if settings.job_hook else [])]))
         self._since: dict[str, float] = {}
         events.subscribe(WorkerSetAside, self._worker_set_aside, in_background=True)
-        self._rests: dict[str, float] = {}  # hooks that did not answer, and until when (time.monotonic)
+        self._rests: dict[str, float] = {}  # hooks that did not respond, and when they are tried again (time.monotonic)
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._run, args=[hook], name="hooks", daemon=True) for hook in self.hooks]
 
     def start(self) -> None:
-        """Begin, where there is anybody to tell."""
+        """Starts the threads of all hooks."""
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """End after the messages in hand; what is due is sent in the next life."""
+        """Stops after the messages in progress; due messages are sent after the next start."""
         self._stop.set()
         until = time.monotonic() + ENDS_WITHIN_S
         for thread in self._threads:
@@ -62,14 +60,14 @@ class Outbox:
                 thread.join(max(until - time.monotonic(), 0.0))
 
     def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
-        """Send one message now. Raises UndeliveredError."""
+        """Sends one message now. Raises UndeliveredError."""
         if hook == self._settings.job_hook:
             run(hook, id, message)
         else:
             post(hook, self._settings.webhook_secret, id, message)
 
     def _worker_set_aside(self, event: WorkerSetAside) -> None:
-        """Queues the delivery to webhooks. A program is run for jobs alone."""
+        """Queues messages to the webhooks; the program is run for jobs only."""
         if event.details is None:
             return
         now = time.time()
@@ -100,7 +98,7 @@ class Outbox:
             first = select(func.min(Delivery.ended)).where(Delivery.hook == hook, Delivery.job == "")
             begun = session.scalar(first) or 0.0
             after, now = max(begun, since - OVERLAP_S), time.time()
-            if after > now:  # the clock was put back: what was told before is known all the same
+            if after > now:  # the clock was set back: what was sent before is found by its row
                 after = now - OVERLAP_S
             told = exists().where(Delivery.hook == hook, Delivery.job == Job.id, Delivery.ended == Job.finished)
             query = select(Job).where(Job.finished >= after, Job.state.in_(FINAL), ~told)
@@ -111,12 +109,15 @@ class Outbox:
         if news := ended + late:
             with self._sessions.begin() as session:
                 session.add_all(self._row(hook, job) for job in news)
-            left = [_at(some[-1]) for some in (ended, late) if len(some) == AT_A_TIME]  # there may be more after these
+            left = [_at(some[-1]) for some in (ended, late) if len(some) == AT_A_TIME]  # there may be more events after these
             since = min(left, default=max(map(_at, news)))
         self._since[hook] = since
 
     def _begun(self, hook: str) -> float:
-        """Of what a hook was told last. A new one is told of what ends from now on."""
+        """Returns the time of the last event recorded for a hook.
+
+        For a new hook, records the present time, from which events count.
+        """
         with self._sessions.begin() as session:
             latest = session.scalar(select(func.max(Delivery.ended)).where(Delivery.hook == hook))
             if latest is None:
@@ -132,12 +133,12 @@ class Outbox:
         return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
 
     def _send_due(self, hook: str) -> None:
-        """One that does not answer is left alone for a while."""
+        """Sends the due messages of a hook, until one fails; then the hook is left alone for a while."""
         if time.monotonic() < self._rests.get(hook, 0.0):
             return
         now = time.time()
         with self._sessions() as session:
-            is_due = or_(Delivery.due <= now, Delivery.due > now + 2 * RETRIES_S[-1])  # by a clock that was ahead
+            is_due = or_(Delivery.due <= now, Delivery.due > now + 2 * RETRIES_S[-1])  # or scheduled by a clock that was ahead
             due = select(Delivery).where(is_due, Delivery.hook == hook)
             rows = list(session.scalars(due.order_by(Delivery.due).limit(AT_A_TIME)))
         for row in rows:
@@ -148,10 +149,10 @@ class Outbox:
                 self.tell(row.hook, row.id, row.message)
                 row.due, row.done, row.error = None, time.time(), None
                 self._rests.pop(hook, None)
-            except Exception as error:  # a fault in one message holds up no other hook, and is not tried for ever
+            except Exception as error:  # a fault in one message must not block other hooks, and is not retried forever
                 if not isinstance(error, UndeliveredError):
                     log.exception("a fault in telling %s of job %s", shown(row.hook), row.job)
-                # Of a thousand messages that wait for it, not each tries for itself whether it answers.
+                # One failure delays all waiting messages, so that not each of them waits for the timeout.
                 self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], LONGEST_REST_S)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
@@ -164,5 +165,5 @@ class Outbox:
 
 
 def _at(job: Job) -> float:
-    """When that was of which is told."""
+    """Returns when the reported event happened: when the job ended, or when it became late."""
     return (job.finished if job.state in FINAL else job.late) or 0.0

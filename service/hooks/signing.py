@@ -1,6 +1,6 @@
-"""Signatures after the Standard Webhooks specification, version 1.0, by which a receiver can tell that a message is the farm's.
+"""Signatures by the Standard Webhooks specification, version 1.0, with which receivers verify that a message is from the farm.
 
-https://github.com/standard-webhooks/standard-webhooks: most languages have libraries that verify them.
+https://github.com/standard-webhooks/standard-webhooks has libraries for verification in most languages.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ LEAST_BYTES, MOST_BYTES = 24, 64
 
 
 def new_secret() -> str:
-    """A secret of 32 random bytes."""
+    """Returns a new secret of 32 random bytes."""
     return PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
 
 
 def key_of(secret: str) -> bytes:
-    """The bytes of a secret. Raises ValueError where it is none."""
+    """Returns the bytes of a secret. Raises ValueError if it is malformed."""
     try:
         key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
     except binascii.Error:
@@ -34,7 +34,7 @@ def key_of(secret: str) -> bytes:
 
 
 def headers(secret: str, id: str, timestamp: int, body: bytes) -> dict[str, str]:
-    """The headers of a signed message. timestamp: unix time in seconds, of this attempt."""
+    """Returns the headers of a signed message. timestamp: Unix time in seconds of this attempt."""
     signed = hmac.new(key_of(secret), f"{id}.{timestamp}.".encode() + body, hashlib.sha256).digest()
     return {
         "webhook-id": id,
