@@ -62,9 +62,9 @@ def trace_ao(scene, stack, o, d, time, nest, options, stream, log, first):
             if is_blocked(scene, surface.material, path.counts, options):
                 radiance = _BLACK
                 break
+            path = passed_through(scene, surface, path)
             if scene.has.textures is not None:
                 after = hit.t, hit.instance, hit.primitive
-            path = passed_through(scene, surface, path)
             passed += 1
             continue
         s, t, n = shading_frame(scene, surface, vec.neg(path.d), time)

@@ -33,7 +33,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _LAMBERT = np.float32(1.0001 / math.pi)
-_INTERFACE, _KINDS_OF_PASSING, _TRANSPARENT = np.uint32(INTERFACE), np.uint32(LAMP | TRANSPARENT), np.uint32(TRANSPARENT)
+_INTERFACE, _LAMP, _TRANSPARENT = np.uint32(INTERFACE), np.uint32(LAMP), np.uint32(TRANSPARENT)
 NO_COUNTS = (_ZERO, _ZERO, _ZERO, _ZERO)  # diffuse, glossy, transmissions, surfaces passed by alpha
 DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT = 1.0, 2.0, 3.0
 
@@ -74,8 +74,9 @@ def limit_of(counts, options):
 @device
 def is_layer(scene, material):
     """Whether a surface that rays pass through counts: by its alpha, not as a boundary of media or a lamp without a body."""
-    flags = u32(lookup(scene.material_flags, material)) & _KINDS_OF_PASSING
-    return (flags == _TRANSPARENT) & (u32(lookup(scene.material_kind, material)) != _INTERFACE)
+    flags = u32(lookup(scene.material_flags, material))
+    is_boundary = u32(lookup(scene.material_kind, material)) == _INTERFACE
+    return not_(is_boundary) & ((flags & _TRANSPARENT) != _NONE) & ((flags & _LAMP) == _NONE)
 
 
 @device

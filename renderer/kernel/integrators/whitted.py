@@ -167,9 +167,9 @@ def trace_whitted(scene, stack, o, d, time, nest, options, stream, log, first):
             passed += 1
             if is_blocked(scene, surface.material, path.counts, options):
                 break
+            path = passed_through(scene, surface, path)
             if scene.has.textures is not None:
                 after = hit.t, hit.instance, hit.primitive
-            path = passed_through(scene, surface, path)
             continue
 
         vertex, path = vertex_at(scene, surface, path, stream, number, layers, time)

@@ -236,11 +236,10 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         point = surface.point
         if scene.has.textures is not None and any_of(through):
             passed = where(through, passed + _ONE, passed)
+            ends = passed != passed
             if scene.has.media is not None or options.has_depths:
                 ends = _beyond(scene, pool, rows, surface, through, options)
-                which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
-            else:
-                which_next = where(through, _THROUGH, which_next)
+            which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
             point = where3(through, few(pool, rows, PLACE, 3), point)  # keeps the last vertex
         if scene.has.textures is not None or is_recorded:  # and bodies that light goes through ask for their numbers
             write(
