@@ -14,7 +14,17 @@ from renderer.scene.readers.metals import head_on
 __all__ = ["mixed"]
 
 _PAINT = ("name", "kind", "base_color", "base_color_texture", "double_sided")
-_GLOSS = ("roughness", "metallic", "metallic_roughness_texture", "ior", "anisotropy", "anisotropy_rotation", "eta", "k")
+_GLOSS = (
+    "distribution",
+    "roughness",
+    "metallic",
+    "metallic_roughness_texture",
+    "ior",
+    "anisotropy",
+    "anisotropy_rotation",
+    "eta",
+    "k",
+)
 _PLAIN = Material()
 _HEAD_ON = 0.04  # of an index of 1.5
 
@@ -55,7 +65,9 @@ def mixed(first: Material, second: Material, share: float) -> Material | None:
     gloss, _, made = glossy[0]
     weight = sum(part for _, part, _ in glossy)
     assert gloss.head_on is not None
-    kept = {name: getattr(made, name) for name in ("anisotropy", "anisotropy_rotation", "metallic_roughness_texture")}
+    kept = {
+        name: getattr(made, name) for name in ("distribution", "anisotropy", "anisotropy_rotation", "metallic_roughness_texture")
+    }
     return Material(
         kind="metallic_roughness",
         base_color=_vec(np.minimum(matt / (1 - weight * gloss.all_round), 1)),

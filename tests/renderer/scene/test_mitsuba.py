@@ -405,6 +405,17 @@ def test_float_colours_of_ply_are_linear_and_not_rounded(tmp_path: Path, owner: 
     np.testing.assert_allclose(mesh.colors, np.tile([*color, 1], (3, 1)), rtol=1e-6)
 
 
+@pytest.mark.parametrize("distribution", ["", '<string name="distribution" value="ggx"/>'])
+def test_a_blend_of_paint_and_rough_metal_keeps_its_facets(tmp_path: Path, distribution: str) -> None:
+    metal = f'<bsdf type="roughconductor">{distribution}<string name="material" value="Au"/></bsdf>'
+    blend = f'<bsdf type="blendbsdf"><float name="weight" value="0.4"/><bsdf type="diffuse"/>{metal}</bsdf>'
+    found = scene_of(tmp_path, f'<shape type="rectangle">{blend}</shape>')
+    assert not [warning for warning in found.warnings if "light" not in warning]
+    made = found.materials[found.meshes[0].material]
+    assert (made.kind, made.specular) == ("metallic_roughness", 0.4)
+    assert made.distribution == ("ggx" if distribution else "beckmann")
+
+
 _ATTRIBUTES = {  # the columns of a PLY, by whose, and the attribute that they are in Mitsuba 3.9
     "vertex_heat": (("vertex", "heat_0"),),
     "vertex_warm": (("vertex", "warm_x"), ("vertex", "warm_y"), ("vertex", "warm_z")),
