@@ -21,7 +21,8 @@ ROWS = 64
 def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, object]:
     """Writes an uploaded image as a film packet; returns width, height, is_display and the number of clipped pixels.
 
-    image, film: paths as encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises SceneError if the image cannot be read or is too large.
+    image, film: paths as encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises
+    SceneError if the image cannot be read or is too large.
     """
     pixels = read(Path(os.fsdecode(image)).read_bytes(), name)
     if pixels.dtype == np.uint16:
