@@ -1,1 +1,1 @@
-"""What viewers see: pictures of a film at any moment, and the news that it has grown."""
+"""Data for viewers: pictures of a film at any time, live tiles, and notifications of changes."""

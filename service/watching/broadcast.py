@@ -1,4 +1,4 @@
-"""News for viewers: the engine's thread publishes, listeners on the event loop receive.
+"""Notifications for viewers: published by any thread, received by listeners on the event loop.
 
 A listener holds sets of changes, not a list of messages: a slow listener gets fewer and newer messages and costs no memory.
 """
@@ -46,7 +46,7 @@ class _OfJob:
     """The listeners of a job, and counters of the changes of the job and of its tiles."""
 
     def __init__(self, life: int) -> None:
-        self.life = life  # changes before the first listener are not counted
+        self.life = life  # distinguishes counters after all listeners had left: uncounted changes may lie between
         self.listeners: set[Listener] = set()
         self.changes = 0
         self.tiles: Counter[tuple[int, int]] = Counter()  # by frame and tile

@@ -3,7 +3,7 @@
 u8 version = 1, u8 kind = 2, u16 frame (its integer part, modulo 65536), u16 w, h, u32 tile size; then u32 samples per pixel of
 every tile, in reading order; then w * h RGB9E5 words in four byte planes, the lowest byte first, rows from the top.
 
-Planes compress better: neighbouring exponents are similar, mantissas are noise.
+Byte planes compress better: neighbouring exponents are similar, mantissas are noise.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ PIECE = 1 << 18
 
 
 def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
-    """Returns the packet. folder: for temporary files. Raises what reading a Film raises."""
-    # Counted before radiance is read: a tile that gets samples meanwhile reports too few, and is sent again.
+    """Returns the packet of a frame. folder: for temporary files. Raises what reading a film raises."""
+    # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = np.array([film.coverage(frame, tile).total for tile in range(len(film.tiles))], "<u4")
     planes = np.empty((4, film.height, film.width), np.uint8)
     y = 0
@@ -55,7 +55,7 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
 
 
 def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
-    """Yields a gzip-compressed packet of a picture that no farm has rendered, RGB9E5 (h, w): one tile of one sample."""
+    """Yields a gzip-compressed packet of an uploaded picture, RGB9E5 words (h, w), as one tile with one sample per pixel."""
     height, width = words.shape
     planes = np.ascontiguousarray(np.moveaxis(words.astype("<u4").view(np.uint8).reshape(height, width, 4), 2, 0))
     yield from _compressed(HEADER.pack(VERSION, KIND_FILM, 0, width, height, max(width, height)) + struct.pack("<I", 1), planes)
@@ -79,6 +79,6 @@ def _compressed(head: bytes, planes: np.ndarray) -> Iterator[bytes]:
 
 
 def memory(film: Readable) -> int:
-    """Estimated peak memory of `film_packet`, in bytes."""
+    """Returns the estimated peak memory of `film_packet`, in bytes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

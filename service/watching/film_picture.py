@@ -1,4 +1,4 @@
-"""Picture files from a kept packet (film_packet.py), when the film itself is gone."""
+"""Picture files from a stored packet (film_packet.py), for frames whose film is gone."""
 
 from __future__ import annotations
 
@@ -37,5 +37,5 @@ def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str
 
 
 def memory(width: int, height: int) -> int:
-    """Estimated peak memory of `picture`, in bytes."""
+    """Returns the estimated peak memory of `picture`, in bytes."""
     return 48 * width * height

@@ -1,4 +1,4 @@
-"""A picture file on its way to clients, on disk if it is large, since a slow client would hold memory for long."""
+"""A picture file that is being sent, on disk if it is large, since a slow client would hold memory for long."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ PIECE = 1 << 18
 
 
 class Made:
-    """Bytes that any number of clients read in pieces. A file on disk has no name, and is freed with its last reference."""
+    """Bytes that any number of clients can read in chunks. A file on disk has no name, and is freed with its last reference."""
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
-        """data: bytes in memory. file: descriptor of a file in place of them, closed at the end."""
+        """Wraps bytes in memory, or an open file. file: descriptor, closed when this object is freed."""
         self.span: tuple[float, float] | None = None  # range of a heat map
         self._data = data
         self._file = file

@@ -1,4 +1,4 @@
-"""Memory that is needed briefly: where glibc takes it from, and how it returns to the system."""
+"""Tuning of glibc's allocator for large short-lived arrays."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ KEPT = 128 << 20
 def keep_one_heap() -> None:
     """Makes all threads share one heap that keeps some free memory for the next allocation.
 
-    Pictures and merges allocate and free a tile's sums (10 MB) again and again. From the system, each page would be cleared
-    every
-    time, which took three quarters of a picture's processor time; with a heap per thread, free pieces would remain in all of
-    them.
+    Pictures and merges allocate and free a tile's sums (10 MB) again and again. Memory from the system is zeroed page by page
+    every time, which took three quarters of a picture's processor time; with a heap per thread, free memory would remain in each
+    of them.
     """
     _call("mallopt", M_MMAP_THRESHOLD, LARGE)
     _call("mallopt", M_TRIM_THRESHOLD, KEPT)

@@ -1,7 +1,7 @@
 """A frame as a picture file: colour, denoised colour, one AOV, or all of them.
 
-Files are made of bands from the top, so that a few rows of tiles are in memory at a time. What has to be complete first is
-counted per pixel by `memory`: display-referred pictures, and AOVs whose range is needed before the first row is drawn.
+Files are made of bands from the top, so that only a few rows of tiles are in memory at a time. `memory` accounts for what must be
+complete first: display-encoded pictures, and AOVs whose range is needed before the first row is drawn.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
 
 F32 = npt.NDArray[np.float32]
 HEAT = ("samples", "error")  # planes drawn as heat maps
-ROWS = 64  # of a denoised picture, per band
+ROWS = 64  # rows of a denoised picture per band
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
@@ -40,11 +40,11 @@ MEDIA = {
 
 @dataclass(frozen=True)
 class PictureWish:
-    """What a client requests.
+    """A client's request for a picture.
 
-    planes: AOVs by name; empty for colour. in_layers: as layers beside the colour instead of one plane alone.
-    denoised: opens the colour to use instead. motion: opens motion vectors, which the film lacks; they come last among the
-    planes.
+    planes: AOVs by name; empty for colour. in_layers: as layers in addition to the colour, instead of one plane alone. denoised:
+    opens the denoised colour to use instead of the film's. motion: opens motion vectors, which the film lacks; they come last
+    among the planes.
     """
 
     extension: str
@@ -57,7 +57,7 @@ class PictureWish:
     motion: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
-        """Raises Invalid for a combination that no file supports."""
+        """Raises Invalid for a combination that no file format supports."""
         if self.in_layers and self.extension != "exr":
             raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
         if self.planes and self.extension == "rgb9e5":
@@ -74,7 +74,7 @@ class PictureWish:
 
 
 def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
-    """Returns the file. folder: for temporary files."""
+    """Returns the picture file. folder: for temporary files."""
     side = side_of(wish.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if wish.extension in ("exr", "hdr"):
@@ -101,13 +101,13 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
 
 
 def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
-    """Returns display-referred colour, shape (h, w, 3)."""
+    """Returns display-encoded colour, shape (h, w, 3) uint8."""
     side = side_of(wish.width, film.width, film.height)
     return _laid(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
 
 
 def memory(film: Film, wish: PictureWish) -> int:
-    """Estimated peak memory of `picture`, in bytes."""
+    """Returns the estimated peak memory of `picture`, in bytes."""
     side = side_of(wish.width, film.width, film.height)
     channels = sum(map(aovs.size, wish.names))
     tile = film.tiles[0]

@@ -1,8 +1,7 @@
-"""Threads and a memory budget for pictures and digests. Each user has a queue; the queues take turns, and requests beyond the
-length of a user's own queue are refused.
+"""Thread pool with a memory budget for pictures and digests. Each user has a queue; the queues take turns.
 
-Without limits, each of many clients of a large picture would hold copies of it in memory at the same time, and together they
-would occupy the threads of all other requests.
+Requests beyond the length limit of a user's own queue are refused. Without limits, many clients of a large picture would each
+hold copies of it in memory at the same time, and together they would occupy the threads of all other requests.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ from service.watching.memory import give_back
 __all__ = ["Pool"]
 
 THREADS = max(2, min(4, (os.cpu_count() or 2) // 2))
-IN_LINE = 64  # of one user, however long they take
-MOST_IN_LINE = 512  # of one user, where they come to their turn within LONGEST_WAIT_S
+IN_LINE = 64  # queue length of one user, however long the work takes
+MOST_IN_LINE = 512  # queue length of one user if the expected wait is below LONGEST_WAIT_S
 LONGEST_WAIT_S = 30.0  # shorter than the read timeouts of common proxies
-MOST_OF_ALL = 4096  # of all users together; beyond it a user with nothing in the queue is still let in
+MOST_OF_ALL = 4096  # all users together; beyond it only users with an empty queue are admitted
 MOST_RETRY_S = 60.0
 
 T = TypeVar("T")
@@ -66,7 +65,7 @@ class Pool:
         return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
     def _check_room(self, user: Hashable) -> None:
-        """Raises Unavailable where a user's queue is full, or longer than a reader waits."""
+        """Raises Unavailable if a user's queue is full; the limit is lower if the expected wait exceeds LONGEST_WAIT_S."""
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
         is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
@@ -97,7 +96,7 @@ class Pool:
 
 
 class _Turns:
-    """Threads and bytes. Users take turns; each user's requests are served in the order in which they came."""
+    """The free threads and bytes. Users take turns; each user's requests are served in order of arrival."""
 
     def __init__(self, threads: int, memory: int) -> None:
         self._threads = threads
@@ -105,7 +104,7 @@ class _Turns:
         self._waiting: OrderedDict[Hashable, deque[tuple[int, asyncio.Future[None]]]] = OrderedDict()  # the next user first
 
     async def take(self, user: Hashable, memory: int) -> int:
-        """Wait for a turn; what `give` is to be told."""
+        """Waits for a turn; returns the number of bytes to pass to `give`."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.setdefault(user, deque()).append((memory, turn))
@@ -114,7 +113,7 @@ class _Turns:
         return memory
 
     def give(self, memory: int) -> None:
-        """The turn is over."""
+        """Ends a turn, freeing its thread and `memory` bytes."""
         self._threads += 1
         self._memory += memory
         self._next()
@@ -124,7 +123,7 @@ class _Turns:
             user, own = next(iter(self._waiting.items()))
             memory, turn = own[0]
             if self._memory < memory:
-                return  # nobody overtakes what needs much memory, which would never come to its turn
+                return  # a request that needs much memory is not overtaken, else it might never run
             own.popleft()
             self._waiting.move_to_end(user)
             if not own:

@@ -1,4 +1,4 @@
-"""Results that all viewers of a job share: packed tiles, and the job's state as JSON.
+"""Results shared by all viewers of a job: packed tiles, and the job's state as JSON.
 
 Used on the event loop only, which never waits for a film: a counter of each tile's changes shows whether its packet is valid.
 """
@@ -23,9 +23,9 @@ from service.watching.broadcast import Broadcast
 __all__ = ["Body", "Shared"]
 
 THREADS = 2
-TRUE_FOR_S = 0.25  # lifetime of a state without reported changes: it contains times too
+TRUE_FOR_S = 0.25  # seconds that a state is valid without reported changes: it contains times too
 STATE_EVERY_S = 0.25
-MANY = 50  # viewers; above, each is updated less often
+MANY = 50  # viewers above which each is updated less often
 ROUND_PIXELS = 1 << 20
 UNDER_WAY = 2 * 2 * 4  # bytes per pixel: two unacknowledged rounds, each here and in the connection
 FOR_PACKED = 0.5  # share of the memory for packed tiles
@@ -56,7 +56,7 @@ class _Making:
 
 
 class Shared:
-    """memory: approximate bytes for packed tiles and for what is on its way to all viewers together."""
+    """The shared results. memory: approximate bytes for packed tiles and for data in transit to all viewers together."""
 
     def __init__(self, broadcast: Broadcast, memory: int) -> None:
         self._broadcast = broadcast
@@ -69,12 +69,12 @@ class Shared:
 
     @property
     def state_every_s(self) -> float:
-        """Seconds between two states of a job that changes all the time; grows with the number of viewers."""
+        """Seconds between two states of a job that changes continuously; grows with the number of viewers."""
         return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
 
     @property
     def round_pixels(self) -> int:
-        """Pixels that a viewer gets at a time; falls with the number of viewers."""
+        """Pixels sent to a viewer per round; decreases with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
         return int(min(ROUND_PIXELS, self._memory * (1 - FOR_PACKED) / (UNDER_WAY * watchers)))
 
@@ -105,7 +105,7 @@ class Shared:
         return [body for body in found.values() if body is not None]
 
     async def told(self, job: str, what: str, make: Callable[[], T]) -> T:
-        """Returns what `make` returns, shared while the job has not changed since it began."""
+        """Returns the result of `make`, shared as long as the job does not change, at most TRUE_FOR_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._told.get((job, what))
         if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):

@@ -1,4 +1,4 @@
-"""A shot in one file: its frames in a zip that is sent while it is made, or as a movie."""
+"""A shot in one file: its frames as a streamed zip, or as a movie."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ENCODER = 96  # approximate bytes per pixel of an encoder's lookahead
 
 
 class ZipStream:
-    """A zip produced as a stream. Pictures are compressed already, so they are stored."""
+    """A zip produced as a stream. Entries are stored uncompressed, since pictures are compressed already."""
 
     def __init__(self) -> None:
         self._out = _Pipe()
         self._zip = zipfile.ZipFile(self._out, "w", zipfile.ZIP_STORED)
 
     def file(self, name: str, made: Made) -> Iterator[bytes]:
-        """Yields the bytes that a file adds to the zip."""
+        """Adds a file; yields the bytes that this adds to the zip."""
         with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=made.size >= 1 << 31) as file:
             for piece in made.pieces():
                 file.write(piece)
@@ -41,7 +41,7 @@ class ZipStream:
 
 
 class _Pipe(io.RawIOBase):
-    """A writable file whose bytes wait until they are taken."""
+    """A writable file that buffers its bytes until they are taken."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class _Pipe(io.RawIOBase):
 
 
 def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> Made:
-    """Returns the movie of these frames in the format of the wish's extension. Raises Conflict if it cannot be written."""
+    """Returns the movie of the given frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
     pictures = (shown(film, frame, wish) for frame in frames)
     try:
         return Made.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
@@ -74,5 +74,5 @@ def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, fold
 
 
 def movie_memory(film: Film, wish: PictureWish) -> int:
-    """Estimated peak memory of `movie`, in bytes."""
+    """Returns the estimated peak memory of `movie`, in bytes."""
     return memory(film, wish) + ENCODER * film.width * film.height

@@ -22,7 +22,7 @@ HEADER = struct.Struct("<BBHIHHHHI")
 
 
 def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
-    """Returns a tile's samples per pixel and its mean as RGB9E5 words; None without samples."""
+    """Returns a tile's samples per pixel and its mean colour as RGB9E5 words; None without samples."""
     sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:
         return None
@@ -31,6 +31,6 @@ def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
 
 
 def packet(film: Film, frame: int, tile: int, seq: int, spp: int, words: bytes) -> bytes:
-    """Returns the whole packet."""
+    """Returns the complete packet of a tile."""
     x, y, w, h = film.tiles[tile]
     return HEADER.pack(VERSION, KIND_TILE, frame // 2 & 0xFFFF, seq & 0xFFFFFFFF, x, y, w, h, spp) + words
