@@ -1,1 +1,1 @@
-"""Which of several services owns the farm: docs/reliability.md, "Two services"."""
+"""Ownership of the farm among several services: docs/reliability.md, "Two services"."""

@@ -1,8 +1,8 @@
 """A service that wants to own the farm: it takes a free farm at once, and otherwise stands by.
 
-An owner is dead if it has given the farm up, if the lock it held on the folder is free, or if its process is gone from this
-machine. An owner that hangs shows none of these. It is asked through the database, and after `lease_s` without an answer the farm
-is taken over; what the old owner still tries to write is refused (ownership.py).
+An owner is dead if it has released the farm, if the lock it held on the folder is free, or if its process is gone from this
+machine. An owner that hangs shows none of these. It is asked for a sign of life through the database, and after `lease_s` seconds
+without an answer the farm is taken over; later writes of the old owner are refused (ownership.py).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from service.store.upgrade import refuse_newer, upgrade
 
 __all__ = ["Candidate", "own"]
 
-PATIENCE_S = 1.0  # with a locked database
+PATIENCE_S = 1.0  # timeout for a locked database, in seconds
 
 log = logging.getLogger(__name__)
 
@@ -51,12 +51,12 @@ class Candidate:
         self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance(), this_process())
         self._silence = Silence(settings.lease_s, clock)
         self._has_table = False
-        self._looks_at = 0.0  # the row, not before
+        self._looks_at = 0.0  # the row is not read again before this time
         self._stuck_since: float | None = None
-        self.known: Owner | None = None  # the row as it was last seen
+        self.known: Owner | None = None  # the row as last read
 
     def attempt(self) -> Ownership | None:
-        """Takes the farm if it is free or its owner dead; None otherwise. Cheap enough to call often.
+        """Takes the farm if it is free or its owner is dead; returns None otherwise. Cheap enough to call often.
 
         Raises Unavailable and CannotStart.
         """
@@ -66,8 +66,8 @@ class Candidate:
             return None
         self._looks_at = self._clock() + LOOK_EVERY_S
         try:
-            # On a full disk a service that starts anew would else let nobody delete anything. Where the lock is here, the reserve
-            # is nobody else's.
+            # On a full disk the reserve lets a restarted service record its ownership, without which nothing could be deleted.
+            # With the folder's lock, no other service uses the reserve.
             epoch = self._reserve.spend_on(lambda: self._asked_for_epoch(True)) if has_lock else self._asked_for_epoch(False)
         except BaseException as error:
             self._lock.release()
@@ -83,12 +83,12 @@ class Candidate:
         return Ownership(self._engine, self._sessions, self._lock, epoch, self._settings.lease_s, self._clock)
 
     def close(self) -> None:
-        """Stops standing by."""
+        """Stops standing by, and closes the database."""
         self._lock.release()
         self._engine.dispose()
 
     def _may_be_dead(self) -> bool:
-        """Whether holding the folder's lock shows that the owner is dead; also before the row was first read."""
+        """Whether holding the folder's lock shows that the owner is dead; True before the row was first read."""
         return self.known is None or self.known.locked
 
     def _asked_for_epoch(self, has_lock: bool) -> int | None:
@@ -98,7 +98,7 @@ class Candidate:
     def _epoch(self, has_lock: bool) -> int | None:
         if not self._is_made():
             if not has_lock:
-                return None  # its owner is of a release that knew the lock alone
+                return None  # the owner's release uses only the folder's lock
             upgrade(self._engine)
         row = self.known = rows.look(self._sessions)
         if row is not None and not self._is_free(row, has_lock):
@@ -116,7 +116,7 @@ class Candidate:
         return self._has_table
 
     def _is_free(self, row: Owner, has_lock: bool) -> bool:
-        # A database that lies in the folder may be a copy, whose row tells of the farm that it was copied from.
+        # A database inside the folder may be a copy, whose row then describes the original farm.
         is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
         if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
             return True
@@ -146,14 +146,14 @@ class Candidate:
 
 
 def _is_damage(error: DatabaseError) -> bool:
-    """Whether the database is unreadable; other errors are bugs."""
+    """Whether the database file is corrupt; other errors are bugs."""
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 def own(settings: Settings, patience_s: float) -> Ownership:
-    """Takes the farm, for a service that does not stand by; raises CannotStart otherwise.
+    """Takes the farm, for a service that does not stand by. Raises CannotStart if another service owns it.
 
-    patience_s: for an earlier service to end.
+    patience_s: how long to wait for an earlier service to end, in seconds.
     """
     candidate = Candidate(settings)
     deadline = time.monotonic() + patience_s

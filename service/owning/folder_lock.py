@@ -1,4 +1,4 @@
-"""The lock of a data folder: acquiring it proves that its holder has ended, however that happened."""
+"""The lock of a data folder: acquiring it proves that its previous holder has ended."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class FolderLock:
         return self._file is not None
 
     def attempt(self) -> bool:
-        """Acquires the lock if it is free; returns whether it is held. A file system without locks counts as never held."""
+        """Acquires the lock if it is free; returns whether it is held. On a file system without locks it is never held."""
         if self._file is None:
             file = os.fdopen(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "w")
             try:

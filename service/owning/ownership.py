@@ -1,8 +1,8 @@
-"""Ownership of the farm: this service has the latest epoch, and all its writes are checked against that.
+"""Ownership of the farm: this service has the latest epoch, and all its writes are checked against it.
 
-Time decides when another service may take over, but never whether something may be written. That is decided in the writing
-transaction itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py).
-A service that was suspended for an hour in the middle of a merge can write nothing when it resumes.
+Time decides when another service may take over, but never whether a write is allowed. That is decided in the writing transaction
+itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py). A service
+that was suspended for an hour in the middle of a merge can write nothing when it resumes.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from service.store.models import Owner
 __all__ = ["Ownership"]
 
 LOOK_EVERY_S = 0.5
-DOUBT_AFTER = 0.6  # of the time after which another may take over
-LATER_S = 1.0  # until the database that did not answer is asked again by who needs to know
-STUCK_S = 5000  # ms; what a service that stands still holds in PostgreSQL, its server lets go of after that
-# KEY SHARE: the owner's transactions do not wait for each other, nor for who asks and answers; who takes over waits for them.
+DOUBT_AFTER = 0.6  # share of the lease after which ownership must be confirmed again
+LATER_S = 1.0  # seconds before a database that did not respond is queried again
+STUCK_S = 5000  # ms; PostgreSQL ends a transaction that a suspended service left idle for this long
+# KEY SHARE: the owner's transactions block neither each other nor requests and answers, but block a takeover.
 OF_POSTGRES = text(
     "SELECT epoch, set_config('idle_in_transaction_session_timeout', :stuck, true) FROM owners WHERE what = :what FOR KEY SHARE"
 )
@@ -47,7 +47,7 @@ class Ownership:
         lease_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """sessions: database sessions without a fence."""
+        """Starts with confirmed ownership. sessions: database sessions without a fence."""
         self.engine = engine
         self.epoch = epoch
         self.sessions = sessions.fenced(self.fence)
@@ -57,12 +57,12 @@ class Ownership:
         self._clock = clock
         self._confirmed = clock()
         self._asked_in_vain = -LATER_S
-        self._heard = False  # of another that stands by
+        self._heard = False  # whether another service has asked for a sign of life
         self._said_locked = lock.is_held
         self._lost = threading.Event()
         self._stop = threading.Event()
         self._lock = threading.Lock()
-        self._told = threading.Lock()  # taken once
+        self._told = threading.Lock()  # taken once, so that `on_lost` is called once
         self._on_lost: Callable[[], None] = lambda: None
         self._moves: Callable[[], bool] = lambda: True
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
@@ -70,14 +70,14 @@ class Ownership:
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
         """Starts answering candidates.
 
-        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes
-        progress; one that does not answers nobody, so that another may take over.
+        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes progress; if
+        not, candidates get no answer, so that one can take over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()
 
     def stop(self) -> None:
-        """Gives the farm up."""
+        """Stops answering, releases the farm, and closes the database."""
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
@@ -110,9 +110,9 @@ class Ownership:
             raise NotOwner
 
     def guard(self) -> None:
-        """Checks ownership before an action; free unless this process was suspended.
+        """Checks ownership before an action; costs nothing if it was confirmed recently.
 
-        Raises NotOwner, or Unavailable if another service may own the farm and the database does not answer.
+        Raises NotOwner, or Unavailable if another service may own the farm and the database does not respond.
         """
         if self.is_lost:
             raise NotOwner
@@ -131,7 +131,7 @@ class Ownership:
             raise Unavailable("The database does not say whether this service still owns the farm.")
 
     def confirm(self) -> None:
-        """Reads the row, and answers a candidate that has asked. Raises Unavailable."""
+        """Reads the row, and answers a candidate's request. Raises Unavailable."""
         began = self._clock()
         row = rows.look(self._bare)
         if row is None or row.epoch != self.epoch:

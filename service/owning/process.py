@@ -1,6 +1,6 @@
-"""Another process of this machine: whether it has ended or is suspended; and killing it.
+"""Another process on this machine: whether it has ended or is suspended; and killing it.
 
-Linux only; elsewhere, and for processes of other machines or containers, nothing is known.
+Linux only. On other systems, and for processes of other machines or containers, no statement is possible.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 __all__ = ["end", "is_gone", "is_stopped", "this_process"]
 
 PROC = Path("/proc")
-STATE, STARTED = 0, 19  # fields of /proc/PID/stat behind the command's name
+STATE, STARTED = 0, 19  # indexes of fields in /proc/PID/stat after the command's name
 
 
 def this_process() -> dict[str, Any] | None:
-    """Returns an identity of this process that no other has, past or future; None if the system provides none."""
+    """Returns an identity of this process that is unique over time; None if the system provides none."""
     try:
         return {**_where(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
     except (OSError, IndexError):
@@ -26,23 +26,23 @@ def this_process() -> dict[str, Any] | None:
 
 
 def is_gone(known: dict[str, Any] | None) -> bool:
-    """Whether a process has certainly ended. known: from its `this_process`."""
+    """Whether a process has certainly ended. known: the result of its `this_process`."""
     return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
 
 
 def is_stopped(known: dict[str, Any] | None) -> bool:
-    """Whether a process is stopped (SIGSTOP, a debugger)."""
+    """Whether a process is stopped (SIGSTOP, or by a debugger). known: the result of its `this_process`."""
     return known is not None and _is_here(known) and _state(known) in ("T", "t")
 
 
 def end(known: dict[str, Any]) -> bool:
-    """Kills a process, also a stopped one; returns whether that was possible."""
+    """Kills a process, also a stopped one; returns whether that succeeded."""
     try:
         handle = os.pidfd_open(known["pid"])
     except (OSError, AttributeError, KeyError, TypeError):
         return False
     try:
-        if not _is_here(known) or _state(known) is None:  # looked at behind the handle: another may have its number by now
+        if not _is_here(known) or _state(known) is None:  # checked while the handle is open: the PID may have been reused
             return False
         signal.pidfd_send_signal(handle, signal.SIGKILL)
     except OSError:
@@ -65,7 +65,7 @@ def _is_here(known: dict[str, Any]) -> bool:
 
 
 def _state(known: dict[str, Any]) -> str | None:
-    """Returns the process's state letter; None if it is gone."""
+    """Returns the process's state letter; None if it is gone, "?" if it cannot be read."""
     try:
         found = _stat(int(known["pid"]))
         return found[STATE] if found[STARTED] == known["started"] else None

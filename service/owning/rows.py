@@ -1,4 +1,4 @@
-"""The database row of the farm's owner. Each function is one transaction; raises Unavailable if the database is away."""
+"""The database row of the farm's owner. Each function is one transaction; raises Unavailable if the database does not respond."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ FARM = "farm"
 
 @dataclass(frozen=True)
 class Claimant:
-    """One run of a service.
+    """One run of a service that claims ownership.
 
-    place: where it runs, for people. url: for other services. folder: id of its data folder. process: service/owning/process.py
+    place: machine and port, for display. url: for other services. folder: id of its data folder. process:
+    service/owning/process.py
     """
 
     id: str
@@ -32,19 +33,19 @@ class Claimant:
 
 
 def look(sessions: Sessions) -> Owner | None:
-    """Returns the row; None if the farm never had an owner."""
+    """Returns the owner's row; None if the farm never had an owner."""
     with sessions() as session:
         return session.get(Owner, FARM)
 
 
 def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
-    """Takes ownership; returns the new epoch, or None if another service was quicker.
+    """Takes ownership; returns the new epoch, or None if another service was faster.
 
-    seen: the row that was found to be free. has_lock: whether the folder's lock is held as well.
+    seen: the row that was found to be free; None if there was none. has_lock: whether the folder's lock is held too.
     """
     try:
         with sessions.begin() as session:
-            # FOR UPDATE: it waits for all transactions that the owner has under way, and the next ones see the new epoch.
+            # FOR UPDATE: waits for all transactions of the owner in progress; later ones see the new epoch.
             row = session.get(Owner, FARM, with_for_update=True)
             if (row and row.epoch) != (seen and seen.epoch):
                 return None
@@ -52,18 +53,19 @@ def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: b
                 row = Owner(what=FARM, epoch=0, takeovers=0, asked=0, answered=0)
                 session.add(row)
             row.takeovers += row.owner is not None
-            # From the clock, so that films of a newer backup than the database's are not another's for ever.
+            # At least the clock's value: after restoring an older database, films with a later epoch must not stay foreign
+            # forever.
             row.epoch = max(row.epoch + 1, int(time.time()))
             row.owner, row.place, row.url, row.folder = claimant.id, claimant.place, claimant.url, claimant.folder
             row.process, row.locked, row.since = claimant.process, has_lock, time.time()
             row.answered = row.asked
             return row.epoch
-    except IntegrityError:  # nobody had owned it, and another began in this moment
+    except IntegrityError:  # there was no row, and another service inserted it at the same time
         return None
 
 
 def ask(sessions: Sessions, place: str) -> int:
-    """Asks the owner for a sign of life; returns the number that it has to answer with."""
+    """Requests a sign of life from the owner; returns the number that it has to answer with. place: of the requesting service."""
     with sessions.begin() as session:
         session.execute(
             update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
@@ -72,7 +74,7 @@ def ask(sessions: Sessions, place: str) -> int:
 
 
 def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
-    """Answers a candidate; False if this service is no longer the owner."""
+    """Records the owner's answer to a candidate; returns False if this service is no longer the owner."""
     with sessions.begin() as session:
         changed = session.execute(
             update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
