@@ -1,1 +1,1 @@
-"""The farm's service: takes scenes and jobs, hands out batches, keeps the films, and tells watchers."""
+"""The farm's service: accepts scenes and jobs, schedules batches, stores films, and serves viewers."""

@@ -1,4 +1,4 @@
-"""`python -m service --host 0.0.0.0 --port 8000 ...`: the service, by uvicorn's options and with bounded connections."""
+"""`python -m service --host 0.0.0.0 --port 8000 ...`: runs the service with uvicorn's options and bounded connections."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from service.connections import Connection, most_connections
 
 __all__ = ["serve"]
 
-# Pictures are noise, which is hardly made smaller, by work on the loop that everybody waits for. What a socket is told is short.
-# Idle connections are kept for longer than clients keep theirs (httpx: 5 s, as uvicorn by itself). Where both close at the same
-# time, a request may come to a connection that is just being closed, and fails.
+# WebSocket compression is off: images are noisy and compress poorly, at the cost of time on the event loop; other messages are
+# short. Idle connections are kept for longer than clients keep theirs (httpx: 5 s, uvicorn's default too): if both close at the
+# same time, a request may arrive on a connection that is being closed, and fails.
 KEEP_ALIVE_S = 20
 ALWAYS = (
     *("--factory", "--http", "auto", "--timeout-keep-alive", str(KEEP_ALIVE_S)),
     *("--ws-per-message-deflate", "false", "--ws-max-size", str(4 << 20)),
-    "--no-proxy-headers",  # service/http/client_address.py goes by RAYFARM_TRUSTED_PROXIES
+    "--no-proxy-headers",  # service/http/client_address.py uses RAYFARM_TRUSTED_PROXIES instead
 )
 HOST, PORT = "127.0.0.1", "8000"
 log = logging.getLogger(__name__)
@@ -31,11 +31,12 @@ PROBES = ("/healthz", "/readyz")
 
 
 def serve(arguments: Sequence[str]) -> None:
-    """Run the service until it is told to end. arguments: more of uvicorn's.
+    """Runs the service until it is stopped. arguments: further options of uvicorn.
 
-    Where it listens decides who is asked for a login and by which names it is reached, so the settings say the same.
+    Whether a login is required, and which host names are accepted, depends on the listening address; RAYFARM_HOST and
+    RAYFARM_PORT are therefore set to the options' values, from which the settings are read.
     """
-    gc.disable()  # while modules come, as in service/standby.py
+    gc.disable()  # during imports, as in service/standby.py
     Connection.most = most_connections()
     HTTP_PROTOCOLS["auto"] = f"{Connection.__module__}:{Connection.__qualname__}"
     where = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
@@ -51,9 +52,9 @@ def serve(arguments: Sequence[str]) -> None:
 
 
 def _is_no_probe(record: logging.LogRecord) -> bool:
-    """Returns whether a line of the access log is kept: successful probes, which come every few seconds, are not.
+    """Returns whether an access log record is kept: successful probes, which come every few seconds, are dropped.
 
-    uvicorn's arguments of the line are client, method, path, HTTP version and status.
+    uvicorn's arguments of the record are client, method, path, HTTP version and status.
     """
     if not isinstance(record.args, tuple) or len(record.args) != 5:
         return True

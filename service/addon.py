@@ -1,4 +1,4 @@
-"""Blender's add-on as the archive that Blender installs: the sources in `blender`, with this release's version filled in."""
+"""Blender's add-on as an installable archive: the sources in `blender`, with this release's version inserted."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["FILE", "addon_zip"]
 
 FILE = "rayfarm-blender.zip"
 FOLDER = "rayfarm_addon"
-LONG_AGO = (1980, 1, 1, 0, 0, 0)  # so that equal sources are equal bytes
+LONG_AGO = (1980, 1, 1, 0, 0, 0)  # fixed time, so that equal sources give equal bytes
 MANIFEST_VERSION = '\nversion = "0.0.0"\n'
 BL_INFO_VERSION = '"version": (0, 0, 0)'
 
 
 def addon_zip(version: str = __version__) -> bytes:
-    """The archive. Blender 4.2 and later take it as an extension, by the manifest at its top, or as an add-on of old."""
+    """Returns the zip archive. Blender 4.2 and later install it as an extension (by its manifest) or as a legacy add-on."""
     folder = shipped("blender") / FOLDER
     found = io.BytesIO()
     with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:

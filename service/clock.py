@@ -1,4 +1,4 @@
-"""Deadlines as people write them."""
+"""Parsing of deadlines."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ FURTHEST = timedelta(days=3660)
 
 
 def deadline_of(text: str, now: datetime | None = None) -> float:
-    """A deadline in unix time: an ISO time, or the next time that a clock says 08:00; in this machine's zone unless it says one.
+    """Returns a deadline as Unix time, from an ISO time or a time of day such as 08:00, which is its next occurrence.
 
-    now: by this machine's clock, without a zone. Raises ValueError with a sentence.
+    Times without a zone are in this machine's zone. now: the local time without a zone; by default the present.
+    Raises ValueError, with a sentence, for malformed, past or too distant times.
     """
-    # Without a zone it is a time of this machine's clocks, which may be put forward or back until then.
+    # Without a zone, so that changes to and from daylight saving time are taken into account.
     now = now or local_now()
     text = text.strip()
     try:
@@ -36,7 +37,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
 
 
 def _next(today: datetime, now: datetime) -> datetime:
-    """When a clock says that time again. Where it is put back it does so twice in a night."""
+    """Returns the next occurrence of a time of day; when clocks are set back, it occurs twice in a night."""
     for found in (today, today.replace(fold=1)):
         if found.timestamp() > now.timestamp() and (found > now or found.fold):
             return found

@@ -1,7 +1,7 @@
-"""What a connection may take before it has said what it wants: so much time, so many bytes, and a place among so many others.
+"""Limits on connections: time and bytes of an incomplete request, and the number of connections.
 
-The server beneath (uvicorn) waits for ever for the rest of a request, and keeps whatever a client sends as its head. Anybody who
-reaches the port could so fill the service's memory, or take all the files that it may open, films and database included.
+uvicorn waits without limit for the rest of a request, and buffers whatever a client sends as its head. Anyone who reaches the
+port could thus fill the service's memory or use up its file descriptors, which films and the database need too.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResp
 __all__ = ["Connection", "most_connections"]
 
 HEAD_WITHIN_S = 20.0
-LARGEST_HEAD = 1 << 16  # bytes, beside what came at one time with its begin
-BODY_WITHIN_S = 60.0  # and a second more for each of
+LARGEST_HEAD = 1 << 16  # bytes, in addition to those received together with its beginning
+BODY_WITHIN_S = 60.0  # seconds, plus one second for each BODY_BYTES_A_SECOND received
 BODY_BYTES_A_SECOND = 1 << 10
-SHORT_BODY = 1 << 16  # bytes; the server beneath holds so many before it reads no more
-FILES = 1 << 16  # that the service asks to be allowed to open
-OWN_FILES = 512  # of them at least are left for films, blobs and the database
+SHORT_BODY = 1 << 16  # bytes; uvicorn buffers as many before it pauses reading
+FILES = 1 << 16  # file descriptors that the service requests from the system
+OWN_FILES = 512  # the minimum of these that is left for films, blobs and the database
 REFUSED = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: %d\r\nconnection: close\r\n\r\n%s"
 
 
 def most_connections() -> int:
-    """As many as leave enough of the files that this process may open; it is allowed as many as the system lets it be."""
+    """Returns the limit of connections that leaves enough file descriptors; raises the process's descriptor limit if possible."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -40,22 +40,25 @@ def most_connections() -> int:
 
 
 class Connection(HttpToolsProtocol):
-    """One connection, as uvicorn makes it."""
+    """A connection with limits, as uvicorn's HTTP protocol class."""
 
-    most = 1 << 16  # at a time, of all connections: set by whoever runs the server
-    _saying: dict[Connection, None] = {}  # noqa: RUF012 - of all: those whose request is not complete, the oldest first
+    most = 1 << 16  # limit of all connections, set by the caller that runs the server
+    _saying: dict[Connection, None] = {}  # noqa: RUF012 - all connections with an incomplete request, oldest first
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._head: int | None = 0  # bytes of a head that is not complete; None: it is
-        self._has_begun = False  # a head, with what was received last
+        self._head: int | None = 0  # bytes of an incomplete head; None: the head is complete
+        self._has_begun = False  # whether a head began in the data received last
         self._is_silent = True
         self._received = 0  # bytes of the body
         self._body_since = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Where there are too many, one that has waited longest with its request makes room, or this one is refused."""
+        """Accepts a connection.
+
+        Above the limit, aborts the connection that has waited longest for its request, or refuses this one.
+        """
         super().connection_made(transport)
         if len(self.connections) > self.most:
             oldest = next(iter(self._saying), None)
@@ -67,12 +70,12 @@ class Connection(HttpToolsProtocol):
         self._wait(HEAD_WITHIN_S)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It is over."""
+        """Stops the timeout of a closed connection."""
         self._rest()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take in what came, as far as it may."""
+        """Parses received data; refuses a request whose head is larger than LARGEST_HEAD."""
         self._has_begun = self._is_silent = False
         super().data_received(data)
         if self.transport.is_closing() or self._head is None or self._has_begun:
@@ -82,35 +85,35 @@ class Connection(HttpToolsProtocol):
             self._refuse(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
 
     def handle_websocket_upgrade(self) -> None:
-        """From here on it is a WebSocket's."""
+        """Hands the connection to the WebSocket protocol, without a timeout."""
         self._rest()
         super().handle_websocket_upgrade()
 
     def on_message_begin(self) -> None:
-        """Another request."""
+        """Starts the timeout of a new request's head."""
         super().on_message_begin()
         self._head, self._has_begun = 0, True
         if self._timer is None:
             self._wait(HEAD_WITHIN_S)
 
     def on_headers_complete(self) -> None:
-        """It is known what is asked for."""
+        """Starts the timeout of the request's body."""
         self._head, self._received, self._body_since = None, 0, time.monotonic()
         super().on_headers_complete()
         self._wait(BODY_WITHIN_S)
 
     def on_body(self, body: bytes) -> None:
-        """Some of the body."""
+        """Counts the bytes of the body, which extend its timeout."""
         self._received += len(body)
         super().on_body(body)
 
     def on_message_complete(self) -> None:
-        """All of it is here."""
+        """Stops the timeout of a complete request."""
         self._rest()
         super().on_message_complete()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """A short body is waited for here: thousands of requests that do not go on cost others next to nothing then."""
+        """Starts the application; for a short body only once it is complete, so that stalled requests cost little."""
         super()._start_asgi_task(cycle, partial(_once_whole, cycle, app) if _is_short(cycle) else app)
 
     def _wait(self, seconds: float) -> None:
@@ -127,7 +130,7 @@ class Connection(HttpToolsProtocol):
     def _is_late(self) -> None:
         self._timer = None
         if self._head is None:
-            if self.flow.read_paused:  # it waits for the service
+            if self.flow.read_paused:  # the service itself has paused reading
                 self._body_since += BODY_WITHIN_S
             left_s = self._body_since + BODY_WITHIN_S + self._received / BODY_BYTES_A_SECOND - time.monotonic()
             if left_s > 0:
@@ -137,7 +140,7 @@ class Connection(HttpToolsProtocol):
                 self._rest()
                 self.transport.close()
                 return
-        if self._is_silent:  # a browser opens connections ahead of time, and takes an answer on one for its next request's
+        if self._is_silent:  # browsers open connections in advance, and would take a response for that of their next request
             self._rest()
             self.transport.close()
             return
@@ -151,13 +154,13 @@ class Connection(HttpToolsProtocol):
 
 
 def _is_short(cycle: RequestResponseCycle) -> bool:
-    """Whether a request says that it has a short body, and not that it waits for a word before it sends that."""
+    """Whether a request announces a short body, and does not wait for `100 Continue` before sending it."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
     return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= SHORT_BODY
 
 
 async def _once_whole(cycle: RequestResponseCycle, app: Any, *request: Any) -> None:
-    """Let the application answer a request when all of it is here; one whose sender has left needs no answer."""
+    """Runs the application once the request is complete; does nothing if the client disconnects before."""
     while cycle.more_body and not cycle.disconnected:
         cycle.message_event.clear()
         await cycle.message_event.wait()

@@ -1,24 +1,23 @@
-"""What can go wrong in the service, without a word of HTTP: service/http/problems.py says which status each is answered with.
+"""Errors of the service, independent of HTTP: service/http/problems.py maps them to status codes.
 
-FarmError           a sentence that a person can act on
-├── NotFound        it is not there, or not any more
-├── Conflict        it cannot be done in the state that things are in
-├── NotAllowed      who asks may see it, and not do that to it
-├── Invalid         what is asked for makes no sense
-├── TooLarge        it is beyond a limit of this farm
-├── UnknownFormat   it comes in a format that this farm does not read
-├── NoRoom          the disk is full, or what somebody may have of it
-├── OverQuota       somebody has or does as much as they may at a time
-├── Unavailable     a part of the farm is away or busy; the same may work later
-│   └── NotOwner        another service has taken the farm over
-├── Failed          a worker could not do it
+FarmError           base class; its message is a sentence on which a user can act
+├── NotFound        the object does not exist, or no longer
+├── Conflict        not possible in the present state
+├── NotAllowed      the caller may see the object but not do this
+├── Invalid         malformed or contradictory request
+├── TooLarge        beyond a limit of this farm
+├── UnknownFormat   a format that this farm does not read
+├── NoRoom          the disk, or the caller's quota of bytes, is full
+├── OverQuota       the caller's quota of jobs or samples is used up
+├── Unavailable     a part of the farm is unreachable or busy; a retry may succeed
+│   └── NotOwner        another service has taken over the farm
+├── Failed          a worker failed to do it
 ├── TooLate         a worker did not answer in time
-├── CannotStart     the service, on this data folder or with these settings
-├── FilmWaits       a film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk
-└── FilmLost        a film cannot be written or read any more: without the right to, of a newer release
-    └── FilmDamaged     what it had is not there or not what was written: what is missing can be rendered again
-
-QueueError          Redis cannot be reached: told to nobody, since the engine tries again
+├── CannotStart     the service cannot start on this data folder or with these settings
+├── FilmWaits       temporary fault of a film: full disk, lock, read-only disk
+└── FilmLost        permanent fault of a film: missing permission, newer release
+    └── FilmDamaged     samples are missing or corrupt, and can be rendered again
+QueueError          Redis cannot be reached; not reported to users, since the engine retries
 """
 
 from __future__ import annotations
@@ -46,8 +45,10 @@ __all__ = [
 
 
 class FarmError(Exception):
-    """`str(error)` is one sentence that a person can act on. `fact` is what of it also holds for work that waits by itself: all
-    but the advice to whoever asked."""
+    """Base class of the service's errors. `str(error)` is a sentence on which a user can act.
+
+    `fact`: the sentence without the advice, for background work without a caller.
+    """
 
     def __init__(self, sentence: str = "", *, advice: str = "") -> None:
         super().__init__(f"{sentence} {advice}" if advice else sentence)
@@ -55,19 +56,19 @@ class FarmError(Exception):
 
 
 class NotFound(FarmError):  # noqa: N818 - these are named as what they say
-    """It is not there, or not any more."""
+    """The object does not exist, or no longer."""
 
 
 class Conflict(FarmError):  # noqa: N818
-    """It cannot be done in the state that things are in."""
+    """The action is not possible in the present state."""
 
 
 class NotAllowed(FarmError):  # noqa: N818
-    """Who asks may see it, and not do that to it."""
+    """The caller may see the object but not do this."""
 
 
 class Invalid(FarmError):  # noqa: N818
-    """What is asked for makes no sense. field: of the request, where one is to blame."""
+    """The request is malformed or contradictory. field: the field at fault, if there is one."""
 
     def __init__(self, sentence: str = "", *, field: str | None = None, advice: str = "") -> None:
         super().__init__(sentence, advice=advice)
@@ -75,19 +76,19 @@ class Invalid(FarmError):  # noqa: N818
 
 
 class TooLarge(FarmError):  # noqa: N818
-    """It is beyond a limit of this farm."""
+    """A limit of this farm is exceeded."""
 
 
 class UnknownFormat(FarmError):  # noqa: N818
-    """It comes in a format that this farm does not read."""
+    """The format is not one that this farm reads."""
 
 
 class NoRoom(FarmError):  # noqa: N818
-    """The disk is full."""
+    """The disk, or the caller's quota of bytes, is full."""
 
 
 class OverQuota(FarmError):  # noqa: N818
-    """Somebody has or does as much as they may at a time. retry_after_s: when it may be otherwise by itself."""
+    """The caller's quota of jobs or samples is used up. retry_after_s: seconds until a retry may succeed."""
 
     def __init__(self, sentence: str, retry_after_s: float) -> None:
         super().__init__(sentence)
@@ -95,7 +96,7 @@ class OverQuota(FarmError):  # noqa: N818
 
 
 class Unavailable(FarmError):  # noqa: N818
-    """A part of the farm is away or busy; the same may work later. retry_after_s: when, where that is known."""
+    """A part of the farm is unreachable or busy; a retry may succeed. retry_after_s: after how many seconds, if known."""
 
     def __init__(self, sentence: str, retry_after_s: float | None = None, *, advice: str = "") -> None:
         super().__init__(sentence, advice=advice)
@@ -103,14 +104,14 @@ class Unavailable(FarmError):  # noqa: N818
 
 
 class NotOwner(Unavailable):
-    """Another service has taken the farm over: this one may do nothing in its name."""
+    """Another service has taken over the farm; this one must not act as its owner."""
 
     def __init__(self) -> None:
         super().__init__("Another service has taken this farm over. Ask again.", 1.0)
 
 
 class Failed(FarmError):  # noqa: N818
-    """A worker could not do it."""
+    """A worker failed to do it."""
 
 
 class TooLate(FarmError):  # noqa: N818
@@ -118,19 +119,19 @@ class TooLate(FarmError):  # noqa: N818
 
 
 class CannotStart(FarmError):  # noqa: N818
-    """The service cannot start on this data folder, or with these settings."""
+    """The service cannot start on this data folder or with these settings."""
 
 
 class FilmWaits(FarmError):  # noqa: N818
-    """A film cannot be written or read now, and will be later: a full disk, a lock, a read-only disk."""
+    """A film temporarily cannot be read or written: full disk, lock, read-only disk."""
 
 
 class FilmLost(FarmError):  # noqa: N818
-    """A film cannot be written or read any more: without the right to, of a newer release."""
+    """A film permanently cannot be read or written: missing permission, newer release."""
 
 
 class FilmDamaged(FilmLost):
-    """What a film had is not there or not what was written: what is missing can be rendered again."""
+    """A film's samples are missing or corrupt, and can be rendered again."""
 
 
 class QueueError(Exception):

@@ -1,7 +1,7 @@
-"""/healthz on a port of its own, answered by a thread that waits for nothing, so that a busy service is not taken for dead.
+"""/healthz on a separate port, served by a thread, so that a busy service is not considered dead.
 
-On the farm's own port the event loop answers, when it gets to it. Here the loop is judged by how long it has not had a turn: a
-restart helps if it hangs, but not if it is busy.
+On the farm's own port, /healthz is answered by the event loop, and may be delayed. Here the loop is judged by how long its last
+turn is ago: a restart helps if it hangs, but not if it is busy.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from service.errors import CannotStart
 __all__ = ["HealthPort"]
 
 TICK_S = 0.25
-HANGS_S = 20.0  # a loop that has not had a turn for so long
-PATIENCE_S = 5.0  # with who asks
+HANGS_S = 20.0  # seconds without a turn after which the loop counts as hanging
+PATIENCE_S = 5.0  # seconds; timeout of a client's connection
 
 
 class HealthPort:
-    """Begun and ended from the event loop's thread."""
+    """The health server. Must be started and stopped in the event loop's thread."""
 
     def __init__(self, host: str, port: int, is_engine_alive: Callable[[], bool]) -> None:
-        """Raises CannotStart where nobody can listen there."""
+        """Binds the port. Raises CannotStart if that fails."""
         self._is_engine_alive = is_engine_alive
         self._ticked = time.monotonic()
         self._handle: asyncio.TimerHandle | None = None
@@ -42,19 +42,19 @@ class HealthPort:
         self.port = self._server.server_port
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin to answer, for a service with this event loop."""
+        """Starts serving, and measures this event loop's turns."""
         self._tick(loop)
         threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
 
     def stop(self) -> None:
-        """Answer no more."""
+        """Stops serving."""
         if self._handle is not None:
             self._handle.cancel()
         self._server.shutdown()
         self._server.server_close()
 
     def trouble(self) -> str | None:
-        """Why the process is to be restarted, as a sentence; None where it is sane."""
+        """Returns the reason why the process should be restarted, as a sentence; None if it is healthy."""
         if not self._is_engine_alive():
             return "The engine has ended. Restart the service."
         if self.waited_s > HANGS_S:
@@ -63,7 +63,7 @@ class HealthPort:
 
     @property
     def waited_s(self) -> float:
-        """For how long the event loop has not had a turn."""
+        """Seconds that the event loop's turn is overdue."""
         return max(0.0, time.monotonic() - self._ticked - TICK_S)
 
     def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -96,4 +96,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(data)
 
     def log_message(self, *_: Any) -> None:
-        """Whoever asks every second is not noted."""
+        """Discards access log messages, since probes come every second."""

@@ -1,4 +1,4 @@
-"""The life of a service process: it owns the farm, or stands by until it may; if it loses the farm it stands by again."""
+"""Lifecycle of a service process: it owns the farm, or stands by until it can; if it loses the farm, it stands by again."""
 
 from __future__ import annotations
 
@@ -21,35 +21,38 @@ from worker.telemetry.log_lines import by_json
 __all__ = ["REFUSES_TO_START", "Life"]
 
 TRY_EVERY_S = 0.1
-REFUSES_TO_START = 3  # the exit code that uvicorn has for this
+REFUSES_TO_START = 3  # uvicorn's exit code for a failed start
 FAULT = 1
 
 log = logging.getLogger(__name__)
 
 
 class Life:
-    """Lives on one event loop."""
+    """The lifecycle. Must be used on one event loop."""
 
     def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
-        """take_over: told of each farm that this service works as, before the first request is answered from it."""
+        """Stores the parameters.
+
+        take_over: called with each Farm that this service starts, before it answers requests with it.
+        """
         self._settings = settings
         self._take_over = take_over
         self._candidate: Candidate | None = None
         self._farm: Farm | None = None
         self._lost = asyncio.Event()
-        self.taken = asyncio.Event()  # while it is the farm
+        self.taken = asyncio.Event()  # set while this service owns the farm
         self._task: asyncio.Task[None] | None = None
         self._has_printed = False
-        self._trouble = ""  # why it is not known whether it is needed
+        self._trouble = ""  # why it is unknown whether this service must take over
 
     async def begin(self) -> None:
-        """Own the farm, or begin to stand by. Raises CannotStart."""
+        """Takes the farm, or starts standing by. Raises CannotStart."""
         self._candidate = Candidate(self._settings)
         try:
             owning = self._candidate.attempt()
         except CannotStart:
             raise
-        except FarmError as error:  # the database is away, or held by a service that stands still
+        except FarmError as error:  # the database is unreachable, or locked by a suspended service
             owning, self._trouble = None, str(error)
         if owning is not None:
             self._own(owning)
@@ -58,7 +61,7 @@ class Life:
         self._task = asyncio.create_task(self._go_on())
 
     async def end(self) -> None:
-        """End in order."""
+        """Stops the farm or standing by, in order."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -70,18 +73,18 @@ class Life:
 
     @property
     def stands_by(self) -> bool:
-        """Whether another service is the farm now, as far as is known."""
+        """Whether another service owns the farm now, as far as is known."""
         return self._farm is None or self._farm.owning.is_lost
 
     @property
     def is_alive(self) -> bool:
-        """Whether it goes on by itself: as the farm its engine does."""
+        """Whether the background task runs and, if this service owns the farm, its engine."""
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
     @property
     def why(self) -> str:
-        """What is said while it stands by."""
+        """The message to clients while this service stands by."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:
             return f"This service has not begun: {self._trouble}"
@@ -90,12 +93,12 @@ class Life:
 
     @property
     def owner_url(self) -> str:
-        """Where the service that works as the farm is reached from here; empty: nobody knows."""
+        """URL of the service that owns the farm; empty if it is unknown."""
         known = self._candidate.known if self._candidate is not None else None
         return known.url if known is not None and known.owner is not None else ""
 
     async def confirm(self) -> None:
-        """Make sure that this service may answer as the farm, also where it stood still. Raises NotOwner, Unavailable."""
+        """Checks that this service still owns the farm, e.g. after it was suspended. Raises NotOwner or Unavailable."""
         farm = self._farm
         if farm is None:
             raise NotOwner
@@ -103,12 +106,12 @@ class Life:
             await asyncio.to_thread(farm.owning.guard)
 
     def close_streams(self) -> None:
-        """End what stays open, as the server is about to. May be called from a signal handler."""
+        """Ends event streams, before the server stops. Safe in a signal handler."""
         if self._farm is not None:
             self._farm.broadcast.close()
 
     def _own(self, owning: Ownership) -> None:
-        """Work as the farm. Raises CannotStart; then it stands by again."""
+        """Starts the farm. Raises CannotStart; then this service stands by again."""
         self._lost.clear()
         loop = asyncio.get_running_loop()
         try:
@@ -155,7 +158,7 @@ class Life:
             self._candidate = Candidate(self._settings)
 
     async def _stand_by(self) -> None:
-        """Until this service is the farm. Where it never can be, its process ends."""
+        """Waits until this service owns the farm, and starts it. If it can never own it, ends the process."""
         said = ""
         while True:
             assert self._candidate is not None
@@ -167,7 +170,7 @@ class Life:
                     return
             except CannotStart as error:
                 log.critical("%s", error)
-                os._exit(REFUSES_TO_START)  # the server knows no other way to end with a code
+                os._exit(REFUSES_TO_START)  # the server offers no other way to end with an exit code
             except Exception as error:
                 self._trouble = str(error)
                 if str(error) != said:

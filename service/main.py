@@ -42,7 +42,7 @@ DOCS = Path(__file__).parent / "docs_page"
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """The service as an ASGI application; settings come from the environment where none are given."""
+    """Returns the service as an ASGI application. settings: by default read from the environment."""
     try:
         settings = settings or Settings.read()
     except CannotStart as error:
@@ -71,7 +71,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         if health is not None:
             health.start(asyncio.get_running_loop())
         gc.enable()
-        gc.freeze()  # modules and routes: each full collection looked through them for 100 ms, while every request waited
+        gc.freeze()  # excludes modules and routes from collections: each full collection took 100 ms, while all requests waited
         with _streams_end_with_the_server(life.close_streams):
             try:
                 yield
@@ -103,8 +103,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(Packing)
     app.add_middleware(Gate)
     app.add_middleware(StandingBy, settings=settings)
-    app.add_middleware(Door, settings=settings)  # who speaks to the service at all
-    app.add_middleware(ClientAddress, settings=settings)  # the outermost: the others go by the client's address and scheme
+    app.add_middleware(Door, settings=settings)  # checks host, origin and size of each request
+    app.add_middleware(ClientAddress, settings=settings)  # outermost: the others use the client's address and scheme
     return app
 
 
@@ -114,7 +114,7 @@ def _operation_name(route: APIRoute) -> str:
 
 @contextlib.contextmanager
 def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
-    """End event streams when the server is told to stop: it waits for open responses, and theirs never end by themselves."""
+    """Ends event streams when the server is stopped: it waits for open responses, and streams do not end by themselves."""
     previous: dict[signal.Signals, Any] = {}
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -123,7 +123,7 @@ def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
         if callable(before):
             before(number, frame)
 
-    with contextlib.suppress(ValueError):  # not in the main thread: whoever runs the server there ends it
+    with contextlib.suppress(ValueError):  # not in the main thread: then the caller that runs the server stops it
         for each in (signal.SIGINT, signal.SIGTERM):
             previous[each] = signal.getsignal(each)
             signal.signal(each, end)

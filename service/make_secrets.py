@@ -1,9 +1,9 @@
-"""`python -m service.make_secrets FOLDER`: makes the secrets that the containers of a farm share, one file each, once.
+"""`python -m service.make_secrets FOLDER`: creates the secrets shared by a farm's containers, one file each.
 
-token            what workers show; $RAYFARM_TOKEN where it is set
-redis-password   Redis's; $RAYFARM_REDIS_PASSWORD where it is set
+token            the workers' token; $RAYFARM_TOKEN if it is set
+redis-password   the password of Redis; $RAYFARM_REDIS_PASSWORD if it is set
 
-A value that is given replaces the file's. Files that are there stay otherwise, also those that somebody else put there.
+A value in the environment replaces the file's. Otherwise existing files stay as they are.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ BYTES = 32
 
 
 def make_secrets(folder: Path) -> None:
-    """Writes what is given or missing. Raises OSError, VariableError."""
+    """Writes the secrets that are given by the environment or missing. Raises OSError, VariableError."""
     for name, variable in SECRETS.items():
         path, given = folder / name, value_of(variable)
         known = path.read_text().strip() if path.exists() else ""
         if given and given != known:
             write_whole(path, f"{given}\n".encode())
         elif not known:
-            path.unlink(missing_ok=True)  # an empty one
+            path.unlink(missing_ok=True)  # an empty file
             write_once(path, f"{secrets.token_hex(BYTES)}\n".encode())
 
 
 def main() -> int:
-    """0 where all are there."""
+    """Creates the secrets; returns the exit status: 0 if all exist, 1 on an error."""
     (folder,) = map(Path, sys.argv[1:])
     try:
         make_secrets(folder)

@@ -1,9 +1,9 @@
-"""index.html as it is served: what a browser needs first, in as few requests as possible.
+"""Generates the served index.html: the browser loads what it needs first in as few requests as possible.
 
-A browser has six connections to a service that speaks HTTP/1.1, and each request takes a round trip: 0.4 s on a slow line. So
-style sheets that follow each other become one file, and so do classic scripts; modules that the first module imports, directly
-or not, are named at once; and of those that are imported on demand a table says what each of them needs beyond these, so that
-`web/js/shell/ahead.js` can ask for all of it together.
+A browser opens six connections to an HTTP/1.1 service, and each request takes a round trip: 0.4 s on a slow line. Therefore
+adjacent style sheets are joined to one file, and so are classic scripts; all static imports of the first module, direct or not,
+are preloaded; and for modules imported on demand a table lists their further imports, so that `web/js/shell/ahead.js` can request
+all of them at once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 
 __all__ = ["index_of", "joined"]
 
-TABLE = "view-modules"  # the id by which web/js/shell/ahead.js finds it
+TABLE = "view-modules"  # the element id that web/js/shell/ahead.js looks for
 
 _GROUPS = {
     "css/joined.css": re.compile(r'<link rel="stylesheet" href="css/[^"]+" />(?:\s*<link rel="stylesheet" href="css/[^"]+" />)*'),
@@ -29,7 +29,7 @@ _ON_DEMAND = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
 def joined(html: str, sources: Mapping[str, str]) -> dict[str, str]:
-    """The files that stand for several, by name. sources: text by name, of all files of the page."""
+    """Returns the joined files by name. sources: text of all files of the page by name."""
     found = {}
     for name, group in _GROUPS.items():
         if (match := group.search(html)) is not None:
@@ -38,7 +38,7 @@ def joined(html: str, sources: Mapping[str, str]) -> dict[str, str]:
 
 
 def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
-    """index.html, naming the files of one version. base: what their addresses begin with, as v/HASH/."""
+    """Returns index.html with links to the files of one version. base: prefix of their addresses, as v/HASH/."""
     first = _MODULE.findall(html)
     at_once = _imported(first, sources)
     on_demand = {
@@ -48,7 +48,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
     }
     table = json.dumps(on_demand, separators=(",", ":")).replace("<", "\\u003c")
     html = html.replace("<script", f'<script type="application/json" id="{TABLE}">{table}</script>\n    <script', 1)
-    # Behind the classic scripts: those ask for the rest, and would be the last to come.
+    # After the classic scripts, which request further data and would otherwise arrive last.
     links = "".join(f'<link rel="modulepreload" href="{name}" />\n    ' for name in at_once)
     html = html.replace('<script type="module"', f'{links}<script type="module"', 1)
     for name, group in _GROUPS.items():
@@ -58,7 +58,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
 
 
 def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
-    """Modules and all that they import statically, directly or not, those that are needed first at the beginning."""
+    """Returns modules and all their static imports, direct or not, in the order in which they are needed."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):
         for other in _named_in(name, _IMPORT, sources):
@@ -69,7 +69,7 @@ def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
 
 
 def _named_in(module: str, statement: re.Pattern[str], sources: Mapping[str, str]) -> list[str]:
-    """The modules that are there of those that a module's statements name."""
+    """Returns the existing modules that a module's import statements name."""
     folder = posixpath.dirname(module)
     names = [posixpath.normpath(posixpath.join(folder, relative)) for relative in statement.findall(sources.get(module, ""))]
     return [name for name in names if name in sources]

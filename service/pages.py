@@ -1,7 +1,7 @@
-"""The page's files. Addresses in index.html contain a hash of all files, so these never need to be revalidated.
+"""Serves the page's files. Addresses in index.html contain a hash of all files, so these files never need to be revalidated.
 
-A page of an older release asks with an older hash. It is given no module, which it would mix with its own: it says so, or loads
-again (`web/js/shell/again.js`). Anything else may be newer than it is. index.html itself is revalidated each time.
+A page of an older release requests files with an older hash. It gets no JavaScript modules, since it would mix them with its own:
+it reports this or reloads (`web/js/shell/again.js`). Other files may be newer. index.html is revalidated each time.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ mimetypes.add_type("text/javascript", ".js")
 
 
 class Pages(StaticFiles):
-    """Files with an ETag, asked about anew each time: a page never mixes files of two versions."""
+    """Static files with an ETag that are revalidated each time, so that a page never mixes files of two versions."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """A file; none that is hidden."""
+        """Returns the response with a file; hidden files are reported as missing."""
         if _is_hidden(Path(path)):
             path = "no such file"
         answer = await super().get_response(path, scope)
@@ -46,7 +46,7 @@ class Pages(StaticFiles):
 
 
 class WebPages(Pages):
-    """The page: its index by itself, all that it is made of under an address that changes with it, compressed once."""
+    """The page: index.html, and its other files under versioned addresses, compressed once."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, html=True)
@@ -55,9 +55,9 @@ class WebPages(Pages):
         self._lock = threading.Lock()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """The index, a file of a version, or any other file."""
+        """Returns the response with index.html, a versioned file, or any other file."""
         if scope["method"] not in ("GET", "HEAD"):
-            return await super().get_response(path, scope)  # which says what can be done
+            return await super().get_response(path, scope)  # responds with the allowed methods
         if path in (".", "index.html"):
             shelf = await run_in_threadpool(self._latest)
             return _answer(shelf.index, "index.html", "no-cache", scope)
@@ -73,7 +73,7 @@ class WebPages(Pages):
         return await super().get_response("no such file", scope)
 
     def _latest(self) -> Shelf:
-        """As the files are now: whoever works on the page reloads it, and restarts nothing."""
+        """Returns the shelf of the files as they are now, so that changes to the page need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
             if files != self._shelf.files:
@@ -89,24 +89,24 @@ class Content:
 
     @cached_property
     def packed(self) -> bytes:
-        """As gzip, the same bytes for the same content."""
+        """The gzip-compressed content, deterministic."""
         return gzip.compress(self.plain, 9, mtime=0)
 
     @cached_property
     def tag(self) -> str:
-        """Its ETag."""
+        """The ETag of the plain content."""
         return f'"{hashlib.sha256(self.plain).hexdigest()[:24]}"'
 
 
 @dataclass(frozen=True)
 class Shelf:
-    """All files of the page as they were at a moment. files: their names, sizes and times."""
+    """A snapshot of all files of the page. files: their names, sizes and modification times."""
 
     folder: Path
     files: tuple[tuple[str, int, int], ...]
     contents: dict[str, Content] = field(init=False)
     version: str = field(init=False)
-    index: Content = field(init=False)  # index.html as it is served
+    index: Content = field(init=False)  # as served
 
     def __post_init__(self) -> None:
         contents = {name: Content((self.folder / name).read_bytes()) for name, *_ in self.files}
@@ -122,7 +122,7 @@ class Shelf:
 
 
 def _files(folder: Path) -> list[tuple[str, int, int]]:
-    """Name, size and time of every file of the page, in order."""
+    """Returns name, size and modification time of every file of the page, sorted."""
     found = []
     for path in [*folder.glob("*"), *(path for part in PARTS for path in folder.glob(f"{part}/**/*"))]:
         name = path.relative_to(folder)
@@ -137,7 +137,7 @@ def _is_hidden(name: Path) -> bool:
 
 
 def _answer(content: Content, name: str, lasts: str, scope: Scope) -> Response:
-    """A file, compressed for whoever understands that; nothing where it is known already."""
+    """Returns a response with a file, compressed if the client accepts gzip; status 304 if its ETag matches."""
     asked = Headers(scope=scope)
     packs = name.endswith(PACKED) and "gzip" in asked.get("accept-encoding", "")
     tag = content.tag[:-1] + '-gzip"' if packs else content.tag

@@ -1,8 +1,7 @@
-"""Where things lie: the page, the examples, Blender's add-on, the data.
+"""Locations of the page, the examples, Blender's add-on, and the data.
 
-In a clone the page, the examples and the add-on are folders at its top, and the data lies in the clone as well, so that
-removing the clone removes everything. If Rayfarm is installed, they are inside this package, and the data lies in the user's
-data folder.
+In a clone, the page, the examples and the add-on are folders at its top, and the data is in the clone as well, so that removing
+the clone removes everything. In an installed Rayfarm they are inside this package, and the data is in the user's data folder.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() e
 
 
 def shipped(name: str) -> Path:
-    """A folder that is shipped with Rayfarm: `web`, `scenes` or `blender`."""
+    """Returns a folder that is shipped with Rayfarm: `web`, `scenes` or `blender`."""
     return (CLONE or _PACKAGE) / name
 
 
 def default_data_folder() -> Path:
-    """$RAYFARM_DATA; else `data` in the clone; else the user's data folder, on Linux ~/.local/share/rayfarm."""
+    """Returns $RAYFARM_DATA; else `data` in the clone; else the user's data folder, on Linux ~/.local/share/rayfarm."""
     named = os.environ.get("RAYFARM_DATA")
     if named:
         return Path(named).expanduser().resolve()
@@ -34,7 +33,7 @@ def default_data_folder() -> Path:
 
 
 def sqlite_url(path: Path) -> str:
-    """The address of a database in a file, whatever its folder is called: SQLAlchemy's own way to write % and ? there."""
+    """Returns the URL of an SQLite database file; SQLAlchemy escapes characters such as % and ? in the path."""
     from sqlalchemy import URL
 
     return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)

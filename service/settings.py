@@ -1,4 +1,4 @@
-"""What can be configured by environment variables RAYFARM_*."""
+"""Settings of the service, from environment variables RAYFARM_*."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["OWNER_TOKEN", "Settings", "is_address"]
 
 MIB = 1 << 20
 GIB = 1 << 30
-OWNER_TOKEN = "owner-token"  # in the data folder: who reads it owns the farm
+OWNER_TOKEN = "owner-token"  # file in the data folder; its content grants the owner's rights
 ANYWHERE = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -39,79 +39,77 @@ class Settings(BaseSettings):
 
     data: Path = Field(default_factory=default_data_folder)
     redis_url: str = "redis://127.0.0.1:6379/0"
-    redis_password: str = ""  # Redis's, where the address has none
-    public_redis_url: str = ""  # what joining workers are told, where it differs from the service's own
-    database_url: str = ""  # SQLite in the data folder where empty
-    blobs: str = ""  # s3://bucket/prefix: uploads and compiled scenes are kept there; in the data folder where empty
-    token: str = ""  # what workers show; kept in the data folder where empty
-    owner_token: str = ""  # what lets its owner in, as an administrator; kept in the data folder where empty
+    redis_password: str = ""  # used if the address has no password
+    public_redis_url: str = ""  # address for joining workers, if it differs from the service's
+    database_url: str = ""  # empty: SQLite in the data folder
+    blobs: str = ""  # s3://bucket/prefix for uploads and compiled scenes; empty: the data folder
+    token: str = ""  # the workers' token; empty: generated and stored in the data folder
+    owner_token: str = ""  # secret with administrator's rights; empty: generated and stored in the data folder
     host: str = "127.0.0.1"
-    published: str = ""  # addresses and names by which it is reached, spaces between, where `host` is none: a container's
+    published: str = ""  # space-separated public addresses and names, if they differ from `host`: a container's
     port: int = 8000
-    published_port: int = Field(default=0, ge=0, le=65535)  # the port by which a container is reached; 0: as `port`
-    health_port: int = Field(
-        default=0, ge=0, le=65535
-    )  # where a thread of its own answers /healthz, whatever the event loop does; 0: nowhere
-    login: Literal["auto", "always", "never"] = "auto"  # auto: where other machines reach it
-    print_link: bool = False  # to standard output, at the start: the one that lets the owner in
-    oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider that lets people in; empty: none
-    oidc_client: str = ""  # its id for this farm, and
-    oidc_secret: str = ""  # what it knows it by
-    oidc_name: str = ""  # what people call the provider
+    published_port: int = Field(default=0, ge=0, le=65535)  # a container's public port; 0: equal to `port`
+    health_port: int = Field(default=0, ge=0, le=65535)  # port on which a separate thread serves /healthz; 0: none
+    login: Literal["auto", "always", "never"] = "auto"  # auto: if other machines can reach the service
+    print_link: bool = False  # whether to print the owner's login link to standard output at the start
+    oidc_discovery: str = ""  # https://.../.well-known/openid-configuration of a provider; empty: none
+    oidc_client: str = ""  # client id at the provider
+    oidc_secret: str = ""  # client secret at the provider
+    oidc_name: str = ""  # display name of the provider
     oidc_scopes: str = "openid profile email"
     oidc_name_claim: str = "preferred_username"
     oidc_role_claim: str = "groups"
-    oidc_roles: dict[str, str] = Field(default_factory=dict)  # the claim's values, and the role that each gives
-    oidc_role: Literal["", "view", "submit", "admin"] = "view"  # of whom none of them gives one; empty: they are not let in
-    oidc_logout: bool = True  # who logs out here does so at the provider too, where it publishes how
-    trusted_proxies: str = ""  # addresses and networks, spaces between, whose X-Forwarded-For and X-Forwarded-Proto are believed
-    allowed_hosts: list[str] = Field(default_factory=list)  # more names this service answers to, beside loopback's
+    oidc_roles: dict[str, str] = Field(default_factory=dict)  # role for each value of the claim
+    oidc_role: Literal["", "view", "submit", "admin"] = "view"  # role of users without a mapped value; empty: they are refused
+    oidc_logout: bool = True  # whether logging out also ends the session at the provider, if that supports it
+    trusted_proxies: str = ""  # space-separated addresses and networks whose X-Forwarded-For and -Proto are trusted
+    allowed_hosts: list[str] = Field(default_factory=list)  # further host names of this service, besides loopback
     web: Path = shipped("web")
     examples: Path = shipped("scenes")
 
-    webhooks: list[str] = Field(default_factory=list)  # URLs that are told when a job ends
-    webhook_secret: str = ""  # whsec_...: what messages are signed with; kept in the data folder where empty
-    job_hook: str = ""  # a program that is run when a job ends
-    public_url: str = ""  # where people open the page, for links in messages
+    webhooks: list[str] = Field(default_factory=list)  # URLs that are notified when a job ends
+    webhook_secret: str = ""  # whsec_...: signs messages; empty: generated and stored in the data folder
+    job_hook: str = ""  # program that is run when a job ends
+    public_url: str = ""  # URL of the page, for links in messages
 
     max_upload_bytes: int = GIB
     max_upload_files: int = 4096
     max_unzipped_bytes: int = 8 * GIB
     max_unzip_ratio: float = 200.0
-    max_blob_bytes: int = 64 * GIB  # of what workers store: compiled scenes
-    min_free_bytes: int = 256 * MIB  # of disk, kept free
+    max_blob_bytes: int = 64 * GIB  # of a blob stored by a worker: compiled scenes
+    min_free_bytes: int = 256 * MIB  # disk space kept free
 
     max_pixels: int = 64 * MIB
     film_cache_bytes: int = 256 * MIB
-    picture_bytes: int = 384 * MIB  # of memory, for all pictures that are being made
+    picture_bytes: int = 384 * MIB  # memory for all pictures in progress
 
-    reuse_films: bool = True  # a job begins with what an earlier one of the same picture has rendered
+    reuse_films: bool = True  # whether a job starts with the samples of an earlier job of the same picture
 
-    quota_bytes: int | None = Field(default=None, ge=0)  # of disk, for the uploads and films of one user; empty: no limit
-    quota_jobs: int | None = Field(default=None, ge=0)  # of one user, unfinished at a time
-    quota_samples_day: int | None = Field(default=None, ge=0)  # of the jobs that one user asks for within a day
+    quota_bytes: int | None = Field(default=None, ge=0)  # disk space for one user's uploads and films; empty: no limit
+    quota_jobs: int | None = Field(default=None, ge=0)  # unfinished jobs of one user
+    quota_samples_day: int | None = Field(default=None, ge=0)  # samples of the jobs that one user submits within a day
 
-    keep_films_days: float | None = Field(default=None, ge=0)  # of jobs that are over and not pinned; empty: for ever
-    keep_films_bytes: int | None = Field(default=None, ge=0)  # of disk, for all films together: the oldest go; empty: no limit
-    keep_compiled_days: float | None = Field(default=None, ge=0)  # of scenes that nobody used since; they are made again
-    keep_uploads_days: float | None = Field(default=None, ge=0)  # that nobody used since
+    keep_films_days: float | None = Field(default=None, ge=0)  # lifetime of unpinned jobs' films; empty: unlimited
+    keep_films_bytes: int | None = Field(default=None, ge=0)  # disk space for films; the oldest are deleted; empty: no limit
+    keep_compiled_days: float | None = Field(default=None, ge=0)  # lifetime of unused compiled scenes
+    keep_uploads_days: float | None = Field(default=None, ge=0)  # lifetime of unused uploads
     film_check_days: float = Field(
         default=7.0, ge=0
-    )  # films that rest are read so often, and what is missing is rendered; 0: never
+    )  # interval of full checks of idle films, whose missing samples are rendered again; 0: never
 
-    verify: float = Field(default=0.0, ge=0, le=1)  # the share of batches that is rendered twice, by different workers
+    verify: float = Field(default=0.0, ge=0, le=1)  # share of batches that are rendered twice, by different workers
     batch_seconds: float = 0.5
-    batch_seconds_most: float = 10.0  # where slots are so many that results come faster than they are taken in
-    results_bytes: int = 256 * MIB  # of Redis, that results wait in: beyond it nothing more is handed out
+    batch_seconds_most: float = 10.0  # upper limit with many slots, whose results must not outrun merging
+    results_bytes: int = 256 * MIB  # Redis memory for waiting results; beyond it no more batches are sent
     window_per_slot: int = 2
     batch_deadline: float = 30.0
     prepare_deadline: float = 900.0
-    frame_scenes_bytes: int = 8 * GIB  # of disk, for what is compiled for single frames of shots
-    snapshot_bytes: int = 4 * GIB  # of disk, for what jobs looked like on their way; 0: nothing of it is kept
+    frame_scenes_bytes: int = 8 * GIB  # disk space for scenes compiled for single frames of shots
+    snapshot_bytes: int = 4 * GIB  # disk space for snapshots of films in progress; 0: none are kept
     live_interval: float = 0.12
-    peer_url: str = ""  # where other services of this farm reach this one; concluded from host and port where empty
-    lease_s: float = Field(default=6.0, ge=1.0)  # an owner that does not answer for so long is taken over from
-    live_bytes: int = 128 * MIB  # of memory, for tiles on their way to those who watch jobs
+    peer_url: str = ""  # URL of this service for other services of this farm; empty: from host and port
+    lease_s: float = Field(default=6.0, ge=1.0)  # an owner that does not answer for this long is replaced
+    live_bytes: int = 128 * MIB  # memory for tiles in transit to viewers
 
     @classmethod
     def settings_customise_sources(
@@ -122,12 +120,12 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """What is given, then the environment, then files that the environment names."""
+        """Returns the sources in order of precedence: arguments, the environment, files named by the environment."""
         return init_settings, env_settings, _Files(settings_cls)
 
     @classmethod
     def read(cls, **given: Any) -> Settings:
-        """As the environment has them, but for what is given. Raises CannotStart for what makes no sense."""
+        """Reads the settings from the environment. given: values that take precedence. Raises CannotStart for invalid values."""
         try:
             return cls(**given)
         except VariableError as error:
@@ -200,12 +198,12 @@ class Settings(BaseSettings):
 
     @property
     def worker_redis_url(self) -> str:
-        """The Redis that workers are sent to."""
+        """The Redis URL for workers."""
         return as_told(self.public_redis_url or self.redis_url)
 
     @property
     def own_url(self) -> str:
-        """Where other services of this farm reach this one."""
+        """The URL of this service for other services of this farm."""
         if self.peer_url:
             return self.peer_url.rstrip("/")
         host = self.host if self.host not in ANYWHERE else _own_address()
@@ -218,14 +216,14 @@ class Settings(BaseSettings):
 
     @property
     def published_names(self) -> list[str]:
-        """The addresses and names by which it is reached from outside its container."""
+        """The public addresses and names of the service's container, in lower case."""
         return self.published.lower().split()
 
     @property
     def page_url(self) -> str:
-        """The address at which people open the page, as far as it is configured.
+        """The URL of the page, as far as it is configured.
 
-        RAYFARM_PUBLIC_URL; else the first published name, over HTTPS where it is a name and no address; else host and port.
+        RAYFARM_PUBLIC_URL; else HTTPS with the first published name that is no address; else HTTP with host and port.
         """
         if self.public_url:
             return self.public_url.rstrip("/")
@@ -238,14 +236,14 @@ class Settings(BaseSettings):
 
     @property
     def needs_login(self) -> bool:
-        """Whether nobody is let in without showing who they are."""
+        """Whether all requests need a login."""
         if self.login == "auto":
             named = self.published_names or [self.host]
             return bool(self.trusted_proxies.split()) or any(name not in LOOPBACK for name in named)
         return self.login == "always"
 
     def make_folders(self) -> None:
-        """The folders of the data directory, the instance's id, and the tokens where none are given. Raises CannotStart."""
+        """Creates the data folder, its subfolders, the instance's id, and the tokens that are not set. Raises CannotStart."""
         try:
             self._make_folders()
         except OSError as error:
@@ -256,7 +254,7 @@ class Settings(BaseSettings):
 
     def _make_folders(self) -> None:
         self.data.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
-        with contextlib.suppress(PermissionError):  # another user's folder: as private as they made it
+        with contextlib.suppress(PermissionError):  # another user's folder keeps its mode
             self.data.chmod(PRIVATE_FOLDER)
         for name in ("blobs", "films", "tmp"):
             (self.data / name).mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
@@ -271,19 +269,19 @@ class Settings(BaseSettings):
             self.webhook_secret = path.read_text().strip()
 
     def login_key(self) -> bytes:
-        """The key, of 32 bytes, that encrypts cookies of unfinished OpenID logins; the same for all services of the folder."""
+        """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins, shared by the data folder's services."""
         return hashlib.sha256(_kept(self.data / "login-key").encode()).digest()
 
     def instance(self) -> str:
-        """The random id by which a worker recognises that it sees this very data folder."""
+        """Returns the random id by which workers recognise this data folder."""
         return _kept(self.data / "instance")
 
 
 class _Files(PydanticBaseSettingsSource):
-    """Values from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME, any setting. Raises VariableError."""
+    """Settings from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME. Raises VariableError."""
 
     def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
-        """Returns the file's content, None where none is named or the variable itself is set."""
+        """Returns the file's content; None if there is no file or the variable itself is set."""
         name = f"RAYFARM_{field_name.upper()}"
         return (value_of(name) or None) if os.environ.get(name + FILE) else None, field_name, False
 
@@ -307,7 +305,7 @@ def is_address(name: str) -> bool:
 
 
 def _own_address() -> str:
-    """The address by which others in this network reach this machine, or this container."""
+    """Returns the address of this machine or container in its network."""
     try:
         return socket.gethostbyname(socket.gethostname())
     except OSError:
@@ -315,7 +313,7 @@ def _own_address() -> str:
 
 
 def _kept(path: Path) -> str:
-    """A random id, made once and kept in a file that only its owner reads; also of services that begin at once."""
+    """Returns a random id stored in a private file, created if needed; safe if several services start at once."""
     made = f"{secrets.token_hex(16)}\n".encode()
     if not path.exists():
         write_once(path, made)

@@ -1,4 +1,4 @@
-"""What a request for a job of several frames says besides its settings, as its row stores it."""
+"""The part of a request for several frames that is not in the settings, as stored in the job's row."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ IN_TURN = "in-turn"
 
 @dataclass(frozen=True)
 class Shot:
-    """fps, clip: as renderer.scene.animation.Moment has them. turntable: seconds in which the camera goes around once.
+    """The parameters of a shot.
 
-    order: one of renderer.work.ORDERS, every: its n. first: the frame that goes before all others (frame_key).
-    revision: grows with every change that the engine must look at its frames for. anew: those whose samples are to be forgotten
-    first, until that is done, as renderer.frames.frames_text writes them. frames: all of them, likewise; None where an earlier
-    release wrote the row.
+    fps, clip: as in renderer.scene.animation.Moment. turntable: seconds per revolution of the camera. order: one of
+    renderer.work.ORDERS; every: its n. first: the frame that is rendered before all others (frame_key). revision: increases with
+    each change after which the engine must check the frames. anew: frames whose samples must be discarded first, cleared when
+    that is done, as renderer.frames.frames_text writes them. frames: all frames, in the same notation; None if an earlier release
+    wrote the row.
     """
 
     fps: float | None = None
@@ -35,23 +36,23 @@ class Shot:
 
     @classmethod
     def of(cls, data: Mapping[str, Any] | None) -> Self | None:
-        """From a job's row; None where it is a still. What another release says besides is left out."""
+        """Reads a shot from a job's row; None for a still. Unknown fields, from other releases, are ignored."""
         if not data:
             return None
         known = {name: data[name] for name in cls.__dataclass_fields__ if name in data}
-        if isinstance(known.get("anew"), list):  # by their keys, as earlier releases wrote it
+        if isinstance(known.get("anew"), list):  # a list of keys, as earlier releases wrote it
             known["anew"] = frames_text([frame_number(key) for key in known["anew"]])
         return cls(**known)
 
     @property
     def anew_keys(self) -> list[int]:
-        """Of the frames whose samples are to be forgotten."""
+        """The keys of the frames whose samples must be discarded."""
         return [frame_key(number) for number in parse_frames(self.anew)] if self.anew else []
 
     def to_json(self) -> dict[str, Any]:
-        """For the job's row."""
+        """Returns the shot as stored in the job's row."""
         return asdict(self)
 
     def changed(self, **what: Any) -> Self:
-        """With other frames, or other things asked of them."""
+        """Returns a copy with changed fields and the next revision."""
         return replace(self, **what, revision=self.revision + 1)
