@@ -39,7 +39,7 @@ class Head(NamedTuple):
     frame: int
     tile: int
     first: int
-    count: int  # type: ignore[assignment]  # hides tuple.count, which nobody needs
+    count: int  # type: ignore[assignment]  # hides tuple.count, which is unused
     bad: int
     workers: str | None
     ranges: str | None

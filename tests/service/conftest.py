@@ -1,4 +1,4 @@
-"""The service as it runs: uvicorn on a free port, a real Redis, and workers that speak the contract."""
+"""Fixtures with the real service: uvicorn on a free port, a real Redis, and workers that speak the contract."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 TOKEN = "the farm's token"
 OVER = ("finished", "failed", "cancelled")
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-# The files, here, whose tests with a service are run on either database, and the beginnings of the names of those that are so
-# without --long: what asks the database for something that the others do not.
+# Test files whose tests with a service run on either database, and name prefixes of the tests that do so without --long: those
+# with database queries that the others do not make.
 ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
     "scheduling/test_shots.py": (),
@@ -57,7 +57,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
 
 @functools.cache
 def _quick_hasher() -> PasswordHasher:
-    """Passwords are kept in the same way, by a thousandth of the work: nobody here guesses at them."""
+    """Returns a password hasher with a thousandth of the usual work."""
     from argon2 import PasswordHasher
 
     return PasswordHasher(time_cost=1, memory_cost=256, parallelism=1)
@@ -67,7 +67,7 @@ passwords._hasher = _quick_hasher
 
 
 class _Compiled(dict[Any, Any]):
-    """Statements as SQL, for all databases of a kind: SQLAlchemy keeps them by dialect, of which each test has a new one."""
+    """A cache of statements compiled to SQL, shared by all databases of a kind; SQLAlchemy's own is per dialect object."""
 
     def get(self, key: Any, default: Any = None) -> Any:
         return super().get((key[0].name, *key[1:]), default)
@@ -85,11 +85,11 @@ def _keep_what_is_compiled(connection: Connection) -> None:
 
 
 class Service:
-    """The service on a thread of its own, its Redis empty at first; `restart` is a new life with the same data folder."""
+    """The service in a thread, with an empty Redis at first; `restart` starts it again with the same data folder."""
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
         _empty(redis_server)
-        own = {"batch_deadline": 2.0, "reuse_films": False}  # a test that asks for a picture wants to see it rendered
+        own = {"batch_deadline": 2.0, "reuse_films": False}  # pictures are rendered, not reused from earlier tests
         self.options = {"data": data, "redis_url": redis_server.url, "token": TOKEN, **own, **settings}
         if not self.options.get("database_url"):
             place_database(data)
@@ -104,7 +104,7 @@ class Service:
         self.thread = threading.Thread(target=self.server.run, daemon=True)
         self.thread.start()
         until(lambda: self.server.started, "the service starts")
-        self.http = httpx.Client(base_url=self.url, timeout=60, verify=False)  # to read certificates takes long
+        self.http = httpx.Client(base_url=self.url, timeout=60, verify=False)  # loading certificates is slow
 
     @property
     def farm(self) -> Farm:
@@ -150,7 +150,7 @@ class Service:
         return self.http.patch(f"/api/jobs/{id}", json=change).raise_for_status().json()
 
     def wait_for(self, id: str, state: str, timeout: float = 20.0) -> dict[str, Any]:
-        rarely = 0.25 if state in OVER else 0.1  # what is over stays so
+        rarely = 0.25 if state in OVER else 0.1  # final states do not change
         until(lambda: self.job(id)["state"] == state, f"job {state}", timeout, lambda: self.job(id), rarely)
         return self.job(id)
 
@@ -162,7 +162,7 @@ _routes: list[BaseRoute] = []
 
 
 def application(settings: Settings) -> FastAPI:
-    """The service's. What FastAPI finds out of all routes at the first request takes a tenth of a second: it is shared here."""
+    """Returns the service's application, sharing what FastAPI derives from all routes at the first request, which takes 0.1 s."""
     app = create_app(settings)
     places = [i for i, route in enumerate(app.router.routes) if getattr(route, "original_router", None) is routes.router]
     _routes[:] = _routes or [app.router.routes[i] for i in places]
@@ -173,7 +173,7 @@ def application(settings: Settings) -> FastAPI:
 
 @functools.cache
 def _made_database() -> bytes:
-    """What SQLite keeps of a farm's tables, without a row."""
+    """Returns the bytes of an SQLite file with a farm's empty tables."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rayfarm.sqlite"
         connect(f"sqlite:///{path}")[0].dispose()
@@ -181,7 +181,7 @@ def _made_database() -> bytes:
 
 
 def place_database(data: Path) -> None:
-    """Put a database into a new data folder, copied and not made anew: that takes seventeen steps of a release each."""
+    """Puts a database into a new data folder, copied to save the time of the migrations."""
     path = data / "rayfarm.sqlite"
     if not path.exists():
         data.mkdir(parents=True, exist_ok=True)
@@ -191,8 +191,10 @@ def place_database(data: Path) -> None:
 def until(
     true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
 ) -> None:
-    """Wait until something is true. Mostly asked for over HTTP: so after a while only every `rarely` seconds: asking is a
-    fifth of what such a test takes of the processor.
+    """Waits until a condition holds; raises at the timeout.
+
+    Conditions mostly use HTTP, so after a while they are checked only every `rarely` seconds: checks took a fifth of the
+    processor time of such tests.
     """
     deadline = time.monotonic() + timeout
     pause = 0.02
@@ -211,20 +213,20 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
 
 
 def _empty(server: running_redis) -> None:
-    """Forget what earlier tests left: a worker that was paused stays so for whoever has its name."""
+    """Clears what earlier tests left in Redis: a worker's pause, for example, would apply to the next worker of its name."""
     with redis.Redis.from_url(server.url) as client:
         client.flushall()
 
 
 class Databases:
-    """Where the tests of this process get their databases from: by name, `sqlite` or `postgresql`."""
+    """The source of databases for the tests of this process, by name: `sqlite` or `postgresql`."""
 
     def __init__(self) -> None:
-        self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # one that may be emptied: then all tests have that
+        self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # database that may be cleared; if set, all tests use it
         self._server: PostgresServer | None = None
 
     def server(self) -> PostgresServer:
-        """The PostgreSQL of this process, started when it is first asked for."""
+        """The PostgreSQL server of this process, started at its first use."""
         if self._server is None:
             binaries = find_postgres()
             if binaries is None:
@@ -234,7 +236,7 @@ class Databases:
 
     @contextmanager
     def new(self, name: str) -> Iterator[str]:
-        """The address of an empty farm's database for as long as the block lasts; '' where it is SQLite in the data folder."""
+        """Yields the URL of an empty farm database, for the duration of the block; '' for SQLite in the data folder."""
         if self.given:
             empty_database(self.given)
             yield self.given
@@ -252,7 +254,7 @@ class Databases:
 
 
 def empty_database(url: str) -> None:
-    """Remove the farm's tables."""
+    """Deletes the farm's tables."""
     engine = create_engine(url)
     Base.metadata.drop_all(engine)
     with engine.begin() as connection:
@@ -269,7 +271,7 @@ def databases() -> Iterator[Databases]:
 
 @pytest.fixture
 def database(request: pytest.FixtureRequest, databases: Databases) -> Iterator[str]:
-    """A database of the test's own: SQLite, or in the files of ON_BOTH either in turn."""
+    """A database for one test: SQLite, or for the files in ON_BOTH each kind in turn."""
     with databases.new(getattr(request, "param", "sqlite")) as url:
         yield url
 

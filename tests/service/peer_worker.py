@@ -1,7 +1,7 @@
-"""A worker that speaks the real contract over the real Redis, and whose picture is a formula instead of a path tracer.
+"""A worker that speaks the real contract over the real Redis, with a formula in place of the path tracer.
 
-It takes Celery's messages from the queues, answers on the stream, and renews its key. A sample's value depends on pixel,
-sample number and seed alone, so that the expected film of any job can be computed beside it.
+It takes Celery's messages from the queues, answers on the stream, and renews its key. A sample's value depends only on pixel,
+sample number and seed, so that tests can compute the expected film of any job.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 
 
 def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
-    """The sums of samples first ... first + count - 1: hashes of (x, y, sample, channel, seed), all of them finite."""
+    """Returns the sums of samples first ... first + count - 1: hashes of (x, y, sample, channel, seed), all finite."""
     y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w].astype(np.uint64)
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     for sample in range(first, first + count):
@@ -69,14 +69,14 @@ def expected_sums(tile: Tile, first: int, count: int, seed: int) -> Sums:
 
 
 def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int = 0) -> str:
-    """The digest of a whole frame."""
+    """Returns the expected digest of a whole frame."""
     return digest(expected_sums(Tile(0, 0, width, height), 0, spp, seed))
 
 
 class PeerWorker:
-    """One slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch.
+    """A worker with one slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch.
 
-    What it can do is told at its making: the service acts upon the first report that it sees.
+    Its capabilities are arguments of the constructor, since the service acts on the first report that it sees.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class PeerWorker:
         tags: tuple[str, ...] | None = None,
         memory: int = 8 << 30,
     ) -> None:
-        """tags: None: it is of a release that knows none, and is asked for nothing."""
+        """Starts the worker. tags: None for a release without tags, which gets no requests for them."""
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, timeout=60, verify=False)
         self.name = name
@@ -114,30 +114,30 @@ class PeerWorker:
         self.memory = memory
         self.terms = Terms()
         self.unfit: str | None = None  # what its machine lacks
-        self.passing = False  # for now
-        self.rests: str | None = None  # why it takes nothing by itself, as it says
-        self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # what is answered
-        self.explained: list[ExplainPixel] = []  # asked for
-        self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: it is never answered
-        self.parts: list[tuple[ViewParts, Part]] = []  # rendered
-        self.unwanted: list[ViewParts] = []  # of views that nobody looked at any more
-        self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: they are never answered
-        self.vectors: list[FrameVectors] = []  # made
-        self.messages: list[int] = []  # how many batches each had
+        self.passing = False  # whether that is temporary
+        self.rests: str | None = None  # reported reason why it takes no work
+        self.on_explain: Callable[[ExplainPixel], list[dict[str, Any]]] = lambda work: []  # returns the response
+        self.explained: list[ExplainPixel] = []  # requests received
+        self.on_part: Callable[[ViewParts, Part], bool | None] = lambda work, part: None  # False: no response
+        self.parts: list[tuple[ViewParts, Part]] = []  # parts rendered
+        self.unwanted: list[ViewParts] = []  # of views that nobody watches any more
+        self.on_vectors: Callable[[str], bool | None] = lambda job: None  # True: no response
+        self.vectors: list[FrameVectors] = []  # vectors made
+        self.messages: list[int] = []  # number of batches in each message
         self.on_batch: Callable[[RenderBatch], bool | None] = lambda batch: None
         self.on_prepare: Callable[[str], None] = lambda scene: None
         self.frame_warnings: list[str] = []
-        self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # what is compiled for it alone
-        self.frames: list[float] = []  # prepared
-        self.shutters: list[dict[str, Any]] = []  # of those
-        self.shared: bytes | None = None  # what all frames' compiled scenes have a part of
+        self.on_frame: Callable[[float], bytes | None] = lambda frame: None  # returns the scene compiled for one frame
+        self.frames: list[float] = []  # frames prepared
+        self.shutters: list[dict[str, Any]] = []  # shutters of these frames
+        self.shared: bytes | None = None  # part shared by the compiled scenes of all frames
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
-        self.more: list[str] = []  # queues
-        self.blend: dict[str, Any] | None = None  # what Blender wrote
-        self.shown: list[str] = []  # environments
+        self.more: list[str] = []  # further queues
+        self.blend: dict[str, Any] | None = None  # Blender's export
+        self.shown: list[str] = []  # environments shown
         self.current: dict[str, Any] = {}
         self.beats = True
         self._stop = threading.Event()
@@ -153,7 +153,7 @@ class PeerWorker:
         self.stop()
 
     def stop(self) -> None:
-        """Vanish, as a killed worker does: what it had in hand is not answered."""
+        """Stops without a response to work in progress, as a killed worker does."""
         self._stop.set()
         for thread in self._threads:
             thread.join()
@@ -189,7 +189,7 @@ class PeerWorker:
                 time.sleep(0.1)
 
     def answer(self, work: RenderBatch) -> None:
-        """Render a batch and send its sums."""
+        """Renders a batch and sends its sums."""
         sums = expected_sums(work.tile, work.first, work.count, work.settings.seed + 1000 * work.frame)
         self.send(
             {"type": "batch", **self._about(work), "seconds": 0.001 * work.count, "bad": [], "bad_count": 0}, pack_sums(sums)
@@ -255,13 +255,13 @@ class PeerWorker:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _cannot(self, type: str, about: dict[str, Any]) -> bool:
-        """Whether its machine is unfit, which is then said."""
+        """Whether the machine is unfit, which is then reported."""
         if self.unfit is not None:
             self.send({"type": type, **about, "error": self.unfit, "unfit": True})
         return self.unfit is not None
 
     def _denoise(self, work: DenoiseFrame) -> None:
-        """A denoised picture is half the colour plus the albedo and the normal."""
+        """Sends a denoised picture: half the colour plus albedo and normal."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("denoise-failed", about):
             return
@@ -273,13 +273,13 @@ class PeerWorker:
             sha256 = hashlib.sha256(clean).hexdigest()
             self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
             seen = {"version": means.headers["x-film-version"], "samples": int(means.headers["x-samples"])}
-            self.denoised.append(work.job)  # first: who gets the answer may look at once
+            self.denoised.append(work.job)  # first, since the test may check it as soon as it has the response
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
 
     def _show(self, work: ShowEnvironment) -> None:
-        """A picture of an environment is its bytes, backwards; one that is called broken lights nothing."""
+        """Sends the picture of an environment: its bytes reversed; reports a failure if its path contains "broken"."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("environment-failed", about):
             return
@@ -293,7 +293,7 @@ class PeerWorker:
         self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
-        """The vectors of a pixel are its column, its row, the frame (in halves), and minus its column."""
+        """Sends the vectors of each pixel: column, row, frame (in halves), and minus the column."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("vectors-failed", about):
             return
@@ -324,7 +324,7 @@ class PeerWorker:
             self.current = {}
 
     def _view(self, work: ViewParts) -> None:
-        """A view's samples are those of a batch."""
+        """Renders the parts of a view, with the samples of a batch."""
         if self.redis.get(view_key(work.watch)) != str(work.view).encode():
             self.unwanted.append(work)
             return
@@ -368,7 +368,10 @@ class PeerWorker:
         return {**about, "tile": list(work.tile), "worker": self.name}
 
     def _prepare_frames(self, work: PrepareFrames, send: Callable[[dict[str, Any]], None] | None = None) -> None:
-        """The camera goes a unit to the right with every frame. A frame that raises cannot be prepared."""
+        """Prepares frames: the camera moves one unit to the right per frame.
+
+        `on_frame` raises for a frame that cannot be prepared.
+        """
         send = send or self.send
         about = {"work": work.work, "job": work.job, "kind": self.kind, "worker": self.name}
         if self.unfit is not None:

@@ -1,4 +1,4 @@
-"""The service in a process of its own, which may be killed."""
+"""The service in a separate process, which tests may kill."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEASE_S = 1.0
 
 
 class Started:
-    """A service in a process of its own."""
+    """A service in a separate process."""
 
     def __init__(self, data: Path, name: str, **settings: Any) -> None:
         port = free_port("127.0.0.1")
@@ -46,7 +46,7 @@ class Started:
         self.http = httpx.Client(base_url=self.url, timeout=20)
 
     def says(self, path: str = "/readyz") -> str:
-        """What it answers to whoever asks whether it is ready: `ready`, or a sentence."""
+        """Returns the response of a readiness probe: `ready`, or a sentence."""
         try:
             answer = self.http.get(path).json()
         except httpx.HTTPError as error:

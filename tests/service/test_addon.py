@@ -1,4 +1,4 @@
-"""The add-on's archive: what Blender asks of one, and that it is the same from the service and the command."""
+"""The add-on's archive: Blender's requirements, and that the service and the command give the same bytes."""
 
 from __future__ import annotations
 

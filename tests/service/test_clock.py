@@ -1,4 +1,4 @@
-"""Times as people write them."""
+"""Parsing of deadlines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EVENING = datetime(2026, 3, 1, 22, 30, 15)
 
 @pytest.fixture(autouse=True)
 def in_the_middle_of_europe(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Its clocks go forward at 2026-03-29 02:00, and back at 2026-10-25 03:00."""
+    """Sets a Central European time zone: clocks go forward at 2026-03-29 02:00, and back at 2026-10-25 03:00."""
     with monkeypatch.context() as here:
         here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
         time.tzset()
@@ -47,7 +47,7 @@ def test_the_time_that_is_meant(text: str, found: str) -> None:
         ("2026-03-01T22:30", "2026-07-01T08:00", "2026-07-01T08:00+02:00"),
         ("2026-07-01T22:30", "2026-12-24", "2026-12-24T00:00+01:00"),
         ("2026-03-28T22:30", "2026-03-29T08:00+01:00", "2026-03-29T08:00+01:00"),
-        ("2026-03-29T01:50", "02:30", "2026-03-29T03:30+02:00"),  # which no clock says in that night
+        ("2026-03-29T01:50", "02:30", "2026-03-29T03:30+02:00"),  # skipped on that night
         ("2026-03-29T03:20", "02:30", "2026-03-30T02:30+02:00"),
         ("2026-10-25T01:50", "02:30", "2026-10-25T02:30+02:00"),
         ("2026-10-25T02:50", "02:30", "2026-10-25T02:30+01:00"),

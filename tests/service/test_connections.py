@@ -1,4 +1,4 @@
-"""What a client may take before it has said what it wants: neither memory nor connections without end."""
+"""Limits of connections with incomplete requests: memory and number."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from service.connections import Connection
 from tests.service.conftest import until
 
 PIECE = b"a" * (1 << 16)
-begun: list[str] = []  # the paths of what the application was asked
+begun: list[str] = []  # paths of the application's requests
 
 
 async def _echo(scope: Any, receive: Any, send: Any) -> None:
-    """Answers with how long the body was; 0 where it did not come."""
+    """An application that responds with the length of the body; 0 if it did not arrive."""
     assert scope["type"] == "http"
     begun.append(scope["path"])
     size, more = 0, True
@@ -38,7 +38,7 @@ async def _echo(scope: Any, receive: Any, send: Any) -> None:
 
 
 class Server:
-    """Only what is between the socket and the application."""
+    """A server with only the code between the socket and the application."""
 
     def __init__(self) -> None:
         self.port = free_port("127.0.0.1")
@@ -67,7 +67,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 
 def answer(client: socket.socket) -> bytes:
-    """All that comes until the other side closes."""
+    """Returns all bytes until the other side closes."""
     found = b""
     try:
         while piece := client.recv(1 << 16):

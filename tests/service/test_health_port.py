@@ -1,4 +1,4 @@
-"""/healthz at a port of its own: at once, whatever the event loop does, and not once that hangs."""
+"""/healthz on a separate port: responds at once while the event loop is busy, and reports one that hangs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.helpers import wait_until
 
 
 class Served:
-    """A port, and an event loop that can be kept from having a turn."""
+    """A health port, and an event loop that can be blocked."""
 
     def __init__(self) -> None:
         self.is_engine_alive = True

@@ -1,4 +1,4 @@
-"""What a container's health check asks, as it is asked there: by a program that imports next to nothing."""
+"""The container's health check, run as the separate program that it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The life of a service's process, with an owning that is made up."""
+"""The lifecycle of a service process, with a fake ownership."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from service.settings import Settings
 
 
 def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As while its owner stands still in the middle of writing: to end there would leave nobody to take over."""
+    """For example while the owner is suspended during a write: if the service ended, none would be left to take over."""
     answers: list[Any] = [Unavailable("The database does not answer.")] * 2
     owned: list[object] = []
     was_owned = asyncio.Event()

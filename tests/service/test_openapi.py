@@ -1,8 +1,8 @@
-"""The published API: what a client may rely on is listed in openapi.txt, and changes on purpose alone.
+"""The published API is listed in openapi.txt, so that it does not change by accident.
 
     python -m tests.service.test_openapi
 
-writes the list anew: each operation with its parameters, body and answer, and each field of the models with its type.
+rewrites the list: each operation with its parameters, body and response, and each field of the models with its type.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def test_the_published_api_is_the_listed_one() -> None:
 
 
 def surface() -> Iterator[str]:
-    """Lines that describe the OpenAPI document of the application."""
+    """Yields lines that describe the application's OpenAPI document."""
     document = create_app(Settings()).openapi()
     for path, operations in sorted(document["paths"].items()):
         for method, operation in sorted(operations.items()):
@@ -46,13 +46,13 @@ def surface() -> Iterator[str]:
 
 
 def of(media: tuple[str, Json]) -> str:
-    """A media type with its schema."""
+    """Returns a media type with its schema."""
     type, content = media
     return f"{type} {kind(content.get('schema', {}))}".strip()
 
 
 def kind(schema: Json) -> str:
-    """The type of a value, in short."""
+    """Returns a short description of a value's type."""
     if "$ref" in schema:
         return str(schema["$ref"]).rsplit("/", 1)[-1]
     if "anyOf" in schema:

@@ -1,4 +1,4 @@
-"""The page's files: kept for good by browsers under their version's address, compressed, and never of two versions at once."""
+"""The page's files: cached permanently under a versioned address, compressed, and never of two versions at once."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def web(tmp_path: Path) -> Path:
 
 
 class Pages:
-    """Asks the application itself; no server is needed."""
+    """A client that calls the application without a server."""
 
     def __init__(self, web: Path) -> None:
         self.app = Starlette()

@@ -1,6 +1,6 @@
-"""Workers of another release at this service: what release 0.1.0 sent is frozen in tests/data, recorded from that release.
+"""Workers of another release: messages of release 0.1.0, recorded in tests/data.
 
-A job is finished by the kind of worker that began it and by no other; what cannot be read is left aside.
+A job is finished by the kind of worker that began it and by no other; unreadable messages are ignored.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ASKED |= {"spp": 2, "tile_size": 16, "environment": {"color": [0.5, 0.6, 0.7], "
 
 
 class OldWorker(PeerWorker):
-    """Says what release 0.1.0 said, field by field: what this release would say besides is taken away."""
+    """A worker that sends exactly the fields of release 0.1.0, without those of this release."""
 
     def report(self) -> None:
         said = OLD["report"] | {"name": self.name, "kind": self.kind, "slots": self.slots, "started": time.time()}
@@ -81,7 +81,7 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
 
 @pytest.mark.long
 def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
-    """The same picture in a new job; the old one keeps what it has, and can be taken up again instead."""
+    """A new job renders the same picture; the old one keeps its samples, and can be continued instead."""
     old_kind = OLD["report"]["kind"]
     address = str(service.options["redis_url"]), service.url, "the farm's token"
     with OldWorker(*address, name="old", kind=old_kind) as old:
@@ -162,7 +162,7 @@ def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, sto
 
 @pytest.mark.long
 def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service: Service, worker: PeerWorker) -> None:
-    """A lost connection is no fault of the scene: as often as it happens, the job goes on."""
+    """A lost connection is not the scene's fault: the job continues, however often it happens."""
     returns: dict[tuple[Any, ...], int] = {}
 
     def hand_back(batch: RenderBatch) -> bool | None:
@@ -202,7 +202,7 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
 
 @pytest.mark.long
 def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
-    """It may be older or newer, and have most of the slots: then jobs are begun with its kind."""
+    """The worker may be older or newer, and have most of the slots: then jobs are started with its kind."""
 
     def misunderstand(batch: RenderBatch) -> None:
         context: Any = SimpleNamespace(name="old")

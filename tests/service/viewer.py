@@ -1,4 +1,4 @@
-"""One who looks at a scene over the WebSocket, as the page does."""
+"""A client that views a scene over the WebSocket, as the page does."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 class Viewer:
-    """Reads what comes, and puts the picture together as the page does."""
+    """Receives messages, and assembles the picture as the page does."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -32,7 +32,7 @@ class Viewer:
         self.states: list[dict[str, Any]] = []
         self.errors: list[dict[str, Any]] = []
         self.picked: list[dict[str, Any]] = []
-        self.pictures: list[tuple[int, tuple[int, int]]] = []  # whose, and their sizes
+        self.pictures: list[tuple[int, tuple[int, int]]] = []  # view id and size of each picture
         self.seq = 0
         self.words = np.zeros((0, 0), np.uint32)
         self.samples = np.zeros((0, 0), np.uint32)
@@ -45,7 +45,7 @@ class Viewer:
         self.say(id=id, **{**SIZE, **view})
 
     def begin_again(self) -> None:
-        """The service may forget what it has shown."""
+        """Resets the picture, since the service may restart it."""
         self.words = np.zeros((0, 0), np.uint32)
 
     def read(self, seconds: float = 0.05) -> None:
@@ -81,7 +81,7 @@ class Viewer:
             self.say(ack=seq)
 
     def wait(self, id: int, samples: int) -> None:
-        """Until the whole view has so many samples, and is seen so."""
+        """Waits until the full-size picture of view `id` has at least `samples` samples per pixel."""
 
         def has_come() -> bool:
             self.read()
@@ -92,13 +92,13 @@ class Viewer:
 
 
 def body_of(message: bytes) -> np.ndarray:
-    """What comes behind the heads of the tiles."""
+    """Returns the bytes after the tiles' headers."""
     (count,) = struct.unpack_from("<H", message, 2)
     return np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
 
 
 def unpacked(heads: list[tuple[int, int, int, int, int]], body: np.ndarray) -> list[np.ndarray]:
-    """The RGB9E5 words of each tile, as the page has them."""
+    """Returns the RGB9E5 words of each tile."""
     rough = [(w, h) for _, _, w, h, told in heads if not told & EXACT]
     exact = [(w, h) for _, _, w, h, told in heads if told & EXACT]
     pixels, fours = sum(w * h for w, h in rough), sum(-(-w // 2) * -(-h // 2) for w, h in rough)

@@ -1,4 +1,4 @@
-"""Projects where nobody is asked for a login; tests/service/api/test_projects.py has what they are where somebody is."""
+"""Projects without login; tests/service/api/test_projects.py covers them with login."""
 
 from __future__ import annotations
 

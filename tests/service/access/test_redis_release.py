@@ -1,4 +1,4 @@
-"""Which releases of Redis and Valkey have the security fixes that a farm relies on."""
+"""Detection of Redis and Valkey releases with the security fixes that a farm relies on."""
 
 from __future__ import annotations
 

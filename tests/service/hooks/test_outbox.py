@@ -1,4 +1,4 @@
-"""Hooks hear of every end of a job, once it can be told: a real server that answers as it likes, and a real program."""
+"""Hooks receive each end of a job once: a real server with chosen responses, and a real program."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
 
 
 class Receiver:
-    """Keeps what it is sent, and answers with the statuses that it was given, the last one from then on."""
+    """A receiver of webhooks: stores requests and responds with the given statuses, repeating the last one."""
 
     def __init__(self) -> None:
         self.statuses = [204]
@@ -67,7 +67,7 @@ def receiver() -> Iterator[Receiver]:
 
 @pytest.fixture
 def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> Service:
-    """A service that tells the receiver, and does not wait long before it tries again."""
+    """A service that sends to the receiver, with short retry delays."""
     monkeypatch.setattr(outbox, "RETRIES_S", (0.1,) * 7)
     monkeypatch.setattr(outbox, "LOOK_EVERY_S", 0.1)
     service.options |= {"webhooks": [receiver.url], "webhook_secret": SECRET, "public_url": "http://farm.example/"}
@@ -81,7 +81,7 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
     with told.worker():
         job = told.submit(told.ready_scene(), name="the night's")
         told.wait_for(job, "finished")
-        # Written down, not only received: else a service that ends in between tells it again, as it must.
+        # Recorded as delivered, not only received: else a service that stops in between sends it again, as it must.
         until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the hook is told")
         told.restart()
         other = told.submit(told.ready_scene())
@@ -240,7 +240,7 @@ def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A script waits for another program, which nobody would end: eight of them for each job, as it is tried again."""
+    """The hook is a script that waits for another program; with retries, eight of these would remain for each job."""
     monkeypatch.setattr(deliver, "RUN_WITHIN_S", 1.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {tmp_path}/waited-for\nwait\n")
@@ -252,13 +252,13 @@ def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, 
 
 
 def arrived(service: Service) -> list[int]:
-    """The numbers of messages that arrived, by webhook."""
+    """Returns the number of messages delivered to each webhook."""
     return [hook["arrived"] for hook in service.http.get("/api/hooks").json()]
 
 
 @pytest.mark.long
 def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receiver) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:  # connections come to be, and nobody ever reads from them
+    with socket.create_server(("127.0.0.1", 0)) as server:  # connections are accepted by the system, and never read
         hanging = f"http://127.0.0.1:{server.getsockname()[1]}/"
         service.options["webhooks"] = [hanging, receiver.url]
         service.restart()
@@ -277,7 +277,7 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
 def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They ended long before the other was late: it must not be taken for all that there is."""
+    """More jobs ended than one round reads, before another job was late; the late job's time must not hide the rest."""
     monkeypatch.setattr(outbox, "AT_A_TIME", 2)
     jobs = [told.submit(told.upload()) for _ in range(6)]
     now = time.time()

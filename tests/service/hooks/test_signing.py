@@ -1,4 +1,4 @@
-"""Signatures, held against the specification's own example."""
+"""Signatures, checked against the specification's example."""
 
 from __future__ import annotations
 

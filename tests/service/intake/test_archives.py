@@ -1,4 +1,4 @@
-"""Zips whose every kind of damage is a sentence, and whose bombs cost no memory."""
+"""Zip archives: each kind of damage gives an error message, and zip bombs use little memory."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes
 
 
 def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
-    """What comes out; nothing is left of it afterwards."""
+    """Returns the extracted files, and discards their blobs."""
     found: dict[str, bytes] = {}
     for name, writer in expand(io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []):
         found[name] = writer.rewind().read()
@@ -73,7 +73,7 @@ def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobFolde
 
 @grid("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA], ordinary=(zipfile.ZIP_DEFLATED,))
 def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) -> None:
-    """Many zeros in a few kilobytes: its directory says that it is small."""
+    """A zip of many zeros in a few kilobytes, with a directory that states a small size."""
     size = 96 << 20
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", method) as archive, archive.open("scene.obj", "w", force_zip64=True) as file:

@@ -1,4 +1,4 @@
-"""The light is of the request: no other scene for people, one compiled scene for each light, let go when nobody needs it."""
+"""Lighting belongs to the request: no further scene in the lists, one compiled scene per lighting, deleted when unused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def service(both: tuple[Service, PeerWorker]) -> Service:
 
 
 def rendered(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
-    """A finished job, and what it was rendered of beside its scene."""
+    """Returns a finished job, and the derived scene that it was rendered from."""
     id = service.submit(scene, environment=environment)
     service.wait_for(id, "finished")
     row = service.farm.records.job(id)

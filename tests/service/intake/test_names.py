@@ -1,4 +1,4 @@
-"""What a scene or a job may be called."""
+"""Validation of the names of scenes and jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job whose request is strict: a scene's warnings are errors."""
+"""Jobs with a strict request: warnings of the scene are errors."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What strangers upload: taken whole, or refused with a sentence and nothing left behind."""
+"""Untrusted uploads: accepted completely, or refused with an error message and without traces."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def zipped(files: dict[str, bytes], **options: Any) -> bytes:
 
 
 def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
-    """Post, and check that it is refused as a problem and that nothing of it stays."""
+    """Uploads files, and checks that they are refused with a problem and leave no traces."""
     before = stored(service)
     answer = post(service, files, **fields)
     assert answer.status_code == status, answer.text
@@ -122,7 +122,7 @@ def test_an_environment_and_a_chosen_main(service: Service) -> None:
 )
 def test_names_that_could_leave_the_folder(service: Service, name: str, says: str) -> None:
     assert says in refused(service, 422, [("scene.obj", OBJ), (name, OBJ)])
-    if says != "backslash":  # what separates folders in archives of some programs
+    if says != "backslash":  # the folder separator in archives of some programs
         assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
 
 
@@ -169,7 +169,7 @@ def test_too_many_files(service: Service) -> None:
 
 
 def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service: Service) -> None:
-    """Thousands of textures would take all that the service may open: other uploads, films and the database fail then."""
+    """Thousands of textures would use up the service's file descriptors, which films and the database need too."""
     are_open: list[int] = []
 
     class Folder(BlobFolder):
@@ -281,7 +281,7 @@ def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_serve
 def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
     tmp_path: Path, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A service that ends cancels what still waits for a thread."""
+    """A service that stops cancels uploads that wait for a thread."""
     store = BlobFolder(tmp_path / "blobs", tmp_path)
     boundary = "-" * 8
     body = f'--{boundary}\r\nContent-Disposition: form-data; name="files"; filename="a.obj"\r\n\r\n'.encode() + OBJ
@@ -301,14 +301,14 @@ def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
             await receive(kind, chunks(), store, service.farm.garbage, service.farm.settings, lambda stored: None)
 
     monkeypatch.setattr(uploads, "run_in_threadpool", cancelled)
-    with ThreadPoolExecutor(1) as thread:  # where browser tests share the process, its first thread has a loop already
+    with ThreadPoolExecutor(1) as thread:  # with browser tests in the same process, its main thread already has a loop
         thread.submit(asyncio.run, upload()).result()
     assert len(staged) == 1
     assert not staged[0].exists()
 
 
 def test_workers_need_the_token_and_right_hashes(service: Service) -> None:
-    sha256 = "2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824"  # of "hello"
+    sha256 = "2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824"  # SHA-256 of "hello"
     path = f"/api/farm/blobs/{sha256}"
     assert service.http.put(path, content=b"hello").status_code == 401
     assert service.http.get("/api/farm/join").json()["title"] == "Unauthorized"

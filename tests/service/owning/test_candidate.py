@@ -1,4 +1,4 @@
-"""Two services on one database, by a clock of the test's own: who owns the farm, and what the other's writing comes to."""
+"""Two services on one database, with a simulated clock: which of them owns the farm, and that writes of the other are refused."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def clock() -> Time:
 
 @pytest.fixture
 def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[..., Candidate]]:
-    """Makes services that would own the farm, in folder `data` unless told."""
+    """A factory of candidates, by default in the folder `data`."""
     made: list[Candidate] = []
     url = database or f"sqlite:///{tmp_path / 'farm.sqlite'}"
 
@@ -55,13 +55,13 @@ def owned(candidate: Candidate) -> Ownership:
 
 
 def elsewhere(owning: Ownership) -> None:
-    """As if the owner were on another machine, of which nothing but the database tells."""
+    """Makes the owner's row look like that of another machine, whose process cannot be checked."""
     with owning._bare.begin() as session:
         session.execute(text("UPDATE owners SET process = NULL, locked = :no"), {"no": False})
 
 
 def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
-    """Stand by for so long; what came of it."""
+    """Stands by for `seconds`; returns the ownership if it was taken, else None."""
     until = clock.now + seconds
     while clock.now < until:
         if (found := candidate.attempt()) is not None:

@@ -1,4 +1,4 @@
-"""A process is known by more than its number: whether it is gone, or stands still, and how it is ended."""
+"""Identification of processes beyond their PID: whether one has ended or is stopped, and how it is killed."""
 
 from __future__ import annotations
 

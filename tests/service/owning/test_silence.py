@@ -1,4 +1,4 @@
-"""An owner is taken for dead when it was asked, and looked at often enough, and has not answered for long enough."""
+"""An owner counts as dead only after a request, enough checks, and enough time without an answer."""
 
 from __future__ import annotations
 

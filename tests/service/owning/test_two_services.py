@@ -1,5 +1,7 @@
-"""Two services of one farm: the second stands by, takes over when the first is killed or hangs, and what the first still tries
-when it goes on is refused. The film has every sample once, whenever that was."""
+"""Two services of one farm: the second stands by and takes over when the first is killed or hangs.
+
+Later writes of the first are refused. The film has each sample once, whenever the takeover happened.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ SPP = 3000
 
 @pytest.fixture
 def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
-    """The owner, and one that stands by. They are started at once: whichever is first is the owner."""
+    """The owner and a service that stands by. They are started at the same time; the faster one becomes the owner."""
     both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
 
     def are_there() -> bool:
@@ -49,7 +51,7 @@ def told(services: list[Started]) -> str:
 
 @contextmanager
 def watched(service: Started, job: str) -> Iterator[ClientConnection]:
-    """Somebody who watches a job, and has seen something of it."""
+    """Opens a viewer's WebSocket to a job, after its state and some tiles were received."""
     url = f"{service.url.replace('http', 'ws')}/api/jobs/{job}/live"
     with connect(url, max_size=None, open_timeout=30) as watcher:
         kinds = {type(watcher.recv(timeout=30)) for _ in range(3)}
@@ -58,7 +60,7 @@ def watched(service: Started, job: str) -> Iterator[ClientConnection]:
 
 
 def code_of(watcher: ClientConnection) -> int:
-    """Of what closes a connection, after what is still told."""
+    """Returns the close code of a connection, after reading the remaining messages."""
     with pytest.raises(ConnectionClosed) as closed:
         while True:
             watcher.recv(timeout=30)
@@ -66,7 +68,7 @@ def code_of(watcher: ClientConnection) -> int:
 
 
 def begun(service: Started, worker: PeerWorker) -> str:
-    """A job that is under way, slowly enough to last."""
+    """Starts a job that renders slowly; returns its id."""
     worker.on_batch = lambda batch: time.sleep(0.005)
     scene = service.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"]
     job = service.http.post("/api/jobs", json={"scene": scene, "spp": SPP, **PICTURE}).raise_for_status().json()["id"]
@@ -78,8 +80,9 @@ def begun(service: Started, worker: PeerWorker) -> str:
 def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
     pair: tuple[Started, Started], redis_server: running_redis
 ) -> None:
-    """The first stands still, and the second takes over; the first goes on, and does nothing; the second is killed, and the first
-    is the farm again. Meanwhile a job is rendered."""
+    """The first service is suspended, and the second takes over; the first resumes, and stands by; the second is killed, and the
+    first takes over again. A job is rendered meanwhile.
+    """
     first, second = pair
     assert second.says("/healthz") == "stands by"
     assert "rayfarm_owner 0" in second.http.get("/metrics").text
@@ -93,7 +96,7 @@ def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
         until(second.is_ready, "the second is ready", 60, second.says)
         renders_on(second, job)
         first.process.send_signal(signal.SIGCONT)
-        # Where it stood still in the middle of writing into SQLite, it was in the way and had to be ended.
+        # If it was suspended during a write to SQLite, it blocked the database and was killed.
         until(lambda: first.process.poll() is not None or first.stands_by(), "the first stands by", 60, first.says)
         numbers = second.http.get("/metrics", headers={"Authorization": f"Bearer {TOKEN}"}).text
         assert "rayfarm_owner 1.0" in numbers
@@ -119,7 +122,7 @@ def renders_on(service: Started, job: str) -> None:
 def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
     service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In one process, so that the moment is the test's choice: between what the film is asked and what is written into it."""
+    """Both services run in one process, so that the test can choose the moment: between the film's check and its write."""
     standby = Service.__new__(Service)
     standby.options = {**service.options, "lease_s": LEASE_S}
     standby.start()
@@ -138,7 +141,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
         with service.worker() as worker:
             job = service.submit(service.ready_scene(), spp=64)
             assert in_the_middle.wait(60)
-            old._moves = lambda: False  # it is taken for hanging
+            old._moves = lambda: False  # it counts as hanging
             until(lambda: standby.http.get("/readyz").json().get("status") == "ready", "the other takes over", 60)
             standby.wait_for(job, "finished", 60)
             expected = standby.digest(job)

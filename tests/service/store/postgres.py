@@ -1,4 +1,4 @@
-"""A PostgreSQL server of this machine's own, for the length of a process of tests, and databases on it."""
+"""A PostgreSQL server for one test process, and databases on it."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from worker.machine.children import spawn_guard
 __all__ = ["PostgresServer", "find_postgres"]
 
 PATIENCE_S = 60.0
-# Nobody reads it again: neither the disk nor the planner need be waited for.
+# The data is temporary: no durability, and no planner statistics.
 QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovacuum=off", "jit=off")
 
 
 def find_postgres() -> Path | None:
-    """The folder of the server's programs; Debian keeps them off the PATH."""
+    """Returns the folder of the server's programs, which Debian keeps off the PATH; None if there is none."""
     if found := shutil.which("pg_ctl"):
         return Path(found).parent
     return next((path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"), reverse=True)), None)
 
 
 class PostgresServer:
-    """A server that is reached by a socket in a folder of its own, so that no port can be taken already.
+    """A PostgreSQL server on a socket in its own folder, so that no port can conflict.
 
-    PostgreSQL refuses to be root: then it runs as nobody. It ends with this process, however that ends.
+    PostgreSQL refuses to run as root: then it runs as the user nobody. It ends with this process in any case.
     """
 
     def __init__(self, binaries: Path) -> None:
-        self._folder = Path(tempfile.mkdtemp(prefix="postgres-"))  # a short path: the name of a socket has 107 bytes
+        self._folder = Path(tempfile.mkdtemp(prefix="postgres-"))  # a short path: a socket's name is limited to 107 bytes
         user = pwd.getpwnam("nobody") if os.geteuid() == 0 else None
         if user is not None:
             os.chown(self._folder, user.pw_uid, user.pw_gid)
@@ -58,32 +58,32 @@ class PostgresServer:
         connect(self.url("template_of_tests"))[0].dispose()
 
     def url(self, name: str) -> str:
-        """The address of one of its databases."""
+        """Returns the URL of one of its databases."""
         return URL.create("postgresql+psycopg", "farm", database=name, query={"host": str(self._folder)}).render_as_string()
 
     def new(self) -> str:
-        """Make a database with the farm's tables, which are copied and not made anew; its address."""
+        """Creates a database with the farm's tables, copied from a template; returns its URL."""
         self._made += 1
         name = f"farm_{self._made}"
         self._do(f"CREATE DATABASE {name} TEMPLATE template_of_tests")
         return self.url(name)
 
     def new_empty(self, name: str) -> str:
-        """Make a database without tables; its address."""
+        """Creates a database without tables; returns its URL."""
         self._do(f"CREATE DATABASE {name}")
         return self.url(name)
 
     def drop(self, url: str) -> None:
-        """Remove a database, also under those who still hold it open."""
+        """Deletes a database, also with open connections."""
         self._do(f"DROP DATABASE {url.rpartition('/')[2].partition('?')[0]} WITH (FORCE)")
 
     def stop(self) -> None:
-        """Stop it, and remove what it wrote."""
+        """Stops the server, and deletes its files."""
         self._administrator.dispose()
         self._process.kill()
         self._process.wait()
         self._log.close()
-        shutil.rmtree(self._folder, ignore_errors=True)  # its own processes end a moment later
+        shutil.rmtree(self._folder, ignore_errors=True)  # its processes end a moment later
 
     def _do(self, statement: str) -> None:
         with self._administrator.connect() as connection:

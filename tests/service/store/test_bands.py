@@ -1,4 +1,4 @@
-"""A frame read in bands is the frame read as a whole; its digest is the one that the film's mathematics names."""
+"""A frame read in bands equals the frame read as a whole; its digest equals that of renderer.film."""
 
 from __future__ import annotations
 

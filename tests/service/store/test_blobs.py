@@ -1,4 +1,4 @@
-"""The stores of blobs, each against the same expectations: a folder, and an S3 server."""
+"""The blob stores, with the same tests for each: a folder, and an S3 server."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.service.conftest import OBJ, TOKEN, Service, until
 
 @pytest.fixture(scope="module")
 def s3_server() -> Iterator[str]:
-    from moto.server import ThreadedMotoServer  # which takes half a second, that the other processes of tests need not spend
+    from moto.server import ThreadedMotoServer  # imported on demand: the import takes half a second
 
     server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     server.start()
@@ -34,7 +34,7 @@ def s3_server() -> Iterator[str]:
 
 @pytest.fixture
 def s3(s3_server: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The address of an empty bucket, with the environment that leads to it."""
+    """The URL of an empty bucket, with the environment variables to access it."""
     monkeypatch.setenv("AWS_ENDPOINT_URL", s3_server)
     monkeypatch.setenv("AWS_REGION", "us-east-1")
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
@@ -189,7 +189,7 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
 
 
 def test_many_are_put_at_once(tmp_path: Path) -> None:
-    """Each waits for the disk: 4,000 files of an upload took 48 seconds one after the other."""
+    """Commits run in parallel, since each waits for the disk: 4,000 files of an upload took 48 seconds one after the other."""
     staging, together = Staging(tmp_path), threading.Barrier(4)
 
     def put(writer: BlobWriter) -> None:
@@ -204,7 +204,7 @@ def test_many_are_put_at_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no file that is always full")
 def test_a_full_disk_leaves_nothing_of_what_is_forgotten(tmp_path: Path) -> None:
-    """The last bytes of a small file reach the disk when it is closed."""
+    """The last bytes of a small file are written when it is closed, which may fail."""
     writer = BlobFolder(tmp_path / "blobs", tmp_path).writer()
     writer._file.close()
     writer._file = Path("/dev/full").open("wb")  # noqa: SIM115 - the writer closes it

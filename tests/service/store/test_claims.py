@@ -1,4 +1,4 @@
-"""Of sums that were added up on their way, and a piece of them that came alone too, the film takes each sample once."""
+"""A film accepts each sample once, also if joined sums and one of their batches both arrive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.service.store.test_films import make, part, rows_of
 
 
 def right(film: Film, tile: int, samples: int) -> None:
-    """What the film object has, and what anybody reads who opens its file."""
+    """Checks the film's index, and the file as read by another Film object."""
     again = make(film._path)
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, tile), expected_sums(film.tiles[tile], 0, samples, 0))

@@ -1,4 +1,4 @@
-"""What a column of JSON says, read fast."""
+"""Parsing of JSON columns."""
 
 from __future__ import annotations
 

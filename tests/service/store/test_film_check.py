@@ -1,4 +1,4 @@
-"""What a disk did to a film is noticed, and what is left of it is kept."""
+"""Damage to a film's file by the disk is detected, and intact rows are kept."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SPP = 3
 
 
 def filled(folder: Path) -> FilmFolder:
-    """Three rows of one sample of each tile; tile 1 was folded."""
+    """Returns a folder with a film of three one-sample rows per tile; tile 1 is folded."""
     films = FilmFolder(folder, 1 << 20)
     film = films.open("job", SETTINGS, TILE, pin=True)
     for tile in range(len(film.tiles)):
@@ -37,7 +37,7 @@ def filled(folder: Path) -> FilmFolder:
 
 
 def flip(path: Path, tile: int, first: int) -> None:
-    """One bit of the last plane of a row's sums, which can still be unpacked."""
+    """Flips one bit in the last plane of a row's sums, which stay unpackable."""
     database = sqlite3.connect(path)
     (sums,) = database.execute("SELECT sums FROM part WHERE tile = ? AND first = ?", (tile, first)).fetchone()
     turned = bytearray(sums)
@@ -48,7 +48,7 @@ def flip(path: Path, tile: int, first: int) -> None:
 
 
 def holds(film: Film, missing: set[tuple[int, int]]) -> None:
-    """All samples of all tiles but those (tile, sample), each what it was."""
+    """Checks that a film has the original samples of all tiles except those in `missing`, as (tile, sample)."""
     for tile, area in enumerate(film.tiles):
         samples = [s for s in range(FOLD_AT if tile == 1 else SPP) if (tile, s) not in missing]
         assert film.coverage(0, tile).total == len(samples)

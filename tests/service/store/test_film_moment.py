@@ -1,4 +1,4 @@
-"""A moment of a film stays as it was, whatever is merged after it."""
+"""A snapshot of a film does not change with later merges."""
 
 from __future__ import annotations
 

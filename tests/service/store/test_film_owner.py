@@ -1,4 +1,4 @@
-"""A film is written by the service that owns the farm; one that did before, and does not know better, is refused."""
+"""Only the service that owns the farm writes a film; writes of an earlier owner are refused."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
 
 
 def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: Path) -> None:
-    """Also where the new one has read the film already, to show it."""
+    """Also if the new owner has already read the film, to show it."""
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     old.merge([part(old, 0, 0, 2)])
     assert new.samples(0) > 0

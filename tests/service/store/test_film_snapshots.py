@@ -1,4 +1,4 @@
-"""What is kept of films on their way: whole, within bounds, and gone with its job."""
+"""Snapshots of films in progress: complete, within the limits, and deleted with their job."""
 
 from __future__ import annotations
 

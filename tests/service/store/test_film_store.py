@@ -1,4 +1,4 @@
-"""One film a job, whoever holds it for however long."""
+"""One Film object per job, however long it is held."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
 
 
 def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
-    """Others push it out of the store meanwhile. Two films of one job would fold what they remember over what is there."""
+    """Other films evict it from the store meanwhile. With two objects for one job, each would fold from an outdated index."""
     watched = pinned(films)
     watched.merge([part(watched, 0, first, 1) for first in range(FOLD_AT - 1)])
     films.unpin("job")

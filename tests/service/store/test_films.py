@@ -1,4 +1,4 @@
-"""The film takes every sample once, whatever arrives how often, in whatever order and pieces."""
+"""A film stores each sample once, for any repetition, order and partition of the parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which rows of a tile become one, and what that one says."""
+"""Selection of a tile's rows for folding, and the folded row."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from service.store.senders import senders_of
 
 
 def rows(count: int, workers: int = 1, step: int = 4) -> list[Head]:
-    """Of 4 samples each, every `step` samples one."""
+    """Returns heads of rows with 4 samples each, whose first samples are `step` apart."""
     return [Head(0, 3, step * n, 4, 1, json.dumps([f"worker {n % workers}"]), None) for n in range(count)]
 
 

@@ -1,4 +1,4 @@
-"""With no byte free, uploads are refused with a sentence, deleting works, and with room everything goes on."""
+"""On a full disk, uploads are refused with an error message and deletions work; with space again, everything continues."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DISK = 48 << 20
 
 @pytest.fixture(params=["a small disk", "a database without room"])
 def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
-    """A disk of its own; or None, and `full` lets the database find no room."""
+    """A small disk, or None: then `full` makes the database report a full disk."""
     if request.param == "a database without room":
         yield None
         return
@@ -44,7 +44,7 @@ def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path 
 
 
 def fill(path: Path) -> None:
-    """Take every byte that is left."""
+    """Fills the disk completely."""
     with path.open("wb", buffering=0) as file:
         for size in (1 << 20, 4096, 1):
             try:
@@ -56,7 +56,7 @@ def fill(path: Path) -> None:
 
 @contextmanager
 def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A full disk; where it is none of its own, a database that finds no room until the reserve is given back."""
+    """Fills the disk, or without one makes the database report a full disk until the reserve is deleted."""
     if disk is not None:
         fill(disk / "filler")
         yield

@@ -1,4 +1,4 @@
-"""Nothing acknowledged is lost: uploads and deletions of the same files, at the same time."""
+"""No acknowledged upload is lost with simultaneous uploads and deletions of the same files."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def at_once(*actions: Callable[[], None]) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
-    """`shared`: another scene that has one of the files."""
+    """shared: whether another scene has one of the files."""
     codes: list[tuple[str, int]] = []
     for turn in range(ROUNDS):
         texture = ("files", ("wood.png", b"wood %d" % turn))
@@ -126,7 +126,7 @@ def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, B
 
 
 def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
-    """Compiled for one scene while another, compiled to the same bytes, is deleted."""
+    """A blob was compiled for one scene while another scene, compiled to the same bytes, is deleted."""
     collector, blobs = garbage
     sha256 = put(blobs, b"compiled")
     collector.promise(sha256)
@@ -138,7 +138,7 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
 
 
 def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
-    """It will not send again what is there, and says later what for."""
+    """The worker does not send an existing blob again, and reports its reference later."""
     content = b"what stands still"
     url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -167,7 +167,7 @@ def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, Blob
 
 
 def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
-    """A store that does not answer makes no deletion fail that was written down."""
+    """A deletion that was recorded succeeds even if the blob store does not respond."""
     collector, blobs = garbage
     one, two = put(blobs, b"one"), put(blobs, b"two")
 
@@ -183,7 +183,7 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
 
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
-    """It stood still once its rows were gone; meanwhile the same file was uploaded to the service that took over."""
+    """The service was suspended after deleting the rows; meanwhile the same file was uploaded to the service that took over."""
     _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
@@ -200,7 +200,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
 def test_many_blobs_that_go_keep_nobody_else_waiting(
     garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A disk may take seconds for thousands of files. One of them is uploaded again meanwhile, and one is just being deleted."""
+    """A disk may take seconds for thousands of files. One of them is uploaded again meanwhile, and one is being deleted."""
     collector, blobs = garbage
     contents = [b"file %d" % i for i in range(AT_A_TIME + 40)]
     hashes = {put(blobs, content): content for content in contents}
@@ -237,7 +237,10 @@ def test_many_blobs_that_go_keep_nobody_else_waiting(
 
 
 def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service) -> None:
-    """It was killed when the scene was gone and its files were not. What a worker has stored meanwhile waits for its answer."""
+    """The service was killed after the scene was deleted and before its files were.
+
+    Blobs stored by a worker meanwhile stay pinned.
+    """
     service.stop()
     blobs = BlobFolder(service.options["data"] / "blobs", service.options["data"] / "tmp")
     stray, on_its_way = put(blobs, b"stray"), put(blobs, b"on its way")

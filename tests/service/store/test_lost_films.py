@@ -1,4 +1,4 @@
-"""A finished job whose film is not what it was: whoever asks for its picture is told, and what is missing is rendered again."""
+"""Finished jobs with a damaged film: requests for the picture get an error, and missing samples are rendered again."""
 
 from __future__ import annotations
 

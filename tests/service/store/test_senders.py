@@ -1,4 +1,4 @@
-"""Who sent which samples of a film is known, however they were folded, and can be taken back."""
+"""The senders of a film's samples are recorded through folding, and their samples can be removed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tiles' sums that were used latest, within their bounds, and what is added to them later."""
+"""The cache of tile sums: recency, its size limit, and pending additions."""
 
 from __future__ import annotations
 

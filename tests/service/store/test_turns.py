@@ -1,4 +1,4 @@
-"""Who writes next, where one writes at a time."""
+"""The queue of writers."""
 
 from __future__ import annotations
 

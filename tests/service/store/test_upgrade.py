@@ -1,4 +1,4 @@
-"""A data folder of an older release opens; one of a newer release is refused with a sentence."""
+"""A data folder of an older release is migrated; one of a newer release is refused with an error message."""
 
 from __future__ import annotations
 

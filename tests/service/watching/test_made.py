@@ -1,4 +1,4 @@
-"""What was made is read by any number of readers, and leaves nothing behind."""
+"""Picture files are readable by any number of clients, and leave no files behind."""
 
 from __future__ import annotations
 

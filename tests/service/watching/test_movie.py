@@ -1,4 +1,4 @@
-"""Film files as a player reads them: colours, size, speed and how they are tagged."""
+"""Movie files as decoded by a player: colours, size, frame rate and colour tags."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COLORS = [(220, 30, 40), (20, 200, 60), (40, 60, 230), (255, 255, 255), (0, 0, 0
 
 
 def patches(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
-    """Vertical bars of plain colours, with sides that are not even."""
+    """Returns a picture with vertical bars of plain colours; its sides may be odd."""
     picture = np.zeros((height, width, 3), np.uint8)
     for i in range(len(COLORS)):
         picture[:, i * width // len(COLORS) : (i + 1) * width // len(COLORS)] = COLORS[(i + shift) % len(COLORS)]
@@ -27,7 +27,7 @@ def patches(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
 
 
 def shown(path: Path) -> list[np.ndarray]:
-    """The frames as a player shows them. FFmpeg reads no animated WebP."""
+    """Returns the decoded frames. FFmpeg cannot decode animated WebP, so Pillow reads that."""
     if path.suffix == ".webp":
         with Image.open(path) as image:
             return [np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(image)]

@@ -1,4 +1,4 @@
-"""Pictures are made in bands: they are those of the whole frame, and take no more memory than they say."""
+"""Pictures made in bands equal those of the whole frame, and use no more memory than estimated."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
-    """Of as many bands, for what is compared value by value."""
+    """A small film with as many bands, for comparisons value by value."""
     film = rendered(tmp_path_factory.mktemp("film"), WIDTH // 4, HEIGHT // 4, TILE // 4)
     yield film
     film.close()
@@ -70,7 +70,7 @@ def made(film: Film, wish: PictureWish, folder: Path) -> bytes:
 
 
 def same(data: bytes, other: bytes, folder: Path) -> bool:
-    """Whether two files of radiance have the same channels and values: beside them, a file has the time at which it was made."""
+    """Whether two files have the same channels and values; their metadata differs in the creation time."""
     read = []
     for content in (data, other):
         path = folder / f"read{'.exr' if content.startswith(EXR) else '.hdr'}"
@@ -117,7 +117,7 @@ def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> Non
 
 @grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
 def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureWish, tmp_path: Path) -> None:
-    picture(small, 0, wish, tmp_path)  # what is imported and remembered at the first time
+    picture(small, 0, wish, tmp_path)  # warms up imports and caches
     tracemalloc.start()
     try:
         picture(film, 0, wish, tmp_path)

@@ -1,4 +1,4 @@
-"""Few pictures at a time, in so much memory; one for all who ask for the same, and no line without an end."""
+"""The picture pool: limited threads and memory, shared results for equal keys, and bounded queues."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.watching.pool import Pool
 
 
 class Work:
-    """What takes as long as the test wants."""
+    """Work that lasts as long as the test wants."""
 
     def __init__(self) -> None:
         self.begun: list[object] = []
@@ -37,7 +37,7 @@ class Work:
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:
-    """On a thread of its own: where browser tests share the process, its first thread has a loop already."""
+    """Runs a coroutine in a separate thread: with browser tests in the same process, its main thread already has a loop."""
     with ThreadPoolExecutor(1) as thread:
         thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
 

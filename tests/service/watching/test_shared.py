@@ -1,4 +1,4 @@
-"""What many watchers are sent is made once, and never kept for longer than it is true."""
+"""Results for many viewers are made once, and kept only while they are valid."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from worker.protocol.sums import pack_sums
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:
-    """On a thread of its own: where browser tests share the process, its first thread has a loop already."""
+    """Runs a coroutine in a separate thread: with browser tests in the same process, its main thread already has a loop."""
     with ThreadPoolExecutor(1) as thread:
         thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
 
 
 class Packing:
-    """Counts which tiles are packed; one that is held waits."""
+    """Counts which tiles are packed; can block the packing of one."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.tiles: list[int] = []

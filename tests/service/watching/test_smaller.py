@@ -1,4 +1,4 @@
-"""A smaller copy is the mean of squares, however the picture is cut into bands."""
+"""A reduced copy has the means of squares, however the picture is cut into bands."""
 
 from __future__ import annotations
 
