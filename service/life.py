@@ -176,6 +176,8 @@ class Life:
                 if str(error) != said:
                     said = str(error)
                     log.warning(
-                        "stands by, and cannot tell whether it is needed: %s", error, exc_info=not isinstance(error, FarmError)
+                        "stands by; the owner of the farm cannot be determined: %s",
+                        error,
+                        exc_info=not isinstance(error, FarmError),
                     )
             await asyncio.sleep(TRY_EVERY_S)

@@ -135,7 +135,7 @@ class Settings(BaseSettings):
             name, why = str(first["loc"][0]), first["msg"].removeprefix("Value error, ")
         except SettingsError as error:
             name, why = str(error).partition('"')[2].partition('"')[0], 'it is no JSON; a list is written as ["a", "b"]'
-        raise CannotStart(f"RAYFARM_{name.upper()} makes no sense: {why[:1].lower()}{why[1:]}. Set it anew, or unset it.")
+        raise CannotStart(f"RAYFARM_{name.upper()} is invalid: {why[:1].lower()}{why[1:]}. Change or unset it.")
 
     @field_validator("data")
     @classmethod

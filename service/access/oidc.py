@@ -220,7 +220,7 @@ class Oidc:
         answer.raise_for_status()
         told = answer.json()
         if not isinstance(told, dict) or told.get("sub") != subject:
-            raise ValueError("it tells of somebody else")
+            raise ValueError("it belongs to another subject")
         return {name: told[name] for name in (self._name_claim, self._role_claim) if name in told}
 
     def _decoded(self, token: str) -> Any:

@@ -156,9 +156,7 @@ class RedisUsers:
 
     def _say(self, error: Exception) -> None:
         if self.trouble is None:
-            log.warning(
-                "Redis makes no users for workers (%s): all are told the same password, also those that are withdrawn", error
-            )
+            log.warning("Redis has no users for workers (%s): all share one password, withdrawn workers included", error)
         self.trouble = str(error)
 
 

@@ -151,7 +151,7 @@ def faults() -> Iterator[None]:
     try:
         yield
     except PoolTimeoutError as error:
-        raise Unavailable("Too much is asked of the database at once.", advice="Try again in a moment.") from error
+        raise Unavailable("The database is overloaded.", advice="Try again in a moment.") from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error

@@ -77,7 +77,7 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
 
 def another_has_it() -> FilmWaits:
     """Returns the error for a film that another service writes since it took over the farm."""
-    return FilmWaits(f"{FILM} is another service's by now.")
+    return FilmWaits(f"{FILM} now belongs to another service.")
 
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:
@@ -86,5 +86,5 @@ def _told(code: int, message: str) -> FilmWaits | FilmLost:
     if primary in PASSES and code not in DAMAGED and code != MOVED:
         return FilmWaits(f"{FILM} {PASSES[primary]}{why}. The job goes on when this has passed.")
     if primary in STAYS or code == MOVED:
-        return FilmLost(f"{FILM} cannot be written{why}. Mend this, then set the job to running.")
+        return FilmLost(f"{FILM} cannot be written{why}. Repair this, then set the job to running.")
     return damaged(message)

@@ -139,7 +139,7 @@ class Garbage:
                 self._blobs.delete(some, self._guard)  # guarded: another service may have taken over and made a scene of them
             failed = False
         except (FarmError, OSError) as error:  # the database change stands; the next collection tries again
-            log.warning("%d blobs stay for now: %s", len(some), error)
+            log.warning("%d blobs are not deleted yet: %s", len(some), error)
         finally:
             with self._deleted:
                 self._deleting -= some

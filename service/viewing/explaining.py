@@ -146,7 +146,7 @@ def _understood(data: bytes) -> dict[str, Any]:
 
 def no_sense() -> Failed:
     """The error for an answer that is not an explanation."""
-    return Failed("The worker's answer makes no sense here. Run the same release of Rayfarm on all machines.")
+    return Failed("The worker's answer cannot be read. Run the same release of Rayfarm on all machines.")
 
 
 def _why(answer: dict[str, Any]) -> str:

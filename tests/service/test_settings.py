@@ -20,9 +20,9 @@ from tests.grids import grid
 @pytest.mark.parametrize(
     ("name", "value", "why"),
     [
-        ("RAYFARM_PORT", "x", "RAYFARM_PORT makes no sense: input should be a valid integer"),
-        ("RAYFARM_BLOBS", "x", "RAYFARM_BLOBS makes no sense: 'x' is no address of blobs"),
-        ("RAYFARM_WEBHOOKS", "x", "RAYFARM_WEBHOOKS makes no sense: it is no JSON"),
+        ("RAYFARM_PORT", "x", "RAYFARM_PORT is invalid: input should be a valid integer"),
+        ("RAYFARM_BLOBS", "x", "RAYFARM_BLOBS is invalid: 'x' is no address of blobs"),
+        ("RAYFARM_WEBHOOKS", "x", "RAYFARM_WEBHOOKS is invalid: it is no JSON"),
     ],
 )
 def test_what_makes_no_sense_is_named(

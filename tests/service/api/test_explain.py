@@ -94,10 +94,10 @@ def test_what_cannot_be_is_said_in_a_sentence(
         ([{"type": "failed", "error": "pixel 1,2 lies elsewhere"}], 502, "lies elsewhere"),
         ([{"type": "begun"}, {"type": "compiling"}], 503, "makes the kernel for it ready"),
         ([{"type": "returned", "error": "the disk is full"}], 503, "the disk is full"),
-        ([{"type": "done", "explained": None}], 502, "makes no sense"),
-        ([{"type": "done", "explained": {}}], 502, "makes no sense"),
-        ([{"type": "done", "explained": {"paths": [7], "sums": [1, 2, 3], "finite": 1, "samples": 8}}], 502, "makes no sense"),
-        ([{"type": "done", "explained": {"paths": [], "sums": "abc", "finite": 1e999, "samples": 8}}], 502, "makes no sense"),
+        ([{"type": "done", "explained": None}], 502, "cannot be read"),
+        ([{"type": "done", "explained": {}}], 502, "cannot be read"),
+        ([{"type": "done", "explained": {"paths": [7], "sums": [1, 2, 3], "finite": 1, "samples": 8}}], 502, "cannot be read"),
+        ([{"type": "done", "explained": {"paths": [], "sums": "abc", "finite": 1e999, "samples": 8}}], 502, "cannot be read"),
     ):
         worker.on_explain = lambda work, answers=answers: answers
         said(status, words)
