@@ -33,7 +33,7 @@ COPY renderer renderer
 COPY worker worker
 COPY service service
 COPY rayfarm rayfarm
-COPY scenes service/scenes
+COPY scenes service/examples
 COPY blender service/blender
 COPY web service/web
 # Into this folder no container may write: what is not compiled here, each start compiles again.

@@ -21,7 +21,7 @@ CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() e
 
 def shipped(name: str) -> Path:
     """Returns a folder that is shipped with Rayfarm: `web`, `scenes` or `blender`."""
-    return (CLONE or _PACKAGE) / name
+    return CLONE / name if CLONE else _PACKAGE / ("examples" if name == "scenes" else name)
 
 
 def default_data_folder() -> Path:

@@ -65,12 +65,12 @@ def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
         shown = {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*") if path.is_file()}
         assert {f"service/{name}" for name in shown} <= files
     scenes = {path.relative_to(ROOT).as_posix() for path in (ROOT / "scenes").rglob("*.yaml")}
-    assert {f"service/{name}" for name in scenes} <= files
+    assert {name.replace("scenes", "service/examples", 1) for name in scenes} <= files
     addon = {path.relative_to(ROOT).as_posix() for path in (ROOT / "blender").rglob("*") if path.suffix in (".py", ".toml")}
     assert {f"service/{name}" for name in addon} <= files
     assert {"service/web/index.html", "service/docs_page/index.html", "renderer/scene/schema.json"} <= files
     assert any(name.endswith(".npy") for name in files)
-    assert not [name for name in files if name.startswith("service/scenes/") and name.endswith(".py")]
+    assert not [name for name in files if name.startswith("service/examples/") and name.endswith(".py")]
     assert not [name for name in files if "__pycache__" in name or "node_modules" in name or name.startswith("renderer/kernels/")]
     assert wheel.name.endswith("-py3-none-any.whl")
 

@@ -78,7 +78,9 @@ def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> Non
     assert mean(rough, 16, transmission_depth=8, glossy_depth=1, max_depth=64) > 0.9
 
 
-@pytest.mark.parametrize("integrator", ["path", "direct", "whitted", "ao"])
+@pytest.mark.parametrize(
+    "integrator", ["path", "direct", *(pytest.param(name, marks=pytest.mark.long) for name in ("whitted", "ao"))]
+)
 def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: str) -> None:
     """A path that passes 5 layers to the wall leaves its shadow rays 5 of 10 to pass on their way to the light."""
     five = layers(5, alpha_mode="blend")
@@ -107,7 +109,7 @@ def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
         assert found == pytest.approx([found[0]] * 3, rel=0.01)
 
 
-@pytest.mark.parametrize("medium", [{}, {"sigma_a": gray(1e-6)}], ids=["empty", "medium"])
+@pytest.mark.parametrize("medium", [{}, pytest.param({"sigma_a": gray(1e-6)}, marks=pytest.mark.long)], ids=["empty", "medium"])
 def test_boundaries_of_media_are_no_layers(medium: dict[str, object]) -> None:
     boxes = panes(4, Material(kind="interface", **medium))
     assert mean(boxes, 4, transparency_depth=1) == pytest.approx(1.0, abs=1e-3)

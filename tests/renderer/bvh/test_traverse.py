@@ -10,6 +10,7 @@ from tests.renderer.bvh.rays import NO_SPHERES, spheres_by_numpy, trace, triangl
 
 EPSILON = 2.0**-24
 FACING = 2.0**-20  # of a distance, by which front faces are nearer and back faces farther (renderer/bvh/packet.py)
+AT_ORIGIN = 2.0**-22  # the same of the origin's largest coordinate
 
 
 def directions(rng, n):
@@ -79,10 +80,11 @@ def test_t_max_ends_a_ray():
     o, d = rng.uniform(-1.5, 1.5, (2000, 3)), directions(rng, 2000)
     full = trace(bvh, o, d)
     hit = full.primitive >= 0
-    beyond = trace(bvh, o[hit], d[hit], full.t[hit] * (1 + 2 * FACING))
+    margin = 2 * (FACING * full.t[hit] + AT_ORIGIN * np.abs(o[hit]).max(axis=1))
+    beyond = trace(bvh, o[hit], d[hit], full.t[hit] + margin)
     np.testing.assert_array_equal(beyond.t, full.t[hit])
     assert beyond.shadow.all()
-    short = trace(bvh, o[hit], d[hit], full.t[hit] * (1 - 2 * FACING))
+    short = trace(bvh, o[hit], d[hit], full.t[hit] - margin)
     assert not short.shadow.any()
     assert (short.primitive == NO_PRIMITIVE).all()
 
@@ -141,7 +143,7 @@ def test_axis_aligned_rays_hit_a_grid_along_its_edges_and_through_its_vertices(a
         d[axis] = sign
         hits = trace(bvh, (o * scale).reshape(-1, 3), np.broadcast_to(d, (129 * 129, 3)))
         assert hits.shadow.all()
-        np.testing.assert_allclose(hits.t, np.float32(2 * scale), rtol=FACING + 4 * EPSILON)
+        np.testing.assert_allclose(hits.t, np.float32(2 * scale), rtol=FACING + AT_ORIGIN + 4 * EPSILON)
         for zero in (-0.0, 1e-30, -1e-42):  # components that are almost zero
             tilted = np.full(3, zero)
             tilted[axis] = sign
