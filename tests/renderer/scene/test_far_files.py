@@ -85,4 +85,5 @@ def test_the_picture_of_a_file_far_from_the_origin_is_that_of_its_twin(name, tmp
     near, away = pictures
     assert near.mean() > 1e-3
     assert near.std() > 0.05 * near.mean()
-    assert np.sqrt(((away - near) ** 2).mean()) < 0.01 * near.mean()
+    assert np.median(np.abs(away - near)) < 1e-4 * near.mean(), "the same, but for samples at edges"
+    assert np.sqrt(((away - near) ** 2).mean()) < 0.02 * near.mean()

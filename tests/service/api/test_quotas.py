@@ -165,7 +165,6 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
     assert chief.put("/api/quotas/tokens/nothing", json={"jobs": 1}).status_code == 404
     assert chief.put("/api/quotas/users/anna", json={"jobs": -1}).status_code == 422
     assert chief.put("/api/quotas/users/anna", json={"cores": 1}).status_code == 422
-    assert {found["whose"] for found in chief.get("/api/quotas").json()} >= {"user:anna", "user:bea"}
     assert chief.get("/api/quota").json() == []
 
 
