@@ -23,7 +23,7 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
     new.load(make=True)
     assert new.merge([part(new, 0, 0, 2), part(new, 0, 2, 2)]) == [False, True]
     for batch in ((0, 2, 2), (1, 0, 1)):
-        with pytest.raises(FilmWaits, match="another service's by now"):
+        with pytest.raises(FilmWaits, match="belongs to another service"):
             old.merge([part(old, *batch)])
     assert old.merge([part(old, 0, 3, 2)]) == [False], "by now it knows of what the other has merged"
     with pytest.raises(FilmWaits):
