@@ -59,9 +59,10 @@ def create(
         raise _no_scene(request.scene)
     farm.access.projects.check(farm.access.projects.of("scene", request.scene) or "", visit.sight)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
-    job = _row(request, asked, idempotency_key, visit, farm)
+    keys = sorted(map(frame_key, request.numbers()))
+    job = _row(request, keys, asked, idempotency_key, visit, farm)
     try:
-        answer = _stored(job, request, visit, farm)
+        answer = _stored(job, request, keys, visit, farm)
     except IntegrityError:  # a request with the same key was faster
         if (first := earlier(idempotency_key, visit.user, farm)) is None:
             raise
@@ -97,8 +98,8 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
     return describe(made.id, farm)
 
 
-def _row(request: JobIn, asked: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm) -> Job:
-    """The new job's row. asked: the request as stored."""
+def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm) -> Job:
+    """Returns the new job's row. keys: of its frames, in order; asked: the request as stored."""
     rendered = _rendered(request, asked, farm)
     return Job(
         id=uuid.uuid4().hex[:20],
@@ -115,7 +116,7 @@ def _row(request: JobIn, asked: dict[str, Any], idempotency_key: str | None, vis
         spp=request.spp,
         noise=request.noise,
         seconds=request.seconds,
-        shot=_shot(request).to_json() if request.is_shot else None,
+        shot=_shot(request, keys).to_json() if request.is_shot else None,
         idempotency_key=kept_key(idempotency_key, visit.user),
         user=visit.user,
         key=visit.token,
@@ -125,9 +126,8 @@ def _row(request: JobIn, asked: dict[str, Any], idempotency_key: str | None, vis
     )
 
 
-def _stored(job: Job, request: JobIn, visit: Visit, farm: Farm) -> JobOut:
+def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm) -> JobOut:
     """Stores a job with its frames and dependencies, and returns its description."""
-    keys = _keys(request)
     with (
         farm.lighting.held(job.lit or job.scene),
         _begun(job, keys, request.fresh or bool(request.verify), farm) as begun,
@@ -183,18 +183,14 @@ def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Be
         raise
 
 
-def _keys(request: JobIn) -> list[int]:
-    return sorted(map(frame_key, request.numbers()))
-
-
-def _shot(request: JobIn) -> Shot:
+def _shot(request: JobIn, keys: list[int]) -> Shot:
     """Returns the requested shot.
 
     If only a time limit ends it, frames are rendered breadth-first, so that all get a share of the time.
     """
     only_time = request.seconds is not None and request.spp is None and request.noise is None
     order = request.order or ("breadth-first" if only_time else IN_TURN)
-    frames = frames_text(map(frame_number, _keys(request)))
+    frames = frames_text(map(frame_number, keys))
     return Shot(request.fps, request.clip, request.turntable, order, request.every, frames=frames)
 
 

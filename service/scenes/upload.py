@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 
 from anyio.to_thread import run_sync
@@ -71,7 +71,10 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
         raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
     with full_disk():
         form = form_of(*found, farm.blobs)
-    write: Callable[[Upload], Scene] = lambda stored: _recorded(stored, owner, visit, farm)  # noqa: E731
+
+    def write(stored: Upload) -> Scene:
+        return _recorded(stored, owner, visit, farm)
+
     return keep(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
 
 
