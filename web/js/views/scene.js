@@ -201,7 +201,8 @@ function viewOf(scene, form, sides, life) {
     // Browsers throttle history changes; a moving hand makes sixty a second.
     timer ??= setTimeout(() => {
       timer = undefined;
-      if (here().path.join() !== path) return;
+      // An address that changed meanwhile wins; its `hashchange` event may still be queued behind this timer.
+      if (here().path.join() !== path || here().params.get("view") !== written) return;
       const { view } = form.request();
       written = view ? viewToText(view) : null;
       setParams({ view: written });
