@@ -40,7 +40,8 @@ FOR_BENCHMARKS = ("docs", "test")
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
-FIRST_KERNELS = "plain,full"  # of renderer/arrays/has.py: for scenes in which nothing moves and light scatters on surfaces alone
+# Of renderer/arrays/scene_features.py: for scenes in which nothing moves and light scatters on surfaces alone
+FIRST_KERNELS = "plain,full"
 BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
 EMBREE = ROOT / ".venv-embree"
 EMBREEX = "embreex>=4.4,<5"

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import MISSING
 from pathlib import Path
 
-from renderer.declared import Declared
-from renderer.described import values
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in
+from renderer.setting_declaration import Declared
+from renderer.setting_docs import values
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = ROOT / "renderer" / "scene" / "schema.json"

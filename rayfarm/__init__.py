@@ -6,18 +6,18 @@ local/               a whole farm on this machine: Redis, service and worker as 
 watch/               a job watched in the terminal
 doctor/              checks of an installation
 Talking to a farm
-    client.py            the Python client; answers.py has its return types, as dataclasses
+    client.py            the Python client; responses.py has its return types, as dataclasses
     login.py             which farm a command talks to, and its token
     joining.py           shared code of `rayfarm worker` and `rayfarm site`, which join a farm
     shot.py              frames that a farm renders
 Rendering without a farm
-    reading.py           a scene read and compiled in a confined process; read.py is the code of that process
+    reading.py           a scene read and compiled in a confined process; reader_jobs.py is the code of that process
     reading_files.py     single files read in such a process, and its limits
-    preloaded.py         modules and kernels that that process loads in advance
+    preload.py         modules and kernels that that process loads in advance
     stage.py             a scene over time, compiled again only if more than a camera moved
     rendering.py         a scene read, compiled and rendered
     frame.py             one frame to its files
-    sequence.py          frames in sequence; movie.py makes a movie of them, steady.py denoises them
+    sequence.py          frames in sequence; movie.py makes a movie of them, temporal_denoise.py denoises them
     replay.py            one path of one pixel, traced again
 Options and files
     options.py           the options that commands share
@@ -36,15 +36,15 @@ The machine
 
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.answers import ShownInNotebooks
+from rayfarm.responses import ShownInNotebooks
 
 if TYPE_CHECKING:
-    from rayfarm.answers import BadSample, Camera, Frame, Job, Scene, Shot, Worker
     from rayfarm.client import Client, ClientError
-    from rayfarm.library.here import SceneWarning
     from rayfarm.library.image import Image
+    from rayfarm.library.local_render import SceneWarning
+    from rayfarm.library.notebook_widget import show
     from rayfarm.library.render import progressive, render
-    from rayfarm.library.shown import show
+    from rayfarm.responses import BadSample, Camera, Frame, Job, Scene, Shot, Worker
     from renderer.errors import RayfarmError
 
 __all__ = [
@@ -68,19 +68,19 @@ __all__ = [
 # Loaded on demand: a command that only talks to a farm does not need numpy, nor one without a farm HTTP, and
 # Ctrl-C during these imports cannot be handled yet.
 _LATER = {
-    **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.answers"),
+    **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.responses"),
     **dict.fromkeys(("Client", "ClientError"), "rayfarm.client"),
     **dict.fromkeys(("progressive", "render"), "rayfarm.library.render"),
     "Image": "rayfarm.library.image",
     "RayfarmError": "renderer.errors",
-    "SceneWarning": "rayfarm.library.here",
-    "show": "rayfarm.library.shown",
+    "SceneWarning": "rayfarm.library.local_render",
+    "show": "rayfarm.library.notebook_widget",
 }
 
 
 def _widget_of(answer: Any, farm: Any) -> Any:
     """Returns the notebook widget of an answer; None without anywidget."""
-    from rayfarm.library.shown import has_widgets, show
+    from rayfarm.library.notebook_widget import has_widgets, show
 
     return show(answer, farm=farm) if has_widgets() else None
 

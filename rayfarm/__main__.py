@@ -10,9 +10,9 @@ __all__ = ["main"]
 def main() -> None:
     """Loads the commands, and runs the one on the command line."""
     try:
-        from rayfarm import preloaded
+        from rayfarm import preload
 
-        preloaded.begin(sys.argv[1:])
+        preload.begin(sys.argv[1:])
         from rayfarm.cli import main as run
 
         run()

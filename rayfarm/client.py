@@ -6,7 +6,7 @@
         farm.wait(job.id, watch=lambda job: print(f"{job.progress:.0%}"))
         Path("milk-truck.exr").write_bytes(farm.image(job.id, "exr"))
 
-Answers are the dataclasses of rayfarm.answers. Errors are ClientErrors with the service's message.
+Answers are the dataclasses of rayfarm.responses. Errors are ClientErrors with the service's message.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from urllib.parse import quote
 
 import httpx
 
-from rayfarm.answers import Environment, Frame, Job, Scene, Worker, read, read_list
 from rayfarm.named_files import Files, by_name
+from rayfarm.responses import Environment, Frame, Job, Scene, Worker, read, read_list
 from renderer.errors import RayfarmError
 from renderer.frames import frame_text
 from renderer.variables import VariableError, value_of
-from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
+from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
 
 if TYPE_CHECKING:

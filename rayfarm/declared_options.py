@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from rayfarm import options
-from renderer.declared import Declared
-from renderer.described import LARGE, sentences
+from renderer.setting_declaration import Declared
+from renderer.setting_docs import LARGE, sentences
 
 __all__ = ["parameter", "typed"]
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
-    from renderer.steady import Still
+    from renderer.temporal_denoise import Still
 
     F32 = npt.NDArray[np.float32]
     Hold = Callable[[Still, Callable[[F32], None]], None]
@@ -103,7 +103,7 @@ def render_to(
     from renderer.film import mean
     from renderer.image import encode
     from renderer.render import RenderStats
-    from renderer.steady import Still
+    from renderer.temporal_denoise import Still
 
     picture, done = order.picture, RenderStats()
     count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)

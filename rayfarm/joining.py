@@ -12,7 +12,7 @@ from rayfarm.console import PROGRAM, err, out
 from rayfarm.errors import CommandError
 from rayfarm.machine import StopSignals
 from renderer.variables import value_of
-from worker.exchange.foreign import is_address
+from worker.exchange.foreign_server import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
 
@@ -50,7 +50,7 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     """Keeps a process running until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError."""
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
-    from renderer.places import cache_home
+    from renderer.cache_folders import cache_home
 
     signals = StopSignals()
     log = cache_home() / "logs" / f"{name}-{os.getpid()}.log"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rayfarm.client import TOKEN_VARIABLE, Client
 from renderer.variables import value_of
-from worker.exchange.foreign import is_here
+from worker.exchange.foreign_server import is_here
 
 __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 
@@ -16,7 +16,7 @@ __all__ = ["farm_client", "link_of", "owner_token", "public_url", "server_url"]
 def server_url(server: str | None) -> str:
     """The address of the farm: --server, $RAYFARM_SERVER, the farm running on the data folder, or this machine's port 8000."""
     from rayfarm.local.state import running_farm
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
 
     if server or (server := os.environ.get("RAYFARM_SERVER")):
         return server
@@ -31,7 +31,7 @@ def farm_client(server: str | None) -> Client:
     read access to that folder implies ownership.
     """
     from rayfarm.local.state import running_farm
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
 
     url, told = server_url(server), value_of(TOKEN_VARIABLE)
     here = running_farm(default_data_folder())
@@ -54,7 +54,7 @@ def owner_token(data: Path) -> str:
 def public_url(url: str) -> str:
     """The address for other machines, if `url` is that of the farm running here or in this container."""
     from rayfarm.local.state import running_farm
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
     from service.settings import Settings
 
     here = running_farm(default_data_folder())

@@ -11,9 +11,9 @@ import typer
 from rayfarm.errors import CommandError
 from renderer.aovs import MOTION, NAMES
 from renderer.cameras import camera_number
-from renderer.described import sentences
 from renderer.errors import SettingsError
 from renderer.presets import PRESETS
+from renderer.setting_docs import sentences
 from renderer.settings import Tile, Vec3
 from renderer.work import SHOT
 

@@ -13,10 +13,10 @@ import typer
 from rayfarm import options
 from rayfarm.declared_options import parameter, typed
 from rayfarm.errors import CommandError
-from renderer.declared import Declared
 from renderer.errors import SettingsError
 from renderer.presets import PRESETS
 from renderer.scene.animation.shutter import SHUTTER
+from renderer.setting_declaration import Declared
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, WORK
 

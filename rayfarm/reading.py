@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rayfarm.options import Env
-from rayfarm.preloaded import PRELOAD
+from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened
 from renderer.blender.opening import calls_of_reader
@@ -89,7 +89,7 @@ class ReadStage:
         scene, room = self._scene, self._room
         for name in ("temporary", "out"):
             (room / name).mkdir(exist_ok=True)
-        from rayfarm.read import serve
+        from rayfarm.reader_jobs import serve
 
         work = partial(serve, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
@@ -136,7 +136,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
     root: a folder above the scene, whose files it may refer to.
     """
-    from rayfarm.read import describe as work
+    from rayfarm.reader_jobs import describe as work
 
     with opened(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _Scene(folder.resolve(), main, None)
@@ -147,7 +147,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
 def known_differences(scene: Path, other: str) -> list[str]:
     """Why another renderer's picture of a scene differs from Rayfarm's. Raises RayfarmError."""
-    from rayfarm.read import differences
+    from rayfarm.reader_jobs import differences
 
     with temporary_folder("rayfarm-read-") as room:
         job = partial(differences, os.fsencode(scene.parent.resolve()), os.fsencode(scene.name), other)

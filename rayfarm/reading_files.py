@@ -20,14 +20,14 @@ __all__ = ["SECONDS", "bounds_of", "read_picture", "usd_names"]
 SECONDS = "RAYFARM_READ_SECONDS"
 _SECONDS = 600.0
 _LEAST_MEMORY = 1 << 30
-_FILES = ("rayfarm.read",)
+_FILES = ("rayfarm.reader_jobs",)
 
 
 def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
     """The pixels of an image file, as from renderer.image.read.read. Raises RayfarmError."""
     import numpy as np
 
-    from rayfarm.read import picture
+    from rayfarm.reader_jobs import picture
 
     with temporary_folder("rayfarm-read-") as room:
         image, pixels, out = room / "image", room / "out" / "pixels", room / "out"
@@ -44,7 +44,7 @@ def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
 
 def usd_names(layer: Path) -> list[str]:
     """The files that a USD layer refers to; empty if it cannot be read, which reading the scene reports."""
-    from rayfarm.read import usd_names as work
+    from rayfarm.reader_jobs import usd_names as work
 
     with temporary_folder("rayfarm-read-") as room:
         job = partial(work, os.fsencode(layer.resolve()))

@@ -16,8 +16,8 @@ from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_t
 from rayfarm.output_files import check_writable
 from rayfarm.reading import ReadStage
 from rayfarm.rendering import Clock, Show
-from rayfarm.steady import Steadying
 from rayfarm.strict import refuse
+from rayfarm.temporal_denoise import Steadying
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
 from renderer.scene.animation import Moment

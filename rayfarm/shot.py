@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from rayfarm import options
-from rayfarm.answers import Frame, Job
 from rayfarm.client import Client, ClientError
 from rayfarm.console import PROGRAM, Ticker, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
+from rayfarm.responses import Frame, Job
 from renderer.frames import frame_name, frame_text, frames_text, parse_frames
 from service.watching.movie import is_movie
 

@@ -13,7 +13,7 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
     from renderer.scene.description import SceneDescription
-    from renderer.scene.kept import Cuts, Kept
+    from renderer.scene.frame_reuse import Cuts, Kept
     from renderer.scene.load import Shot
 
 __all__ = ["Stage"]
@@ -72,7 +72,7 @@ class Stage:
         self, moment: Moment, say: Say, read_at: Callable[[Moment], SceneDescription]
     ) -> tuple[CompiledScene, dict[str, Any]]:
         from renderer.scene.compile import summarise_again
-        from renderer.scene.same import compiles_alike
+        from renderer.scene.scene_equality import compiles_alike
 
         if self._last is not None and not self._last.read.moves:
             return self._last.compiled, self._last.summary
@@ -101,7 +101,7 @@ class Stage:
 
     def _built(self, read: SceneDescription) -> _Built:
         from renderer.scene.compile import compile_scene, summarise
-        from renderer.scene.kept import Kept
+        from renderer.scene.frame_reuse import Kept
 
         self._kept = self._kept or Kept()
         before, self._last = self._last, None

@@ -24,11 +24,11 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from renderer import __version__, cpu, sources
-from renderer.absent import Compiler
+from renderer.cache_folders import make_private, private_folder
 from renderer.cpu import HAS_AVX512, TARGET
 from renderer.linking import stay_apart
 from renderer.machine_code import MachineCode, noted
-from renderer.places import make_private, private_folder
+from renderer.prune_absent_features import Compiler
 from renderer.target import KernelDispatcher
 
 __all__ = [
@@ -82,7 +82,7 @@ def kind() -> str:
 def cache_folder() -> Path:
     """Where the machine code is kept: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
 
-    Where others may write there, a private folder (renderer/places.py).
+    Where others may write there, a private folder (renderer/cache_folders.py).
 
     Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
     folder of its own for each state of the sources.
@@ -131,7 +131,8 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
     # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
     options: Any = {
         "nogil": True,
-        # IEEE 754 as written: every operation is rounded by itself, but for the products that renderer/fused.py fuses.
+        # IEEE 754 as written: every operation is rounded by itself, but for the products that renderer/fused_multiply_add.py
+        # fuses.
         "fastmath": False,
         "error_model": "numpy",
         "_nrt": heap,

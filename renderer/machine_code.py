@@ -20,8 +20,8 @@ from typing import Any
 
 from numba.core.serialize import dumps
 
+from renderer.cache_folders import distrust, make_private, read_private
 from renderer.linking import rebuilt
-from renderer.places import distrust, make_private, read_private
 from renderer.sources import ROOT
 
 __all__ = ["SUFFIX", "MachineCode", "noted"]

@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 from renderer import jit
-from renderer.beside import Helpers
-from renderer.preparing import prepare
+from renderer.parallel_compile import Helpers
+from renderer.preparation_kernels import prepare
 from renderer.render import EDITIONS, kernel_name, warm_up
 from renderer.shipped_kernels import copy_loaded, take_shipped
 from renderer.threads import cores

@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.edition import edition_of, only
-from renderer.arrays.has import EDITIONS
+from renderer.arrays.kernel_variant import edition_of, only
 from renderer.arrays.scene import example
-from renderer.beside import Helpers
+from renderer.arrays.scene_features import EDITIONS
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
 from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
@@ -23,7 +22,8 @@ from renderer.kernel.camera import camera_frame
 from renderer.kernel.integrators import record
 from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.options import kernel_options
-from renderer.preparing import is_prepared, prepare, prepare_first
+from renderer.parallel_compile import Helpers
+from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
@@ -237,8 +237,8 @@ def warm_up(
     helpers: Helpers | None = None,
     prepares: bool = True,
 ) -> float:
-    """Compiles the kernel for these settings (None: for pictures) and the scenes of this edition (renderer.arrays.edition), or
-    loads it, where the machine or the installation has it: the seconds that took.
+    """Compiles the kernel for these settings (None: for pictures) and the scenes of this edition
+    (renderer.arrays.kernel_variant), or loads it, where the machine or the installation has it: the seconds that took.
 
     prepares: so too those that prepare scenes: with the plain kernel, for which a worker that starts is waited for, only what
     every scene wants, until this machine has the others, which come with every other kernel.

@@ -1,6 +1,7 @@
 """What a picture is asked to be: the view, the size, and everything else a sample's colour depends on.
 
-`RenderSettings` is the one place where all that a sample's colour depends on beside the scene is declared (renderer/declared.py).
+`RenderSettings` is the one place where all that a sample's colour depends on beside the scene is declared
+(renderer/setting_declaration.py).
 Plain numpy-free data, so that the service and the client can build and check it without the kernel.
 """
 
@@ -10,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import KW_ONLY, MISSING, asdict, dataclass
 from typing import Annotated, Any, NamedTuple
 
-from renderer.declared import Choices, Setting, Shown, checked, table
 from renderer.errors import SettingsError
+from renderer.setting_declaration import Choices, Setting, Shown, checked, table
 from renderer.view import MAX_DISTANCE, PROJECTIONS, VIEW, Vec3, View
 
 __all__ = [

@@ -9,7 +9,7 @@ import logging
 import os
 from pathlib import Path
 
-from renderer.places import make_private, read_private
+from renderer.cache_folders import make_private, read_private
 from renderer.sources import ROOT
 
 __all__ = ["FOLDER", "copy_loaded", "take_shipped"]
@@ -37,7 +37,7 @@ def copy_loaded(source: Path, to: Path) -> int:
     """Copies the files that a folder's finished kernels are loaded from, with their lists; returns how many.
 
     Files that are there stay: a name stands for its content. The lists come last, so that a listed file is there. Files that
-    other users may have written are left out (renderer/places.py). Raises OSError.
+    other users may have written are left out (renderer/cache_folders.py). Raises OSError.
     """
     lists = sorted(source.glob(LISTS))
     names = sorted({name for each in lists for name in each.read_text().split()})

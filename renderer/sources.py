@@ -1,5 +1,5 @@
 """A hash of what Python sources mean: comments, docstrings, spaces and line numbers leave no trace in it, nor do the words
-in which a setting is shown (`Shown` in renderer/declared.py).
+in which a setting is shown (`Shown` in renderer/setting_declaration.py).
 
 So machine code and compiled scenes outlive an edit that changes no behaviour, and two hosts agree whatever their Python's version
 makes of the syntax.
@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from renderer.places import make_private
+from renderer.cache_folders import make_private
 
 __all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
 
@@ -25,15 +25,15 @@ MACHINE_CODE = (
     "jit.py",
     "target.py",
     "cpu.py",
-    "absent.py",
-    "fused.py",
+    "prune_absent_features.py",
+    "fused_multiply_add.py",
     "lane_types.py",
     "linking.py",
     "machine_code.py",
     "reference.py",
     "settings.py",
     "view.py",
-    "declared.py",
+    "setting_declaration.py",
     "errors.py",
     "film.py",
     "luminance.py",
@@ -48,7 +48,7 @@ MACHINE_CODE = (
 # What decides besides them which arrays a kernel reads, and what is asked of it.
 ARRAYS = (
     "render.py",
-    "preparing.py",
+    "preparation_kernels.py",
     "work.py",
     "formats.py",
     "frames.py",

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
-from renderer.arrays.edition import only
+from renderer.arrays.kernel_variant import only
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, extent_at_one

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
-from renderer.declared import Choices, Setting, Shown, checked, table
 from renderer.errors import SettingsError
+from renderer.setting_declaration import Choices, Setting, Shown, checked, table
 
 __all__ = ["MAX_DISTANCE", "MAX_SHIFT", "PROJECTIONS", "VIEW", "Vec3", "View"]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from renderer.declared import Choices, Setting, Shown, table
+from renderer.setting_declaration import Choices, Setting, Shown, table
 from renderer.settings import MAX_SPP
 
 __all__ = ["DEFAULT_SIZE", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]

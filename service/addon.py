@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 
 from renderer import __version__
-from service.places import shipped
+from service.locations import shipped
 
 __all__ = ["FILE", "addon_zip"]
 

@@ -22,13 +22,13 @@ from service.errors import CannotStart, Conflict, FarmError
 from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
-from service.keeping.deleting import Deleting
-from service.keeping.retention import Retention, Rules
-from service.keeping.reuse import Reuse
-from service.keeping.scrub import Scrubber
-from service.keeping.taint import TaintMarker
-from service.owning.candidate import own
-from service.owning.ownership import Ownership
+from service.maintenance.deleting import Deleting
+from service.maintenance.retention import Retention, Rules
+from service.maintenance.reuse import Reuse
+from service.maintenance.scrub import Scrubber
+from service.maintenance.taint import TaintMarker
+from service.ownership.candidate import own
+from service.ownership.ownership import Ownership
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.scheduling.snapshot import Board
@@ -45,7 +45,7 @@ from service.viewing.explaining import Explaining
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
-from service.watching.shared import Shared
+from service.watching.shared_results import Shared
 
 __all__ = ["Farm"]
 

@@ -24,15 +24,15 @@ from service.farm import Farm
 from service.health_port import HealthPort
 from service.http import problems
 from service.http.client_address import ClientAddress
+from service.http.compression import Packing
 from service.http.gate import Gate
-from service.http.packing import Packing
 from service.http.security import Door
-from service.http.standing_by import StandingBy
-from service.life import REFUSES_TO_START, Life
+from service.http.standby_requests import StandingBy
 from service.pages import Pages, WebPages
+from service.process_lifecycle import REFUSES_TO_START, Life
 from service.routes import registry
 from service.settings import Settings
-from service.watching.memory import keep_one_heap
+from service.watching.allocator import keep_one_heap
 from worker.telemetry import tracing
 from worker.telemetry.log_lines import as_json, by_json
 

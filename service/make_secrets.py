@@ -14,7 +14,7 @@ from pathlib import Path
 
 from renderer.printable import printable
 from renderer.variables import VariableError, value_of
-from service.store.whole import write_once, write_whole
+from service.store.atomic_files import write_once, write_whole
 
 __all__ = ["SECRETS", "main", "make_secrets"]
 

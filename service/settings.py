@@ -19,8 +19,8 @@ from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, Settings
 from renderer.variables import FILE, VariableError, value_of
 from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
-from service.places import default_data_folder, shipped, sqlite_url
-from service.store.whole import PRIVATE_FOLDER, write_once, write_whole
+from service.locations import default_data_folder, shipped, sqlite_url
+from service.store.atomic_files import PRIVATE_FOLDER, write_once, write_whole
 from worker.exchange.redis_tls import as_told, trusting, with_password
 
 __all__ = ["OWNER_TOKEN", "Settings", "is_address"]

@@ -29,7 +29,7 @@ FIRST = ("test_", "service/", "worker/", "renderer/scene/", "chaos/", "rayfarm/"
 SHARE_A_FARM = (
     "tests/e2e/",
     "tests/rayfarm/test_with_farm.py",
-    "tests/rayfarm/library/test_on_farm.py",
+    "tests/rayfarm/library/test_farm_render.py",
     "tests/chaos/test_kernels",
 )
 

@@ -23,7 +23,7 @@ __all__ = ["get_ready", "ready_first"]
 
 def get_ready(edition: str, **settings: Any) -> None:
     """Compiles or loads the kernel of an edition, without the processes that help: the tests fill all processors."""
-    from renderer.beside import Helpers
+    from renderer.parallel_compile import Helpers
     from renderer.render import warm_up
     from renderer.settings import RenderSettings, View
 
@@ -38,8 +38,8 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
     is_ordinary: whether a kernel that `main` does not compile fails the test.
     """
     from renderer import render
-    from renderer.arrays.has import EDITIONS
-    from renderer.beside import Helpers
+    from renderer.arrays.scene_features import EDITIONS
+    from renderer.parallel_compile import Helpers
     from renderer.render import FULL, PLAIN
 
     prepared = render._prepared

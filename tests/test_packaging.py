@@ -19,7 +19,7 @@ import pytest
 from packaging.requirements import Requirement
 
 import renderer
-from service import places
+from service import locations
 from tests.helpers import ROOT, Farm, farm_of, stop_farm
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -173,11 +173,11 @@ def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
 def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     monkeypatch.setenv("RAYFARM_DATA", str(tmp_path / "named"))
-    assert places.default_data_folder() == tmp_path / "named"
+    assert locations.default_data_folder() == tmp_path / "named"
     monkeypatch.delenv("RAYFARM_DATA")
-    assert places.default_data_folder() == ROOT / "data"
-    monkeypatch.setattr(places, "CLONE", None)
-    assert places.default_data_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
+    assert locations.default_data_folder() == ROOT / "data"
+    monkeypatch.setattr(locations, "CLONE", None)
+    assert locations.default_data_folder().is_relative_to(tmp_path if sys.platform == "linux" else Path.home())
     assert not (tmp_path / "rayfarm").exists(), "asking makes no folder"
 
 

@@ -22,15 +22,15 @@ SHOWN = (
     "service/jobs",
     "service/routes/explain.py",
     "service/routes/login.py",
-    "service/http/one_file.py",
+    "service/http/single_upload.py",
     "service/scenes",
     "service/errors.py",
     "service/intake",
     "service/scheduling",
     "service/store/film_faults.py",
-    "service/store/room.py",
+    "service/store/disk_space.py",
     "service/viewing",
-    "worker/process/keeping.py",
+    "worker/process/apply_terms.py",
 )
 # Who may say what is translated.
 SPEAKERS = (

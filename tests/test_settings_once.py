@@ -13,10 +13,10 @@ from pydantic import ValidationError
 from typer.testing import CliRunner
 
 from rayfarm import picture
-from renderer.declared import Choices, Declared, Setting, Shown, table
-from renderer.described import described
 from renderer.errors import SettingsError
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
+from renderer.setting_declaration import Choices, Declared, Setting, Shown, table
+from renderer.setting_docs import described
 from renderer.settings import OPTIONAL, RenderSettings, View
 from service.models.declared import with_fields
 from service.models.jobs import JobIn

@@ -7,8 +7,8 @@ import re
 
 import pytest
 
-from renderer.described import described
 from renderer.presets import PRESETS
+from renderer.setting_docs import described
 from service.intake.examples import examples
 from tests.helpers import ROOT
 

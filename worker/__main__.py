@@ -40,12 +40,12 @@ from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
 from worker.exchange.redis_tls import with_password
 from worker.joining import Joining
-from worker.machine import alive
-from worker.machine.alive import State
-from worker.machine.pieces import Pieces
+from worker.machine import health_file
+from worker.machine.health_file import State
+from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
+from worker.process.apply_terms import Keeping
 from worker.process.context import WorkerContext, cpu_name
-from worker.process.keeping import Keeping
 from worker.protocol import blends
 from worker.protocol.contract import WorkerReport
 from worker.protocol.site import SITE, SITE_NAME
@@ -80,7 +80,7 @@ def main() -> int:
 
 def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
-    alive.say(State.STARTING)
+    health_file.say(State.STARTING)
     blender = _check(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []

@@ -1,7 +1,7 @@
 """`python3 -IS worker/healthy.py [--ready]`: whether the worker of this container is alive, by its exit code.
 
 It checks neither the service nor Redis: a worker that waits for them is healthy, and a restart would not help. A worker whose
-event loop hangs is unhealthy. --ready: whether it takes work. worker/machine/alive.py writes the file.
+event loop hangs is unhealthy. --ready: whether it takes work. worker/machine/health_file.py writes the file.
 """
 
 import os

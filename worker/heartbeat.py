@@ -21,9 +21,9 @@ import redis
 from celery import bootsteps
 from celery.worker.state import reserved_requests
 
-from worker.exchange.telling import Heard, Telling
-from worker.machine import alive
-from worker.machine.alive import State
+from worker.exchange.heartbeat_message import Heard, Telling
+from worker.machine import health_file
+from worker.machine.health_file import State
 from worker.process import context
 from worker.protocol import vitals
 from worker.protocol.contract import (
@@ -38,7 +38,7 @@ from worker.protocol.contract import (
 from worker.protocol.joint import RENDER_JOINTLY, help_queue
 from worker.protocol.lifeline import lifeline
 from worker.protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
-from worker.work.jointly import ask_for_help
+from worker.work.joint_render import ask_for_help
 
 __all__ = ["Heartbeat", "Reporter"]
 
@@ -93,21 +93,21 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def start(self, consumer: Any) -> None:
         """Starts the heartbeat."""
-        alive.say(State.WORKING)
+        health_file.say(State.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
         """Stops the heartbeat, before a shutdown or a reconnect."""
-        alive.say(State.AWAY)
+        health_file.say(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
         """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
-        alive.say(State.WORKING)
+        health_file.say(State.WORKING)
         heard = self.telling.hear()  # on a slow line, the reply to an earlier beat
         self._tell()
         if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:

@@ -12,7 +12,7 @@ from celery import Celery
 
 from renderer.errors import RayfarmError
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process import context
 from worker.protocol.contract import (
     DENOISE,
@@ -30,12 +30,12 @@ from worker.protocol.explained import EXPLAIN, ExplainPixel
 from worker.protocol.joint import HELP, RENDER_JOINTLY, JointBatch
 from worker.protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from worker.telemetry.log_lines import about
-from worker.telemetry.told import Steps, named, told_about
-from worker.work.asides import DENOISING, ENVIRONMENTS, MOTION_VECTORS
+from worker.telemetry.task_context import Steps, named, told_about
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
+from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
 from worker.work.explain import explain_pixel, say
 from worker.work.frames import prepare_frames
-from worker.work.jointly import help_out, laid_out, left_of
+from worker.work.joint_render import help_out, laid_out, left_of
 from worker.work.prepare import prepare_scene
 from worker.work.render import failure, not_understood
 from worker.work.scenes import discard_damaged

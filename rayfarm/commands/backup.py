@@ -14,7 +14,7 @@ from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import CommandError
 
 if TYPE_CHECKING:
-    from service.keeping.backup import Progress
+    from service.maintenance.backup import Progress
 
 __all__ = ["register"]
 
@@ -44,9 +44,9 @@ def backup(
       rayfarm restore /mnt/nas/rayfarm --data ~/farm && rayfarm up --data ~/farm
     """
     from service.errors import FarmError
-    from service.keeping.backup import MANIFEST, back_up
-    from service.keeping.target import target_at
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
+    from service.maintenance.backup import MANIFEST, back_up
+    from service.maintenance.target import target_at
 
     _only_sqlite()
     folder = data.expanduser().resolve() if data else default_data_folder()
@@ -86,7 +86,7 @@ def restore(
       rayfarm up --data ~/farm
     """
     from service.errors import FarmError
-    from service.keeping.restore import restore as bring_back
+    from service.maintenance.restore import restore as bring_back
 
     folder = data.expanduser().resolve()
     try:

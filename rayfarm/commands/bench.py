@@ -17,7 +17,7 @@ from rayfarm.errors import CommandError
 from rayfarm.options import Env
 from rayfarm.picture import Picture
 from rayfarm.reading import open_stage
-from service.places import shipped
+from service.locations import shipped
 
 if TYPE_CHECKING:
     from renderer.film import Sums

@@ -69,7 +69,7 @@ def _looks(data: Path | None, deep: bool, port: int) -> Iterator[Finding]:
     from rayfarm.doctor.machine import look_at_machine
     from rayfarm.doctor.running import look_at_running
     from service.errors import FarmError
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
     from service.settings import Settings
 
     try:

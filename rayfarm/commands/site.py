@@ -47,7 +47,7 @@ def site(
       rayfarm site attic --join http://studio.example:8000 --token-file ~/farm.token
       rayfarm worker --join http://studio.example:8000 --token-file ~/farm.token --site attic
     """
-    from renderer.places import cache_home
+    from renderer.cache_folders import cache_home
 
     use_log_format(log_format)
     join = farm_address(join)

@@ -10,13 +10,13 @@ from typing import Annotated
 import typer
 
 from rayfarm import options
-from rayfarm.answers import Job, Scene
 from rayfarm.client import Client, ClientError
 from rayfarm.console import PROGRAM, Ticker, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
+from rayfarm.responses import Job, Scene
 from rayfarm.scene_files import belonging, below, is_numbered
 from rayfarm.shot import FarmShot, fetch_shot
 from rayfarm.strict import refuse

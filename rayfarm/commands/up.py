@@ -79,7 +79,7 @@ def up(
     """
     from rayfarm.local.farm import LocalFarm
     from rayfarm.local.state import locked
-    from service.places import default_data_folder
+    from service.locations import default_data_folder
 
     use_log_format(log_format)
     os.umask(0o077)  # files of a farm are private to its user

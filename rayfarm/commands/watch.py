@@ -21,8 +21,8 @@ from rayfarm.output_files import check_writable, write
 from renderer.image.tonemap import CURVES
 
 if TYPE_CHECKING:
-    from rayfarm.answers import Job
     from rayfarm.client import Client
+    from rayfarm.responses import Job
     from rayfarm.watch.live import LiveJob
     from rayfarm.watch.tev import TevFeed
 

@@ -10,10 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from rayfarm import options
-from rayfarm.answers import Worker
 from rayfarm.console import out
 from rayfarm.errors import CommandError
 from rayfarm.login import farm_client
+from rayfarm.responses import Worker
 
 __all__ = ["register"]
 

@@ -20,8 +20,8 @@ from rayfarm.doctor.finding import Finding, fault, fine, note
 from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from service.errors import FarmError
-from service.keeping.scrub import check_film
-from service.scheduling.fleet.put_aside import FILE
+from service.maintenance.scrub import check_film
+from service.scheduling.fleet.dead_letters import FILE
 from service.scheduling.records import Records
 from service.settings import Settings
 from service.store.database import Sessions

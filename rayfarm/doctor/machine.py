@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rayfarm.doctor.finding import Finding, fault, fine, note
-from renderer.places import cache_home, distrust
+from renderer.cache_folders import cache_home, distrust
 
 __all__ = ["look_at_machine"]
 

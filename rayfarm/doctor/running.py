@@ -21,7 +21,7 @@ from renderer import __version__
 from renderer.variables import FILE
 from service.access.redis_release import RedisRelease, release_of
 from service.settings import Settings
-from worker.exchange.foreign import is_here
+from worker.exchange.foreign_server import is_here
 from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["look_at_redis", "look_at_running"]

@@ -7,9 +7,9 @@ from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.library.asked import asked
-from rayfarm.library.given import as_files
+from rayfarm.library.arguments import asked
 from rayfarm.library.image import Image
+from rayfarm.library.scene_input import as_files
 
 if TYPE_CHECKING:
     from rayfarm.client import Client
@@ -52,12 +52,12 @@ def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: d
     with ExitStack() as stack:
         path = stack.enter_context(as_files(scene, base))
         if farm is None:
-            from rayfarm.library.here import passes
+            from rayfarm.library.local_render import passes
 
             yield from passes(path, wanted, at_once)
             return
         from rayfarm.client import ClientError
-        from rayfarm.library.on_farm import images, submitted
+        from rayfarm.library.farm_render import images, submitted
         from rayfarm.login import farm_client
 
         client = stack.enter_context(farm_client(farm)) if isinstance(farm, str) else farm

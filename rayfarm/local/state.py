@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from rayfarm.errors import CommandError
-from service.store.whole import write_whole
+from service.store.atomic_files import write_whole
 
 __all__ = ["ROOT", "FarmAddress", "Secrets", "locked", "running_farm", "secrets_of"]
 

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
-from rayfarm.answers import Frame, Job, read
 from rayfarm.client import Client, ClientError
+from rayfarm.responses import Frame, Job, read
 from renderer.frames import frame_text
 from renderer.image import rgbe9995
 from renderer.settings import Tile

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.cells import cell_len, set_cell_size
 
-from rayfarm.answers import Frame, Job
+from rayfarm.responses import Frame, Job
 from renderer.printable import one_line
 
 __all__ = ["cut", "how_far", "what"]

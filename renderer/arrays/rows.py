@@ -122,4 +122,4 @@ SIGMA_A = 0  # three, per unit length
 SIGMA_S = 3
 PHASE_G = 6
 MEDIUM_COLUMNS = 8
-MOST_MEDIA = 1024  # and one more than there are: a path keeps three in a word (renderer/kernel/medium/nesting.py)
+MOST_MEDIA = 1024  # and one more than there are: a path keeps three in a word (renderer/kernel/medium/medium_stack.py)

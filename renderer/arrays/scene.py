@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.arrays.has import EVERYTHING, Has
 from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM
 from renderer.arrays.rows import (
     ABOVE,
@@ -28,6 +27,7 @@ from renderer.arrays.rows import (
     TEXTURED,
     TRANSFORM_COLUMNS,
 )
+from renderer.arrays.scene_features import EVERYTHING, Has
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -57,7 +57,7 @@ class CompiledScene(NamedTuple):
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
     tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
     triangle: Array  # (T, 4) i32: three vertices, and its part
-    part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (renderer/scene/objects.py; an instance's counts instead), PART_SHINES
+    part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (scene/object_ids.py; counts of an instance), PART_SHINES
     triangle_light: Array  # (T,) i32: its light, or -1; no rows where no part shines
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32

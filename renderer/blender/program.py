@@ -9,7 +9,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from renderer.places import private_folder
+from renderer.cache_folders import private_folder
 
 __all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "look_at"]
 

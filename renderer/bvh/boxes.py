@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.growing import raise_to, swapped
 from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
 from renderer.bvh.simd import extract, load, load_int, splat, store, store_int
+from renderer.bvh.simd_builder import raise_to, swapped
 from renderer.jit import device
 
 __all__ = [

@@ -1,5 +1,5 @@
 """Builds the BVH: boxes of triangles, spheres and instances (boxes.py), a binary tree over them (top.py, split.py), folded into
-8-wide nodes (fold.py).
+8-wide nodes (collapse.py).
 
 Folding opens the largest area first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008).
 """
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.boxes import set_number
-from renderer.bvh.fold import Shapes, fold_all
+from renderer.bvh.collapse import Shapes, fold_all
 from renderer.bvh.instances import Instances, instance_boxes, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.top import part_size, split_all

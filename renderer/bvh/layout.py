@@ -12,7 +12,7 @@ Nodes that no child names, and packets that no leaf does, may lie between the ot
     motion           (R, 18) f64   of instances that move while the shutter is open, their keys (motion.py), which count instead:
     instance_motion  (I, 2) i32    the first of each instance's and how many, 0 of one that stands still; no rows where all do
     keyed            (2,) i32      the first packet of those whose vertices or spheres move meanwhile, and how many keys it has
-    begin            (2,) i32      the nodes at which the camera's rays begin, and shadow rays (without.py); all others do at 0
+    begin            (2,) i32      the nodes at which the camera's rays begin, and shadow rays (ray_masks.py); all others do at 0
 
 `child` and `primitive` are int32, kept bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
 triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
@@ -65,8 +65,8 @@ PAGE = 4096  # bytes: where parts of arrays begin, so that files of them can be 
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
 # The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
-# at most seven children aside. A world's tree may have a tree as its top (parts.py), whose instances are fewer than 2**20: over
-# trees of together 2**25 primitives, 57 + 62 levels at most.
+# at most seven children aside. A world's tree may have a tree as its top (subtrees.py), whose instances are fewer than 2**20:
+# over trees of together 2**25 primitives, 57 + 62 levels at most.
 MAX_LEVELS = 119
 STACK_SIZE = 512
 
@@ -82,4 +82,4 @@ class Bvh(NamedTuple):
     instance_motion: npt.NDArray[Any] = np.zeros((0, 2), np.int32)  # (I or 0, 2) i32
     keyed: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
     begin: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: no ray begins but at 0
-    instances: Any = True  # None: the kernel need not know of any (renderer/arrays/has.py)
+    instances: Any = True  # None: the kernel need not know of any (renderer/arrays/scene_features.py)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.bvh.keys import exceeding
+from renderer.bvh.hit_keys import exceeding
 from renderer.bvh.layout import WIDTH
 from renderer.bvh.simd import (
     flip,

@@ -2,7 +2,7 @@
 
 LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are spelled out
 here as LLVM IR. The operators + - * / work on vectors of one type; comparisons give a mask8, which & and | combine.
-The compiler keeps their order, and fuses a * b + c as renderer/fused.py says; `product` is not fused.
+The compiler keeps their order, and fuses a * b + c as renderer/fused_multiply_add.py says; `product` is not fused.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def fma(typingctx, a, b, c):
 
 @intrinsic
 def product(typingctx, a, b):
-    """a * b, rounded also where it stands in a sum, which fuses a plain product (renderer/fused.py)."""
+    """a * b, rounded also where it stands in a sum, which fuses a plain product (renderer/fused_multiply_add.py)."""
     return a(a, b), lambda context, builder, sig, args: builder.fmul(*args)
 
 

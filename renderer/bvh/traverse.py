@@ -19,9 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.ahead import ask_for
-from renderer.bvh.entering import into
-from renderer.bvh.keys import beyond, key_limit, least, nearest, ranked
+from renderer.bvh.hit_keys import beyond, key_limit, least, nearest, ranked
+from renderer.bvh.instance_space import into
 from renderer.bvh.layout import (
     INSTANCE,
     MAX_LEVELS,
@@ -35,6 +34,7 @@ from renderer.bvh.layout import (
 )
 from renderer.bvh.motion import step_at
 from renderer.bvh.packet import is_beyond, meet_spheres, meet_triangles
+from renderer.bvh.prefetch import ask_for
 from renderer.bvh.simd import (
     address,
     bits,

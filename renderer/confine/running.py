@@ -22,13 +22,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from renderer.cache_folders import cache_home
 from renderer.confine.endings import Bounds, TooLargeError, error_of, how_it_ended, too_slow
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
 from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
-from renderer.places import cache_home
 
 __all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "how_it_ended", "run"]
 

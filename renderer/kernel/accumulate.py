@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 from numba import typeof
 
-from renderer.absent import where_present
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.film import (
@@ -27,17 +26,18 @@ from renderer.film import (
 from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.camera import camera_frame, camera_ray, moving_ray
-from renderer.kernel.fixed import fixed, in_half
+from renderer.kernel.fixed_point import fixed, in_half
 from renderer.kernel.integrators.ao import trace_ao
 from renderer.kernel.integrators.path import trace_path
 from renderer.kernel.integrators.record import COLUMNS
 from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
 from renderer.kernel.integrators.whitted import trace_whitted
-from renderer.kernel.medium.around import nest_of_camera
+from renderer.kernel.medium.camera_media import nest_of_camera
 from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.pool.trace import Part, pool_for, render_with_pool, stages
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
+from renderer.prune_absent_features import where_present
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 

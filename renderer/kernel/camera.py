@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import KEY_COLUMNS
 from renderer.bvh.motion import placed_at, step_at
-from renderer.bvh.rigid import motion_keys
+from renderer.bvh.rigid_motion import motion_keys
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import sincos_turns

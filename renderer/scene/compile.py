@@ -10,10 +10,11 @@ import numpy as np
 
 from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
-from renderer.bvh.parts import Laid
-from renderer.bvh.without import leave_out
+from renderer.bvh.ray_masks import leave_out
+from renderer.bvh.subtrees import Laid
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
-from renderer.scene import over_the_shutter
+from renderer.scene import motion_keys
+from renderer.scene.default_camera import frame
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.emission_maps import maps_of, tabulate_emission
 from renderer.scene.emitters import emitting_triangles, sends_evenly
@@ -24,16 +25,15 @@ from renderer.scene.environment import (
     search_tables,
     tabulate_environment,
 )
-from renderer.scene.framing import frame
+from renderer.scene.frame_reuse import Cuts, Kept
 from renderer.scene.geometry import NOWHERE, Geometry, by_triangle
-from renderer.scene.grown import grow
-from renderer.scene.guides import list_guides
-from renderer.scene.kept import Cuts, Kept
+from renderer.scene.guiding_targets import list_guides
 from renderer.scene.lights import list_lights, with_area
-from renderer.scene.objects import number_objects
+from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, rebased
+from renderer.scene.placed_bodies import Stood, stand
 from renderer.scene.punctual import tabulate_punctual
-from renderer.scene.stood import Stood, stand
+from renderer.scene.scene_bvh import grow
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.settings import View
 from renderer.threads import Team
@@ -87,7 +87,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     emitters = with_area(all_emitters, geometry)
     if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
         description.warnings.append(NO_AREA.format(n=left_out))
-    sphere_keys = over_the_shutter.sphere_keys(description, stood.spheres[stood.still_spheres :])
+    sphere_keys = motion_keys.sphere_keys(description, stood.spheres[stood.still_spheres :])
     even = sends_evenly(packed, geometry)
     of_spheres = sphere, stood.sphere_material
     lights = list_lights(packed.emitted, emitters, double_sided, even, geometry, *of_spheres, punctual, sphere_keys)
@@ -102,7 +102,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     )
     chance = choose_environment(environment, lights.power, stood.bounds)
     say("building the BVH", 0.5)
-    keys = over_the_shutter.instance_keys(description, placement)
+    keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
@@ -110,7 +110,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
-        instance_stretch=over_the_shutter.stretches_of(description, placement),
+        instance_stretch=motion_keys.stretches_of(description, placement),
         instance_material=placement.material,
         instance_object=placement.object,
         position=geometry.position,
@@ -161,8 +161,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_position=geometry.keys[:, 0].reshape(-1, 3),
         key_normal=geometry.keys[:, 1].reshape(-1, 3),
         key_sphere=sphere_keys.reshape(-1, 4),
-        key_punctual=over_the_shutter.punctual_keys(description.lights),
-        key_emission_frame=over_the_shutter.emission_frame_keys(description.lights, maps),
+        key_punctual=motion_keys.punctual_keys(description.lights),
+        key_emission_frame=motion_keys.emission_frame_keys(description.lights, maps),
         key_texture=packed.key_texture,
         origin=origin,
     )

@@ -1,5 +1,5 @@
 """Keeps a compiled scene in one safetensors file, and maps it into memory again without copying. One that moves is kept in
-parts (parts.py).
+parts (compiled_parts.py).
 
 The safetensors format: u64 length of the header, the header (JSON: name -> dtype, shape, offsets), the arrays. The header is
 padded so that the arrays start at a multiple of 64 bytes, and read back as views of the mapping: all processes of a machine
@@ -19,7 +19,7 @@ import numpy as np
 
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested, seal
 from renderer.errors import SceneError
-from renderer.scene.parts import MANIFEST_STARTS, Find, load_parts
+from renderer.scene.compiled_parts import MANIFEST_STARTS, Find, load_parts
 
 __all__ = ["CompiledScene", "load", "save", "seal"]
 
@@ -55,7 +55,7 @@ def save(scene: CompiledScene, path: Path) -> None:
 
 
 def load(path: Path, find: Find | None = None) -> CompiledScene:
-    """The scene that `save` wrote, or renderer.scene.parts.Saver, as read-only views of the files.
+    """The scene that `save` wrote, or renderer.scene.compiled_parts.Saver, as read-only views of the files.
 
     find: where a manifest's parts lie; None for beside it.
 

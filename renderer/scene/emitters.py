@@ -10,7 +10,7 @@ from renderer.kernel.light.mean_emission import mean_texels
 from renderer.luminance import luminance
 from renderer.scene.geometry import NOWHERE, Geometry
 from renderer.scene.lights import Emitters
-from renderer.scene.packing import Packed
+from renderer.scene.material_packing import Packed
 
 __all__ = ["emitting_triangles", "sends_evenly"]
 

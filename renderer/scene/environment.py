@@ -15,7 +15,7 @@ from renderer.luminance import luminance
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import F32, Environment, SceneDescription
 from renderer.scene.lights import cumulative
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 from renderer.scene.sky import Sun, image_of_sky, sun_of_sky
 from renderer.trigonometry import sin_cos
 

@@ -21,7 +21,7 @@ from urllib.parse import unquote, unquote_to_bytes
 from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
-from renderer.scene.text import is_readable, readings
+from renderer.scene.text_encoding import is_readable, readings
 
 __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
 

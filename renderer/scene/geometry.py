@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_corners
-from renderer.scene.crowd import MOST_VERTICES, placed_together
+from renderer.scene.back_to_back_faces import set_apart
 from renderer.scene.description import F32, I32, SceneDescription
 from renderer.scene.instances import Group, Sharing, goes_straight
-from renderer.scene.objects import number_objects
-from renderer.scene.opposed import set_apart
-from renderer.scene.placed import Placed, placed, with_keys
-from renderer.scene.readable import read_only
+from renderer.scene.kernel_arguments import read_only
+from renderer.scene.mesh_batch import MOST_VERTICES, placed_together
+from renderer.scene.object_ids import number_objects
+from renderer.scene.placed_mesh import Placed, placed, with_keys
 from renderer.scene.tangents import needs_tangents
 from renderer.threads import PART, Team, parts_of
 
@@ -54,7 +54,7 @@ class Geometry(NamedTuple):
     """Triangles, as in CompiledScene: the world's that stand still, those of each tree that is kept once, in its own space (first
     of trees that stand still, then of those that move), then the world's that are others at another moment.
 
-    Between these three may be triangles and vertices that are nowhere, so that each begins at a page (renderer/bvh/parts.py).
+    Between these three may be triangles and vertices that are nowhere, so that each begins at a page (renderer/bvh/subtrees.py).
     """
 
     position: F32  # (V, 3)

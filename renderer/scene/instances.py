@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from renderer.bvh.transforms import stretches
 from renderer.scene.description import Instance, Material, SceneDescription
-from renderer.scene.objects import number_objects
+from renderer.scene.object_ids import number_objects
 
 __all__ = ["Group", "Sharing", "Standing", "goes_straight", "is_loose", "share", "share_movers", "share_still"]
 

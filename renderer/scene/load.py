@@ -15,10 +15,10 @@ from renderer.formats import MESH_FORMATS
 from renderer.scene.animation import BETWEEN, SHUTTER, Moment, Shutter
 from renderer.scene.description import F32, Environment, Material, SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.moving import between_files, while_open
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
-from renderer.scene.readers.faces import filled, of_triangles
+from renderer.scene.readers.polygon_meshes import filled, of_triangles
+from renderer.scene.shutter_merge import between_files, while_open
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.settings import chosen

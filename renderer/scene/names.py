@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.text import is_readable, readable, title
+from renderer.scene.text_encoding import is_readable, readable, title
 
 __all__ = ["make_readable"]
 

@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.kernel.mesh.smooth import measure_corners, round_corners, sort_corners
+from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import F32, I32, Mesh
+from renderer.scene.kernel_arguments import read_only
 from renderer.scene.origin import about_centre
-from renderer.scene.readable import read_only
-from renderer.scene.unique import unique_threes
 
 __all__ = ["CREASE_DEGREES", "cofactors", "corner_angles", "face_normals", "smoothed", "smoothed_together"]
 

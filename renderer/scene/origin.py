@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, Instance, Light, SceneDescription, Sphere
-from renderer.scene.kept import Kept
+from renderer.scene.frame_reuse import Kept
 from renderer.settings import RenderSettings, Vec3, View
 
 __all__ = ["about_centre", "exact", "fixed_place", "origin_of", "rebased", "seen_from"]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.ears import Scissors
+from renderer.scene.ear_clipping import Scissors
 
 __all__ = ["Cut", "triangulate"]
 

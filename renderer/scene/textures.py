@@ -13,8 +13,8 @@ from renderer.errors import SceneError
 from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
-from renderer.scene.tiles import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
-from renderer.scene.warned import Warned
+from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
+from renderer.scene.warning_list import Warned
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from renderer.printable import printable
-from service.store.whole import PRIVATE
+from service.store.atomic_files import PRIVATE
 
 __all__ = ["Audit"]
 

@@ -22,9 +22,9 @@ from service.access.projects import EVERYTHING, Kind, Sight, only_looks
 from service.access.roles import OPEN, Caller, Role
 from service.access.visit import Visit
 from service.errors import FarmError, Unavailable
+from service.http.access_requirements import Need, need_of, thing_of
 from service.http.client_address import is_from_proxy
 from service.http.hosts import LOOPBACK_NAMES, is_here, name_of
-from service.http.needs import Need, need_of, thing_of
 from service.http.problems import Problem
 from service.http.security import SAFE_METHODS, refuse
 from service.http.visit import VISIT, address_of, shown_secret

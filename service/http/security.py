@@ -13,7 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.heads import as_get
+from service.http.head_requests import as_get
 from service.http.hosts import Hosts, name_of
 from service.http.problems import Problem, response
 from service.settings import Settings

@@ -19,9 +19,9 @@ from service.intake.projects import NOBODY, Owner, id_in
 from service.intake.read_reference import as_film
 from service.store.blobs import BlobStore
 from service.store.database import Sessions
+from service.store.disk_space import full_disk
 from service.store.garbage import Garbage
 from service.store.models import Reference
-from service.store.room import full_disk
 from service.store.staging import BlobWriter
 
 __all__ = ["SUFFIXES", "keep_reference"]

@@ -23,9 +23,9 @@ from service.intake.names import plain_title, safe_name
 from service.intake.projects import id_in
 from service.settings import Settings
 from service.store.blobs import BlobStore
+from service.store.disk_space import disk_checker, full_disk
 from service.store.garbage import Garbage
 from service.store.models import Scene
-from service.store.room import disk_checker, full_disk
 from service.store.staging import BlobWriter, commit_all
 from worker.protocol.contract import BlobRef
 

@@ -24,14 +24,14 @@ from service.jobs.frame_changes import carried_out
 from service.jobs.idempotency import earlier, kept_key, repeat
 from service.jobs.lookup import find_job
 from service.jobs.queue import needs_of, wait_for
-from service.keeping.reuse import Begun
+from service.maintenance.reuse import Begun
 from service.models.jobs import JobIn, JobOut
 from service.scheduling.jobs.job_changes import set_state
 from service.scheduling.jobs.shot_changes import samples_of
 from service.shot import IN_TURN, Shot
+from service.store.disk_space import need_room
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import FINAL, Job, Scene
-from service.store.room import need_room
 from worker.telemetry import tracing
 
 __all__ = ["Created", "begin_anew", "create"]

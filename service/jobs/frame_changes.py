@@ -8,7 +8,7 @@ from service.errors import FarmError
 from service.events import RowWritten
 from service.farm import Farm
 from service.jobs.describe import describe
-from service.keeping.reuse import Begun
+from service.maintenance.reuse import Begun
 from service.models.jobs import JobOut
 
 __all__ = ["carried_out"]

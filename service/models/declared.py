@@ -8,9 +8,9 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, create_model
 
-from renderer.declared import Declared
-from renderer.described import sentences
 from renderer.errors import SettingsError
+from renderer.setting_declaration import Declared
+from renderer.setting_docs import sentences
 
 __all__ = ["with_fields"]
 

@@ -21,13 +21,13 @@ from service.access.projects import hold_project
 from service.errors import Conflict
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
+from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import id_in, serving
 from service.jobs.lookup import no_environment
+from service.store.disk_space import full_disk
 from service.store.models import ACTIVE, Environment, Job
-from service.store.room import full_disk
 from worker.protocol.contract import BlobRef, ShowEnvironment
 
 __all__ = ["router"]

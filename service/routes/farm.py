@@ -24,8 +24,8 @@ from service.jobs.lookup import find_job
 from service.store.bands import bands
 from service.store.blends import blend_of
 from service.store.blobs import is_sha256, no_blob
+from service.store.disk_space import disk_checker, full_disk
 from service.store.models import Scene
-from service.store.room import disk_checker, full_disk
 from worker.protocol.blends import written_of
 from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 

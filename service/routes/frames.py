@@ -28,14 +28,14 @@ from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named, picture_name
-from service.http.heads import headers_alone, is_head
+from service.http.head_requests import headers_alone, is_head
 from service.http.paths import Number
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.lookup import find_film, find_job, find_picture, no_frame, without_samples
 from service.jobs.motion import motion_of
 from service.models.jobs import FrameOut, FrameState
-from service.scheduling.errands.aside import MadeAside
+from service.scheduling.artifacts.artifact_task import MadeAside
 from service.store import bands
 from service.store.films import Film
 from service.store.models import FINAL, Scene

@@ -8,9 +8,9 @@ from fastapi import APIRouter
 
 from renderer import __version__
 from renderer.aovs import NAMES
-from renderer.described import described
 from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
+from renderer.setting_docs import described
 from service.http.farm import FarmDependency
 
 __all__ = ["router"]

@@ -10,13 +10,13 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
-from renderer.artefact import MAX_BYTES
+from renderer.kernel_file import MAX_BYTES
 from service.access.visit import Visit
 from service.errors import NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.problems import Problem
 from service.http.visit import VisitDependency, shown_secret
-from service.store.room import full_disk
+from service.store.disk_space import full_disk
 
 __all__ = ["router"]
 
@@ -30,7 +30,7 @@ NOT_FROM_THEM = (
 
 @router.get("/{name}", response_class=FileResponse)
 def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request: Request) -> Response:
-    """The kernels of this name; renderer/artefact.py says what a name follows from and how the file is signed."""
+    """The kernels of this name; renderer/kernel_file.py says what a name follows from and how the file is signed."""
     path = farm.kernels.find(name)
     if path is None:
         raise NotFound("The farm has no kernels of this name; compile them, and hand them in.")

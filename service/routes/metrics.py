@@ -11,7 +11,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from sqlalchemy import func, select
 
 from service.farm import Farm
-from service.owning import rows
+from service.ownership import rows
 from service.scheduling.snapshot import Snapshot
 from service.store.models import ACTIVE, Frame, Job, Scene
 

@@ -13,7 +13,7 @@ from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Role, RoleName
 from service.errors import Conflict
 from service.http.farm import FarmDependency
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
 from service.http.visit import VisitDependency
 from service.store.models import User
 

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.projects import Kind, MemberRole, Summary
 from service.http.farm import FarmDependency
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.quotas import MOST, Allowance, Limits
 from service.http.farm import FarmDependency
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]

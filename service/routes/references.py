@@ -19,9 +19,9 @@ from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named
-from service.http.heads import headers_alone, is_head
-from service.http.one_file import UPLOAD_FORM, check_room, only_file, read_one
-from service.http.paged import PageDependency
+from service.http.head_requests import headers_alone, is_head
+from service.http.pagination import PageDependency
+from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import Owner, serving
 from service.intake.references import SUFFIXES, keep_reference

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 
 from service.errors import NotFound
 from service.http.farm import FarmDependency
-from service.keeping.retention import Rules, Run
+from service.maintenance.retention import Rules, Run
 from service.models.strict import Strict
 
 __all__ = ["router"]

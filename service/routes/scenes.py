@@ -9,7 +9,7 @@ from fastapi.responses import StreamingResponse
 
 from service.errors import NotFound
 from service.http.farm import FarmDependency
-from service.http.one_file import check_length, check_room
+from service.http.single_upload import check_length, check_room
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.jobs.lookup import find_scene
 from service.models.scenes import SceneOut

@@ -17,7 +17,7 @@ from service.access.visit import Visit
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
 from service.http.visit import VisitDependency
 from service.models.strict import Strict
 from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of

@@ -20,7 +20,7 @@ from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named, title_of
-from service.http.heads import headers_alone, is_head
+from service.http.head_requests import headers_alone, is_head
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.lookup import find_job, without_samples

@@ -16,7 +16,7 @@ from service.errors import Invalid, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named, picture_name
-from service.http.heads import headers_alone, is_head
+from service.http.head_requests import headers_alone, is_head
 from service.http.visit import VisitDependency
 from service.jobs.lookup import find_job
 from service.store.film_snapshots import FilmSnapshot

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.access.roles import Caller, Role
 from service.errors import Conflict
 from service.http.farm import FarmDependency
-from service.http.paged import PageDependency
+from service.http.pagination import PageDependency
 from service.http.problems import Problem
 from service.http.visit import VisitDependency
 from service.intake.names import plain_title
@@ -110,7 +110,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
 
 
 def _caller(caller: Caller | None) -> Caller:
-    assert caller is not None  # service.http.needs
+    assert caller is not None  # service.http.access_requirements
     return caller
 
 

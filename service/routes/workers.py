@@ -13,7 +13,7 @@ from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out
-from service.scheduling.faults.redis_says import away
+from service.scheduling.faults.redis_errors import away
 from service.scheduling.fleet.workers import BY_A_PERSON
 from service.store.models import WorkerTerms
 

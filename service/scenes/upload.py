@@ -16,8 +16,8 @@ from service.intake.projects import Owner, id_in
 from service.intake.record import record
 from service.intake.uploads import Upload, keep, receive
 from service.jobs.lookup import find_scene, no_scene
+from service.store.disk_space import full_disk
 from service.store.models import Scene
-from service.store.room import full_disk
 from worker.telemetry import tracing
 
 __all__ = ["UploadRequest", "open_example", "upload"]

@@ -5,9 +5,9 @@ Each folder depends on those above it:
     faults/       attribution of errors to jobs, workers or services
     jobs/         active jobs, their frames, and fair sharing between them
     incoming/     results from workers, validated and merged into the film
-    handing_out/  batches sent to the workers: start with scheduler.py
+    dispatching/  batches sent to the workers: start with scheduler.py
     trust/        comparison of batches that two workers have rendered
-    errands/      other work for workers: scenes, frames of shots, denoising, motion vectors
+    artifacts/    other work for workers: scenes, frames of shots, denoising, motion vectors
     forecasts/    expected completion times of jobs
 The engine
     engine.py     the thread and the steps of its loop; start here

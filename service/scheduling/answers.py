@@ -18,13 +18,13 @@ from functools import partial
 from typing import NamedTuple
 
 from service.events import Events, ItemKind, TilesChanged
-from service.scheduling.errands.errands import Errands
-from service.scheduling.errands.preparing import Progress
-from service.scheduling.errands.unfit import Fault
+from service.scheduling.artifacts.artifacts import Errands
+from service.scheduling.artifacts.scene_preparation import Progress
+from service.scheduling.artifacts.unfit_machines import Fault
+from service.scheduling.dispatching.pacing import Pace
+from service.scheduling.dispatching.scheduler import Scheduler, named
 from service.scheduling.faults.bulkhead import Bulkheads, Step, is_of_what_was_said
-from service.scheduling.fleet.put_aside import PutAside
-from service.scheduling.handing_out.pace import Pace
-from service.scheduling.handing_out.scheduler import Scheduler, named
+from service.scheduling.fleet.dead_letters import PutAside
 from service.scheduling.incoming.merging import Arrived, batch_of, merge
 from service.scheduling.incoming.messages import (
     SAME_RELEASE,
@@ -47,10 +47,10 @@ from service.scheduling.incoming.messages import (
 from service.scheduling.incoming.results import Entry, Results
 from service.scheduling.jobs import traces
 from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, Trouble
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
-from service.scheduling.jobs.trouble import FAILURES_ALLOWED, Trouble
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.trust.trust import Trust
 from worker.telemetry.log_lines import ids

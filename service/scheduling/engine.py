@@ -20,19 +20,19 @@ import redis
 from service.errors import FarmError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
+from service.scheduling.artifacts.artifact_task import MadeAside
+from service.scheduling.artifacts.artifacts import Errands
 from service.scheduling.changes import Changes
-from service.scheduling.errands.aside import MadeAside
-from service.scheduling.errands.errands import Errands
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.pacing import Pace
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step
-from service.scheduling.faults.redis_says import causes, trouble_of
+from service.scheduling.faults.redis_errors import causes, trouble_of
 from service.scheduling.faults.repair import is_wrong_type, repair_all
-from service.scheduling.fleet.put_aside import FILE, PutAside
+from service.scheduling.fleet.dead_letters import FILE, PutAside
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.forecasts.deadlines import Deadlines
 from service.scheduling.forecasts.forecast import Forecaster
-from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
-from service.scheduling.handing_out.pace import Pace
-from service.scheduling.handing_out.scheduler import Scheduler
 from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.film_snapshots import SnapshotKeeper

@@ -17,16 +17,16 @@ from renderer.frames import frame_number, frame_text
 from service.errors import FarmError
 from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
 from service.intake.resolve import frame_settings, refuse_warnings
+from service.scheduling.artifacts.artifacts import Errands
 from service.scheduling.changes import Changes
-from service.scheduling.errands.errands import Errands
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step, Verdict
 from service.scheduling.fleet.needs import Needs
-from service.scheduling.handing_out.scheduler import Scheduler
 from service.scheduling.incoming.messages import FrameFailed, FramePrepared
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.job_log import JobLogs
-from service.scheduling.jobs.measured import measured
+from service.scheduling.jobs.measurements import measured
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
 from service.scheduling.loading import Loading

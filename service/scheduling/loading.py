@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from renderer.settings import RenderSettings
-from service.scheduling.handing_out.scheduler import Scheduler
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.job_log import JobLogs

@@ -273,7 +273,7 @@ class Records:
 
     def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
-        measured: what it says of its scene (service/scheduling/jobs/measured.py).
+        measured: what it says of its scene (service/scheduling/jobs/measurements.py).
         False where it was over already, or something else was asked for in the meantime."""
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from service.events import Events, ItemChanged, ItemKind
-from service.scheduling.errands.preparing import Progress
+from service.scheduling.artifacts.scene_preparation import Progress
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.jobs.active_job import ActiveJob

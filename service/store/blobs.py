@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from service.errors import NotFound
+from service.store.atomic_files import PRIVATE_FOLDER, move_whole
 from service.store.staging import BlobWriter, Staging
-from service.store.whole import PRIVATE_FOLDER, move_whole
 
 __all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256", "no_blob"]
 

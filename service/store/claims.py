@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from service.store.contributions import Part
 from service.store.coverage import Coverage
 from service.store.film_file import Head
 from service.store.film_version import spans
-from service.store.parts import Part
 
 __all__ = ["Claims"]
 

@@ -18,10 +18,10 @@ from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session, sessionmaker
 
 from service.errors import Invalid, Unavailable
-from service.store.room import no_room
-from service.store.turns import Turns
+from service.store.atomic_files import PRIVATE
+from service.store.disk_space import no_room
 from service.store.upgrade import upgrade
-from service.store.whole import PRIVATE
+from service.store.writer_queue import Turns
 
 __all__ = ["Fence", "Sessions", "close_database", "connect", "faults", "open_database"]
 

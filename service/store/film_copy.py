@@ -14,11 +14,11 @@ from typing import Any, Self
 
 from renderer.settings import tiles_of
 from service.errors import FilmLost, FilmWaits
+from service.store.atomic_files import move_whole
 from service.store.film_check import opened
 from service.store.film_faults import FILM, damaged
 from service.store.film_file import ROWS, FilmFile
 from service.store.film_version import FilmShape, is_whole, spans
-from service.store.whole import move_whole
 
 __all__ = ["COPYING", "FilmCopy"]
 

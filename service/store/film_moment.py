@@ -14,10 +14,10 @@ from urllib.parse import quote
 
 from renderer.film import Sums
 from renderer.settings import Tile
-from service.store.added import added_up
 from service.store.coverage import Coverage
 from service.store.film_faults import damaged, film_faults
 from service.store.film_version import spans
+from service.store.tile_sums import added_up
 
 __all__ = ["FilmMoment", "Readable"]
 

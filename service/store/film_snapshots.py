@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from service.store.whole import PRIVATE, PRIVATE_FOLDER, move_whole
+from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, move_whole
 
 __all__ = ["FilmSnapshot", "FilmSnapshots"]
 

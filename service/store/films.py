@@ -18,18 +18,18 @@ from pathlib import Path
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
-from service.store.added import added_up
 from service.store.claims import Claims
 from service.store.contents import Contents
+from service.store.contributions import Part, joined_parts
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, film_faults, incomplete
 from service.store.film_file import FilmFile, Head, head_spans
 from service.store.film_moment import FilmMoment
 from service.store.film_version import FilmShape, Row, spans
-from service.store.folding import folded, to_fold
-from service.store.parts import Part, joined_parts
+from service.store.row_folding import folded, to_fold
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
+from service.store.tile_sums import added_up
 from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]

@@ -8,9 +8,9 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-from renderer.artefact import is_name, is_signed, signed_anew
+from renderer.kernel_file import is_name, is_signed, signed_anew
 from service.errors import Invalid, NotFound
-from service.store.whole import PRIVATE_FOLDER, write_whole
+from service.store.atomic_files import PRIVATE_FOLDER, write_whole
 
 __all__ = ["KernelStore"]
 
@@ -18,7 +18,7 @@ KEPT = 24  # artefacts: a few kernels for each of a few kinds of workers; older 
 
 
 class KernelStore:
-    """Stored artefacts (renderer.artefact) by name. token: the key that they are signed with."""
+    """Stored artefacts (renderer.kernel_file) by name. token: the key that they are signed with."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
@@ -43,7 +43,7 @@ class KernelStore:
     def put(self, name: str, data: bytes) -> None:
         """Stores an artefact atomically, and deletes the oldest beyond KEPT. Raises Invalid for an invalid name or signature."""
         if not is_name(name):
-            raise Invalid("This is no name of kernels: see renderer/artefact.py.")
+            raise Invalid("This is no name of kernels: see renderer/kernel_file.py.")
         if not is_signed(io.BytesIO(data), self._token):
             raise Invalid("The kernels are not signed with this farm's token, or arrived damaged. Send them again.")
         write_whole(self._folder / name, data)

@@ -77,7 +77,9 @@ class Scene(Base):
     strict: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # whether warnings make it fail
     info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first worker kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
-    measured: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # by its latest job: scheduling/measured.py
+    measured: Mapped[dict[str, Any] | None] = mapped_column(
+        JSON(none_as_null=True)
+    )  # by its latest job: scheduling/jobs/measurements.py
 
     @property
     def blobs(self) -> set[str]:
@@ -135,7 +137,7 @@ class Job(Base):
         JSON(none_as_null=True), deferred=True
     )  # see service/scheduling/jobs/history.py
     idempotency_key: Mapped[str | None] = mapped_column(String(255), unique=True)
-    checked: Mapped[float | None] = mapped_column(Float)  # time of the last full check of its film: service/keeping/scrub.py
+    checked: Mapped[float | None] = mapped_column(Float)  # time of the last full check of its film: service/maintenance/scrub.py
     pinned: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # exempt from deletion by age
     user: Mapped[str | None] = mapped_column(String(64))  # who created it; None: a farm without authentication
     max_slots: Mapped[int | None] = mapped_column(Integer)  # limit of slots that work on it at a time
@@ -145,10 +147,14 @@ class Job(Base):
     picture: Mapped[str | None] = mapped_column(
         String(64)
     )  # cache key, equal for jobs whose samples are interchangeable: intake/picture.py
-    taken: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # samples reused at its start: keeping/reuse.py
+    taken: Mapped[dict[str, Any] | None] = mapped_column(
+        JSON(none_as_null=True)
+    )  # samples reused at its start: maintenance/reuse.py
     project: Mapped[str] = mapped_column(String(64), default="", server_default="")  # the project of its scene
     key: Mapped[str | None] = mapped_column(String(20))  # id of the token that created it
-    doubted: Mapped[list[str] | None] = mapped_column(JSON(none_as_null=True))  # workers with untrusted samples: keeping/taint.py
+    doubted: Mapped[list[str] | None] = mapped_column(
+        JSON(none_as_null=True)
+    )  # workers with untrusted samples: maintenance/taint.py
     note: Mapped[str | None] = mapped_column(Text)  # free text by a user
 
     @property
@@ -362,7 +368,7 @@ class Delivery(Base):
 
 
 class Owner(Base):
-    """The service that owns the farm, if several were started for it: see service/owning/."""
+    """The service that owns the farm, if several were started for it: see service/ownership/."""
 
     __tablename__ = "owners"
 
@@ -372,7 +378,7 @@ class Owner(Base):
     place: Mapped[str] = mapped_column(String(300))  # machine and port, for display
     url: Mapped[str] = mapped_column(String(300))  # URL for other services
     folder: Mapped[str] = mapped_column(String(64))  # id of the data folder with its films
-    process: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/owning/process.py
+    process: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/ownership/process.py
     locked: Mapped[bool] = mapped_column(Boolean)  # holds the folder's lock, which is free once the process is dead
     since: Mapped[float] = mapped_column(Float)
     takeovers: Mapped[int] = mapped_column(Integer)  # takeovers from owners that had not released ownership

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from service.errors import NoRoom
-from service.store.whole import PRIVATE
+from service.store.atomic_files import PRIVATE
 
 __all__ = ["Reserve"]
 

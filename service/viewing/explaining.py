@@ -12,9 +12,9 @@ from typing import Any
 import redis
 
 from service.errors import Failed, TooLate, Unavailable
-from service.scheduling.errands.unfit import Fault, Unfit
-from service.scheduling.faults.redis_says import away
-from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.faults.redis_errors import away
 from service.scheduling.snapshot import Board
 from service.settings import Settings
 from worker.protocol.explained import ExplainPixel, explained_key

@@ -20,9 +20,9 @@ import redis
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from service.events import Events
-from service.scheduling.errands.unfit import Fault, Unfit
-from service.scheduling.faults.redis_says import trouble_of
-from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
+from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.faults.redis_errors import trouble_of
 from service.scheduling.snapshot import Board
 from service.settings import Settings
 from service.viewing.frame_cache import FrameCache

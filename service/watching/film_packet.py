@@ -20,7 +20,7 @@ from renderer.film import CHANNELS
 from renderer.image import rgbe9995
 from service.store.bands import bands
 from service.store.film_moment import Readable
-from service.watching.made import Made
+from service.watching.picture_response import Made
 from service.watching.tile_packet import VERSION
 
 __all__ = ["GZIP", "HEADER", "KIND_FILM", "film_packet", "memory", "packed_picture", "unpacked"]

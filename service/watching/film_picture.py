@@ -14,7 +14,7 @@ from renderer.image import rgbe9995
 from renderer.image.encode import encode
 from service.errors import Failed
 from service.watching.film_packet import GZIP, HEADER
-from service.watching.made import Made
+from service.watching.picture_response import Made
 
 __all__ = ["light", "memory", "picture"]
 

@@ -21,8 +21,8 @@ from renderer.image.encode import RGB, encode_shown, write_bands
 from service.errors import Invalid
 from service.store.bands import bands
 from service.store.films import Film
-from service.watching.made import Made
-from service.watching.smaller import side_of, smaller
+from service.watching.downscale import side_of, smaller
+from service.watching.picture_response import Made
 
 __all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
 

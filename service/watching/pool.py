@@ -18,7 +18,7 @@ import anyio
 import anyio.to_thread
 
 from service.errors import Unavailable
-from service.watching.memory import give_back
+from service.watching.allocator import give_back
 
 __all__ = ["Pool"]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from renderer.errors import SettingsError
 from service.errors import Conflict
 from service.store.films import Film
-from service.watching.made import Made
 from service.watching.movie import write_movie
+from service.watching.picture_response import Made
 from service.watching.pictures import PictureWish, memory, shown
 
 __all__ = ["ZipStream", "movie", "movie_memory"]

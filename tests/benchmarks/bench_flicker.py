@@ -1,4 +1,5 @@
-"""How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours (renderer/steady.py).
+"""How much denoised shots flicker: each frame denoised by itself, and made steady by its neighbours
+(renderer/temporal_denoise.py).
 
     python3 farm.py bench flicker [--size 192x108] [--shot "camera over texture"]
 
@@ -24,9 +25,9 @@ from renderer.render import render_frame
 from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
-from renderer.scene.moving import while_open
+from renderer.scene.shutter_merge import while_open
 from renderer.settings import RenderSettings, View
-from renderer.steady import REACH, Still, steadied
+from renderer.temporal_denoise import REACH, Still, steadied
 from renderer.vectors import motion_vectors
 from tests.renderer.builders import gray, square
 

@@ -21,8 +21,8 @@ import numpy as np
 from rayfarm.stage import Stage
 from renderer.scene.animation import Moment
 from renderer.scene.compiled import load
+from renderer.scene.compiled_parts import Saver, parts_of
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver, parts_of
 from tests.renderer.scene.builders import Gltf, clip
 
 SET = 5_000_000

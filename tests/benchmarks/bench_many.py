@@ -22,7 +22,7 @@ from renderer.errors import SceneError
 from renderer.formats import pick_main
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
-from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, other, pbrt, ply, stl, threemf, usd, yaml  # noqa: F401 - before the fork
+from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, threemf, trimesh_files, usd, yaml  # noqa: F401 - before the fork
 from tests.benchmarks.bench_mutations import placed
 from tests.benchmarks.many.gltf import GLTF
 from tests.benchmarks.many.text import TEXT

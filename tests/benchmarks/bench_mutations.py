@@ -37,7 +37,7 @@ from renderer.formats import pick_main
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import Shot
-from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, other, pbrt, ply, stl, threemf, usd, yaml  # noqa: F401 - before the fork
+from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, threemf, trimesh_files, usd, yaml  # noqa: F401 - before the fork
 from service.errors import FarmError
 from service.intake.archives import expand
 from service.store.blobs import BlobFolder

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays.scene import flat
-from renderer.preparing import prepare
+from renderer.preparation_kernels import prepare
 from renderer.render import warm_up
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import read

@@ -30,8 +30,8 @@ from renderer.film import digest
 from renderer.render import edition_for, render_batch, warm_up
 from renderer.scene.animation import Moment
 from renderer.scene.compiled import CompiledScene, load
+from renderer.scene.compiled_parts import Saver
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
 from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.bench_frames import SHOTS, still_set
 from tests.helpers import ROOT, Farm, start_farm, stop_farm

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tests.helpers import running_redis
 from tests.service.conftest import until
-from tests.service.owning.test_two_services import Started, told
+from tests.service.ownership.test_two_services import Started, told
 from tests.service.store.postgres import PostgresServer, find_postgres
 
 SIGNALS = {"kill": signal.SIGKILL, "stop": signal.SIGSTOP}

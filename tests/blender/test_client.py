@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from blender.rayfarm_addon.farm.asked import Asked, Failed, Light
 from blender.rayfarm_addon.farm.client import Client, FarmError
+from blender.rayfarm_addon.farm.render_request import Asked, Failed, Light
 from blender.rayfarm_addon.farm.rendering import Rendering
 from blender.rayfarm_addon.farm.uploads import Uploads
 from blender.rayfarm_addon.farm.websocket import Socket

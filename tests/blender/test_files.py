@@ -16,8 +16,8 @@ from blender.rayfarm_addon.scene.view import Lens, shot_of
 from blender.rayfarm_addon.scene.world import read_world
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.load import Shot, read
-from renderer.scene.moving import while_open
-from renderer.scene.objects import number_objects
+from renderer.scene.object_ids import number_objects
+from renderer.scene.shutter_merge import while_open
 from tests.blender.fake_nodes import Node as Sky
 from tests.blender.fake_nodes import linked
 

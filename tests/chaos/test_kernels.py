@@ -22,7 +22,7 @@ def test_a_machine_that_joins_compiles_nothing_and_leaves_by_ctrl_c(farm: Farm, 
     kernels = farm.data / "kernels"
     wait_until(lambda: any(kernels.glob(f"*-{PLAIN}")), 60, "the farm's own worker has handed in its kernels")
     log = tmp_path / "worker.log"
-    # Told how much memory it may use, it compiles nothing that nobody has asked for (worker/exchange/ahead.py).
+    # Told how much memory it may use, it compiles nothing that nobody has asked for (worker/exchange/kernel_precompile.py).
     command = ["-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--memory", "64", "--name", "another-machine"]
     with log.open("wb") as out:
         joining = subprocess.Popen(

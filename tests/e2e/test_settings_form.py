@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from renderer import settings
-from renderer.declared import Declared, Setting, Shown, table
-from renderer.described import described
+from renderer.setting_declaration import Declared, Setting, Shown, table
+from renderer.setting_docs import described
 from tests.e2e.site import call
 
 SCENE = {

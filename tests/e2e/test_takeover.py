@@ -10,7 +10,7 @@ from playwright.sync_api import Page, WebSocket, expect
 from tests.e2e.conftest import Watched
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, until
-from tests.service.owning.test_two_services import Started, begun, told
+from tests.service.ownership.test_two_services import Started, begun, told
 from tests.service.peer_worker import PeerWorker
 
 

@@ -101,7 +101,7 @@ LAMP = """<emitter type="directional"><vector name="direction" value="0 -1 -1"/>
 def walked_on_a_ramp(slope: float, paths: int = 400_000) -> tuple[float, float]:
     """The radiance of a matt ramp that leans away from a lamp, seen from above: of its first vertex, and of all on its facet.
 
-    Directions below the facet hit it, and there the normal is bent until the mirror direction leaves (consistent.py).
+    Directions below the facet hit it, and there the normal is bent until the mirror direction leaves (consistent_normals.py).
     """
     random = np.random.default_rng(3)
     lamp, up = np.array([0, 1, 1]) / np.sqrt(2), np.array([0.0, 0.0, 1.0])

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import rayfarm
-from rayfarm.answers import Job, Scene, Worker, read
 from rayfarm.cli import main
 from rayfarm.client import Client, ClientError
 from rayfarm.console import bar
 from rayfarm.named_files import by_name
+from rayfarm.responses import Job, Scene, Worker, read
 from tests.foreign_server import NOT_A_FARM, foreign_server, http_answer, json_answer
 from tests.grids import grid
 from tests.helpers import ROOT

@@ -175,9 +175,9 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
 def test_what_stands_still_is_made_once(folder, monkeypatch):
     made = []
     for name in ("make_still", "make_bodies", "pack"):
-        known = getattr(__import__("renderer.scene.stood", fromlist=[name]), name)
+        known = getattr(__import__("renderer.scene.placed_bodies", fromlist=[name]), name)
         monkeypatch.setattr(
-            f"renderer.scene.stood.{name}", lambda *args, name=name, known=known: made.append(name) or known(*args)
+            f"renderer.scene.placed_bodies.{name}", lambda *args, name=name, known=known: made.append(name) or known(*args)
         )
     for name in ("all.glb", "all.yaml"):
         made.clear()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from renderer.arrays.edition import only
+from renderer.arrays.kernel_variant import only
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.layout import Bvh
 from renderer.scene.compile import compile_scene

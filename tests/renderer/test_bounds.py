@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from renderer.arrays.has import EDITIONS
 from renderer.arrays.scene import check, example, flat
+from renderer.arrays.scene_features import EDITIONS
 from tests.helpers import ROOT
 from tests.renderer.fenced import CHECKED, KERNELS, SIDES
 from tests.renderer.kernel.pool.features import FEATURES

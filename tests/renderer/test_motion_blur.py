@@ -17,7 +17,7 @@ from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load, save
 from renderer.scene.description import Camera, Environment, Image, Instance, Light, Material, SceneDescription, Sphere, Texture
-from renderer.scene.moving import while_open
+from renderer.scene.shutter_merge import while_open
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.grids import grid
 from tests.renderer.builders import gray, icosphere, square

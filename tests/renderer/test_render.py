@@ -29,7 +29,7 @@ from renderer.film import (
 )
 from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD
-from renderer.kernel.fixed import in_half as kernel_half
+from renderer.kernel.fixed_point import in_half as kernel_half
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.compiled import seal
 from renderer.scene.description import Material, Sphere

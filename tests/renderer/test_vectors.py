@@ -14,7 +14,7 @@ from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.load import Shot
-from renderer.scene.moving import while_open
+from renderer.scene.shutter_merge import while_open
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
 from tests.grids import grid

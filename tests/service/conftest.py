@@ -48,10 +48,10 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_long_shots.py": (),
     "scheduling/jobs/test_history.py": (),
     "scheduling/test_database_faults.py": (),
-    "keeping/test_retention.py": (),
+    "maintenance/test_retention.py": (),
     "store/test_garbage.py": (),
-    "owning/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs"),
-    "owning/test_two_services.py": (),
+    "ownership/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs"),
+    "ownership/test_two_services.py": (),
 }
 
 

@@ -9,7 +9,7 @@ import pytest
 import redis
 
 from tests.slow_line import held_up
-from worker.exchange.telling import Heard, Telling
+from worker.exchange.heartbeat_message import Heard, Telling
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import context
 from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key

@@ -1,14 +1,14 @@
 """Data exchange between a worker and the service: blobs and kernels to the worker, results to the service.
 
 link.py           HTTP client of the service
-foreign.py        error sentence for an address that is no farm
+foreign_server.py        error sentence for an address that is no farm
 trust.py          which certificate to trust
 redis_tls.py      the same for Redis
 cache.py          blobs by hash on this machine
 kernels.py        download and upload of compiled kernels
 ready.py          makes a kernel ready
-ahead.py          compiles the next kernel in advance
+kernel_precompile.py          compiles the next kernel in advance
 results.py        sends events and sums on the stream
 errors.py         the errors, by their cause
-patience.py       retries after failures of the worker or its connection
+retry.py       retries after failures of the worker or its connection
 """

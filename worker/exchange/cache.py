@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from renderer.places import distrust, make_private, private_folder, trusted
+from renderer.cache_folders import distrust, make_private, private_folder, trusted
 from worker.exchange.errors import MachineError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 

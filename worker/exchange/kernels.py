@@ -16,7 +16,7 @@ import threading
 import time
 from pathlib import Path
 
-from renderer.artefact import ArtefactError, name_of, pack, unpack
+from renderer.kernel_file import ArtefactError, name_of, pack, unpack
 from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
 from worker.machine.children import spawn_guard

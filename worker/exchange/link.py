@@ -17,7 +17,7 @@ import httpx
 from redis.connection import ConnectionPool
 
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
-from worker.exchange.foreign import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
+from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
 from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
@@ -154,7 +154,7 @@ class Link:
             return False
 
     def kernels(self, name: str, out: BinaryIO) -> bool:
-        """Writes the kernels of this name (renderer.artefact) to `out`; False if the farm has none."""
+        """Writes the kernels of this name (renderer.kernel_file) to `out`; False if the farm has none."""
         try:
             with self._stream("GET", f"/api/farm/kernels/{name}") as response:
                 for chunk in response.iter_bytes(CHUNK):

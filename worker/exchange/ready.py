@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 
 from renderer import jit
-from renderer.beside import Helpers
+from renderer.parallel_compile import Helpers
 from renderer.render import PLAIN, kernel_name, warm_up
 from renderer.settings import RenderSettings
 from worker.exchange.kernels import fetch_kernel, hand_in_beside

@@ -9,7 +9,7 @@ import redis
 from redis.backoff import ExponentialBackoff
 from redis.retry import Retry
 
-from worker.exchange.in_pieces import patient_redis
+from worker.exchange.chunked_socket import patient_redis
 from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["ResultStream"]

@@ -1,9 +1,9 @@
 """The machine a worker runs on, and its own processes.
 
-alive.py          a file that says how the worker is, for the health check of its container
+health_file.py          a file that says how the worker is, for the health check of its container
 children.py       children that die with their parent
-family.py         all processes of this worker
+process_tree.py         all processes of this worker
 presence.py       whether somebody is using the machine
 status.py         what each slot is doing, in shared memory
-pieces.py         the folder that slots share while they render a tile together
+joint_pieces.py         the folder that slots share while they render a tile together
 """

@@ -12,7 +12,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from worker.machine.family import family
+from worker.machine.process_tree import family
 
 __all__ = ["Presence"]
 

@@ -14,9 +14,9 @@ from renderer.blender.program import Blender
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
 from worker.exchange.results import ResultStream
-from worker.machine.pieces import Pieces
+from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
-from worker.process.keeping import Keeping
+from worker.process.apply_terms import Keeping
 from worker.protocol.blends import blender_queue
 from worker.protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from worker.protocol.joint import help_queue

@@ -11,7 +11,7 @@ from typing import Any
 from kombu.transport import redis
 from redis import Redis
 
-from worker.process.scriptless import ScriptlessLock
+from worker.process.redis_lock import ScriptlessLock
 
 __all__ = ["be_patient"]
 

@@ -6,7 +6,7 @@ import math
 import shlex
 from typing import Any
 
-from renderer.declared import Declared
+from renderer.setting_declaration import Declared
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, Tile
 
 __all__ = ["batch_command", "sample_command"]

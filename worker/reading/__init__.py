@@ -4,7 +4,7 @@ They access neither the service nor Redis. Paths arrive as bytes, and output goe
 the module of the same name in the package worker.work.
 
 kernels.py        kernels that the launcher loads, so that readers share them
-placed.py         compiled scenes that the slot has linked into the room
+scene_folder.py         compiled scenes that the slot has linked into the room
 prepare.py        a scene: compiled, with a thumbnail and a summary
 frames.py         frames of a shot
 relight.py        a scene's environment

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer import denoise as library
 from renderer.confine.reader import Link
-from worker.reading.placed import folder_of
+from worker.reading.scene_folder import folder_of
 
 __all__ = ["denoise"]
 

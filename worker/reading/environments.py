@@ -11,7 +11,7 @@ from renderer.confine.reader import Link
 from renderer.errors import SceneError
 from renderer.image import encode
 from renderer.image.read import decode
-from worker.reading.placed import folder_of
+from worker.reading.scene_folder import folder_of
 
 __all__ = ["show", "small_picture"]
 

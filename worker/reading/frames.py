@@ -19,14 +19,14 @@ from renderer.scene.animation import Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summarise
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.compiled_parts import Saver
 from renderer.scene.description import SceneDescription
-from renderer.scene.kept import Kept
+from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
-from renderer.scene.same import compiles_alike
+from renderer.scene.scene_equality import compiles_alike
 from renderer.settings import View, chosen
 from worker.protocol.contract import Manifest, PrepareFrames
-from worker.reading.placed import folder_of, placed_scene
+from worker.reading.scene_folder import folder_of, placed_scene
 
 __all__ = ["Stage", "answering", "serve"]
 

@@ -14,12 +14,12 @@ from renderer.render import edition_for, render_batch, render_frame
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.kept import Kept
+from renderer.scene.compiled_parts import Saver
+from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import Shot
-from renderer.scene.parts import Saver
 from renderer.settings import RenderSettings, Tile, View
 from worker.protocol.contract import Manifest
-from worker.reading.placed import folder_of
+from worker.reading.scene_folder import folder_of
 
 __all__ = ["THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]
 

@@ -7,12 +7,12 @@ from typing import Any
 
 from renderer.confine.reader import Link
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.compiled_parts import save_changed
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.lit import CHANGED, lit
 from renderer.scene.load import light_with
-from renderer.scene.parts import save_changed
-from worker.reading.placed import folder_of, placed_scene
+from renderer.scene.relight import CHANGED, lit
+from worker.reading.scene_folder import folder_of, placed_scene
 
 __all__ = ["relight", "save_lit"]
 

@@ -17,7 +17,7 @@ from renderer.scene.load import Shot
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
 from worker.protocol.contract import FrameVectors, Manifest
-from worker.reading.placed import folder_of
+from worker.reading.scene_folder import folder_of
 
 __all__ = ["vectors"]
 

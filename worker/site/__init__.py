@@ -2,7 +2,7 @@
 
 reducer.py        the process that adds up what a site's machines have rendered
 sums.py           the sums it holds, on disk
-adding.py         sums of one tile into one
+merging.py         sums of one tile into one
 link.py           a worker's connection to it
-timed.py          reads from a socket with a time limit
+socket_deadline.py          reads from a socket with a time limit
 """

@@ -47,8 +47,8 @@ from worker.protocol.site import (
     signature,
     site_key,
 )
+from worker.site.socket_deadline import Timed
 from worker.site.sums import Full, SiteSums
-from worker.site.timed import Timed
 from worker.telemetry import logs
 from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 

@@ -23,7 +23,7 @@ from worker.protocol.contract import Result
 from worker.protocol.joint import Run
 from worker.protocol.result_bytes import result_bytes, result_of
 from worker.protocol.sums import check_sums, check_weight
-from worker.site.adding import joined, parts_of
+from worker.site.merging import joined, parts_of
 
 __all__ = ["Full", "SiteSums"]
 

@@ -11,9 +11,9 @@ import sys
 import redis
 
 from renderer.printable import LogRecord
+from worker.telemetry.batch_warnings import Listener
 from worker.telemetry.log_lines import JsonLines, as_json, by_json, level
 from worker.telemetry.log_tail import LogTail
-from worker.telemetry.overheard import Listener
 
 __all__ = ["set_up"]
 

@@ -3,12 +3,12 @@
 slot.py           the state of a busy slot, for the worker's report
 deaths.py         how often a task has killed its process
 render.py         a batch
-jointly.py        a batch shared among slots
+joint_render.py        a batch shared among slots
 viewport.py       parts of views
 prepare.py        a scene
 frames.py         frames of a shot
 relight.py        a scene under another environment
-asides.py         the tasks with results on demand: denoising, motion vectors, environments
+derived_artifacts.py         the tasks with results on demand: denoising, motion vectors, environments
 denoise.py        a denoised frame
 vectors.py        motion vectors
 environments.py   an uploaded environment's thumbnail

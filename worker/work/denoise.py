@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import DenoiseFrame
 from worker.reading.denoise import denoise

@@ -6,7 +6,7 @@ import os
 from functools import partial
 from typing import Any
 
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import BlobRef, Manifest, ShowEnvironment
 from worker.reading.environments import show

@@ -16,8 +16,8 @@ from renderer.render import edition_for, is_warm
 from renderer.replay import Lamp, Vertex
 from renderer.scene.compiled import CompiledScene
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
-from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from worker.work.frames import see_frame

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from renderer.scene.compiled import CompiledScene, load
-from renderer.scene.parts import parts_of
+from renderer.scene.compiled_parts import parts_of
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import FrameInfo, Manifest, PrepareFrames
 from worker.reading.frames import serve

@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
-from renderer.arrays.has import EDITIONS
+from renderer.arrays.scene_features import EDITIONS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
 from renderer.render import warm_up

@@ -22,7 +22,7 @@ from renderer.confine.place import temporary_folder
 from renderer.confine.reader import Link
 from renderer.confine.running import Bounds
 from renderer.render import FULL, kernel_name
-from renderer.scene.parts import parts_of
+from renderer.scene.compiled_parts import parts_of
 from worker.exchange.errors import UnfitError, WorkError
 from worker.process.context import WorkerContext
 from worker.work.files import link_or_copy, memory_budget
@@ -42,7 +42,7 @@ _PRELOAD = (
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
     "worker.reading.kernels:load",
 )
-_ALL_PREPARING = "renderer.preparing:prepare"
+_ALL_PREPARING = "renderer.preparation_kernels:prepare"
 _PLAIN_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z_.-]{0,99}")
 _MOST_MANIFEST = 64 << 20  # bytes
 

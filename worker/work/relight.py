@@ -8,7 +8,7 @@ from functools import partial
 
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.parts import parts_of
+from renderer.scene.compiled_parts import parts_of
 from renderer.scene.presets import is_named
 from renderer.scene.studio import STUDIO_NOTES
 from worker.exchange.errors import RefusedError

@@ -12,13 +12,13 @@ from renderer.errors import RayfarmError
 from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene
 from worker.exchange.errors import RefusedError, Trouble
-from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import RenderBatch, Result
 from worker.protocol.reproduce import batch_command
 from worker.protocol.sums import pack_sums
-from worker.telemetry.overheard import step
+from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]

@@ -1,4 +1,5 @@
-"""Compiled scenes at the service and in this machine's cache: one file, or a manifest and its parts (renderer/scene/parts.py)."""
+"""Compiled scenes at the service and in this machine's cache: one file, or a manifest and its parts
+(renderer/scene/compiled_parts.py)."""
 
 from __future__ import annotations
 
@@ -8,10 +9,10 @@ from pathlib import Path
 
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene, load
-from renderer.scene.parts import Part, parts_of
+from renderer.scene.compiled_parts import Part, parts_of
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError, is_of_machine
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import BlobRef
 

@@ -12,9 +12,9 @@ from billiard import current_process
 from worker.process.context import WorkerContext
 from worker.protocol.contract import RenderBatch, Result
 from worker.telemetry import tracing
+from worker.telemetry.batch_warnings import overhear
 from worker.telemetry.log_lines import ids
-from worker.telemetry.overheard import overhear
-from worker.telemetry.told import named
+from worker.telemetry.task_context import named
 from worker.work.render import render
 
 __all__ = ["InHand", "at_work", "slot"]

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from renderer.vectors import load_kernel
-from worker.exchange.patience import patiently
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.contract import FrameVectors
 from worker.reading.vectors import vectors

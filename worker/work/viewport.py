@@ -14,8 +14,8 @@ from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
 from renderer.render import edition_for, is_warm, render_batch
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
-from worker.exchange.patience import patiently
 from worker.exchange.ready import get_ready
+from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.protocol.sums import pack_sums
 from worker.protocol.view_parts import (

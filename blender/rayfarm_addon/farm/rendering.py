@@ -16,8 +16,8 @@ from collections.abc import Callable
 from typing import Any
 
 from . import exr, packets
-from .asked import Asked, Done, Failed, Grown, Light, Said
 from .client import Cancelled, Client, FarmError
+from .render_request import Asked, Done, Failed, Grown, Light, Said
 from .uploads import Uploads
 from .websocket import Closed, Socket
 

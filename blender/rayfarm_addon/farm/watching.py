@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .asked import Light
 from .client import Cancelled, Client, FarmError
 from .packets import View
+from .render_request import Light
 from .rendering import light_of
 from .uploads import Uploads
 from .websocket import Closed, Socket

@@ -16,8 +16,8 @@ from .cycles import Flags, tell_passes, tell_settings, tell_volumes
 from .lights import is_linked_to_lights
 from .meshes import Corners, extract, hair, shape, stretched
 from .model import Mesh, Node, Scene
+from .subsurface import has_volumes
 from .surfaces import Surfaces
-from .within import has_volumes
 from .world import Bake, read_world
 
 __all__ = ["Known", "beyond", "gather", "over_the_shutter"]

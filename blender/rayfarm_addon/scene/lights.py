@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .image_nodes import Painter
 from .model import TO_Y_UP, Scene, up
 from .nodes import constant, followed, output_of
-from .painted import Painter
 
 __all__ = ["add_light", "is_linked_to_lights", "is_stretched", "of_nodes", "told_bounces"]
 

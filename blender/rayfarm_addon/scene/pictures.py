@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from . import images
+from .image_nodes import LUMINANCE
 from .model import Scene, TextureUse
-from .painted import LUMINANCE
 from .textures import GREY, Value
 
 __all__ = ["Pictures"]

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from . import within
+from . import subsurface
 from .cycles import tell_material
-from .displaced import displaced
-from .looks import Look, brushed, look_of, told_by_ray, under_coat
+from .cycles_differences import has_film, tell_pictures
+from .displacement import displaced
 from .model import Material, Scene, TextureUse
 from .nodes import At, Product, Source, constant, followed, output_of
 from .pictures import Pictures
+from .shader_mix import Look, brushed, look_of, told_by_ray, under_coat
 from .textures import Value, Values, as_list, number, one_minus
-from .unlike import has_film, tell_pictures
 
 __all__ = ["Surfaces"]
 
@@ -73,9 +73,9 @@ class _Reader:
             self._extend("specular", specularFactor=0.0)
         else:
             self._shader(shader)
-        inside = within.filled(tree, self._lets_in(), self._warn)
+        inside = subsurface.filled(tree, self._lets_in(), self._warn)
         if inside is not None:
-            self._more[within.MEDIUM] = inside
+            self._more[subsurface.MEDIUM] = inside
         self._displace(tree)
         tell_pictures(tree, self._warn)
         tell_material(self._source, self._warn)
@@ -148,8 +148,8 @@ class _Reader:
         self._brushed(source, number(roughness.factor))
         self._film(source)
         self._normal(source.input("Normal"), self._said, "normalTexture")
-        if (beneath := within.subsurface(source)) is not None:
-            self._more[within.SUBSURFACE] = beneath
+        if (beneath := subsurface.subsurface(source)) is not None:
+            self._more[subsurface.SUBSURFACE] = beneath
         if _is_some(source.input("Diffuse Roughness")):
             self._warn("its diffuse roughness is left out")
 

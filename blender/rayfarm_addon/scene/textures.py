@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .displaced import Heights
+from .displacement import Heights
+from .image_nodes import Bump, Painter
 from .model import Scene, TextureUse
 from .nodes import At, Source, constant, followed
-from .painted import Bump, Painter
 
 __all__ = ["GREY", "Value", "Values", "as_list", "number", "one_minus"]
 

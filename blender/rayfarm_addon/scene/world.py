@@ -13,11 +13,11 @@ import numpy as np
 
 from ..farm import exr
 from . import images
-from .looks import told_by_ray
+from .image_nodes import Painter
 from .model import Image, Scene, World, up
 from .nodes import At, Source, constant, followed, output_of
-from .painted import Painter
-from .within import world_medium
+from .shader_mix import told_by_ray
+from .subsurface import world_medium
 
 __all__ = ["Bake", "read_world"]
 

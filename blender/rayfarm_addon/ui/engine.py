@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 
 from ..farm import packets
-from ..farm.asked import Done, Failed, Grown, Said
 from ..farm.client import FarmError
+from ..farm.render_request import Done, Failed, Grown, Said
 from ..farm.rendering import Rendering
 from . import connection
 from .passes import COMBINED, planes_of, values, wanted

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..farm.asked import Asked, Light
+from ..farm.render_request import Asked, Light
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
 from ..scene.cycles import depths_of, takes_time
 from ..scene.files import FPS, MAIN, scene_files

@@ -2,9 +2,9 @@
 
 export.py     is run: opens the file with its scripts off, and writes our scene file beside what that names
 untrusted.py  a copy of a .blend whose names lead nowhere but to the files that came with it; reads no Blender
-prepared.py   what stands in the scene as it is rendered: modifiers, what is hidden
+prepare_scene.py   what stands in the scene as it is rendered: modifiers, what is hidden
 instances.py  what collections, particles and nodes show, as objects
-stills.py     films and sequences of pictures
+movie_textures.py     films and sequences of pictures
 surfaces.py   what of materials is not taken over
 cameras.py, lights.py, world.py   what glTF cannot say: written as our scene file has it
 large.py      large meshes, past the glTF exporter; glb.py: the file that it writes, changed

@@ -150,7 +150,7 @@ def main(job: dict[str, Any]) -> dict[str, Any]:
     source = Path(job["folder"]).resolve() / job["main"]
     is_blend = source.suffix.lower() != ALEMBIC
     bpy = opened(copied(job)) if is_blend else imported(source)
-    from .written import write_scene
+    from .write_scene import write_scene
 
     addon = job.get("addon")
     notes = write_scene(bpy, Path(job["out"]), Path(addon) if addon else None, has_settings=is_blend)

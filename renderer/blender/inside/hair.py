@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .prepared import VISIBLE
-from .simplified import modules_of
+from .prepare_scene import VISIBLE
+from .principled_materials import modules_of
 
 __all__ = ["hair_as_meshes"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .glb import Glb
-from .simplified import modules_of
+from .principled_materials import modules_of
 
 __all__ = ["put_back", "stand_ins"]
 

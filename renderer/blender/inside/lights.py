@@ -9,7 +9,7 @@ from typing import Any
 
 from .cameras import to_ours
 from .keys import keyed
-from .thrown import Thrown, is_thrown, moves, photographed
+from .light_profiles import Thrown, is_thrown, moves, photographed
 
 __all__ = ["Lights", "is_linked_to_lights"]
 

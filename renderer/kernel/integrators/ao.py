@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.absent import where_present
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
@@ -20,8 +19,9 @@ from renderer.kernel.material.material import LAYER_SLOTS, fetch_material
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import surface_at
+from renderer.prune_absent_features import where_present
 
 __all__ = ["trace_ao"]
 

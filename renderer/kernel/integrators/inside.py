@@ -15,7 +15,7 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.state import Vertex, with_throughput
 from renderer.kernel.material.material import Material
 from renderer.kernel.medium.flight import FLIGHT_BLOCK, free_flight
-from renderer.kernel.medium.nesting import coefficients
+from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.medium.subsurface import go_within
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.surface.surface import NO_LIGHT, NO_OBJECT, Surface

@@ -2,7 +2,7 @@
 
 As in Shirley, Black & Hollasch, "Ray Tracing: The Rest of Your Life": no shadow rays, one direction a bounce, weighed by the
 mixture's density. Targets are chosen uniformly, and each one's density is evaluated, so their number should be small
-(renderer/scene/guides.py). Light outside all targets is found by the material's half.
+(renderer/scene/guiding_targets.py). Light outside all targets is found by the material's half.
 """
 
 from __future__ import annotations

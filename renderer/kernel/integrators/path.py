@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.absent import where_present
 from renderer.arrays.rows import MEDIUM, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, local_floats, template
@@ -46,8 +45,9 @@ from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular
 from renderer.kernel.options import LIGHT, MIS, MIXTURE, NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import shines, surface_at
+from renderer.prune_absent_features import where_present
 
 __all__ = ["trace_path"]
 
@@ -64,7 +64,8 @@ def trace_path(scene, stack, o, d, time, nest, options, stream, log, first):
     """Traces one sample of one pixel along the ray o + t d, d unit: (radiance, number of rays).
 
     first: (FIRST_HIT_SLOTS,), filled for `first_hit` of transport.py.
-    time: shutter time, 0 ... 1; None for a scene without motion. nest: media that contain the camera (kernel/medium/nesting.py);
+    time: shutter time, 0 ... 1; None for a scene without motion. nest: media that contain the camera
+    (kernel/medium/medium_stack.py);
     None for a scene without media. options: renderer.kernel.options.Options; log: rows for record.py, none for frames.
     """
     forget_first_hit(first)

@@ -14,8 +14,8 @@ from renderer.kernel.integrators.roulette import worth_after
 from renderer.kernel.integrators.transport import one_color
 from renderer.kernel.material.material import Material, fetch_material, transmits
 from renderer.kernel.material.normal_map import shading_frame
-from renderer.kernel.medium.nesting import crossed
-from renderer.kernel.surface.departure import departure, leaves
+from renderer.kernel.medium.medium_stack import crossed
+from renderer.kernel.surface.ray_origins import departure, leaves
 from renderer.kernel.surface.surface import Surface
 from renderer.wide.values import not_, where
 
@@ -55,7 +55,7 @@ class Path(NamedTuple):
     worth: float  # factor from its throughput to its importance for the pixel (roulette.py)
     depth: int  # counted segments so far
     counts: tuple[float, float, float, float]  # of what it did at surfaces, by kind (depths.py)
-    nest: Any  # media that contain it (kernel/medium/nesting.py); None for a scene without media
+    nest: Any  # media that contain it (kernel/medium/medium_stack.py); None for a scene without media
 
 
 class Vertex(NamedTuple):
@@ -161,7 +161,7 @@ def is_counted(has_left, reflected, pdf, options):
     """Whether a segment, sampled with that pdf, counts towards the depth. For one path or for eight lanes.
 
     Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: as
-    `leaves` returns (surface/departure.py). A ray that hits its own facet again, which bent normals can cause, has not left the
+    `leaves` returns (surface/ray_origins.py). A ray that hits its own facet again, which bent normals can cause, has not left the
     vertex and is not counted; otherwise white objects would darken towards their silhouettes at low depths.
     """
     is_clear = (pdf == _ZERO) & not_(reflected)

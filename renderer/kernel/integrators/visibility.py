@@ -12,7 +12,7 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.depths import is_layer
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
-from renderer.kernel.medium.nesting import coefficients, crossed
+from renderer.kernel.medium.medium_stack import coefficients, crossed
 from renderer.kernel.surface.surface import surface_at
 
 __all__ = ["light_left", "transmittance"]
@@ -54,7 +54,7 @@ def _through(scene, stack, start, end, layers, time):
 def light_left(scene, stack, start, end, nest, layers, time):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
-    nest: media that contain the first point (kernel/medium/nesting.py); layers, time: as for `transmittance`.
+    nest: media that contain the first point (kernel/medium/medium_stack.py); layers, time: as for `transmittance`.
     """
     out_of_line()
     left = (_ONE, _ONE, _ONE)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.absent import where_present
 from renderer.arrays.light_rows import CORNER_ERROR
 from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
@@ -38,8 +37,9 @@ from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import LAYER_SLOTS, emission, eval_material, is_lamp, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
 from renderer.kernel.sampling.sampler import draw4, substream
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import shines, surface_at
+from renderer.prune_absent_features import where_present
 
 __all__ = ["trace_whitted"]
 

@@ -25,7 +25,7 @@ from renderer.arrays.light_rows import (
     RADIUS,
     SIN_SPREAD,
 )
-from renderer.bvh.keys import exceeding
+from renderer.bvh.hit_keys import exceeding
 from renderer.bvh.lane_sums import running_sum, whole_sum
 from renderer.bvh.simd import (
     bits,

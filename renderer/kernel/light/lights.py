@@ -24,7 +24,7 @@ from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogr
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, moving_sun, sample_moving_punctual, sample_punctual
 from renderer.kernel.light.sphere_light import faces_viewer, sample_facing, sample_sphere, sphere_light_pdf
 from renderer.kernel.sampling.warp import square_to_cone_pdf, square_to_triangle
-from renderer.kernel.surface.departure import leave
+from renderer.kernel.surface.ray_origins import leave
 from renderer.kernel.surface.surface import moving_triangle_point, triangle_point, triangle_uv
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, as_wide3, lookup, nil, not_, u32, where, where3

@@ -12,7 +12,7 @@ from renderer.kernel import vec
 from renderer.kernel.light.light_sample import LightSample, emitted, if_found
 from renderer.kernel.light.punctual import disk_cone
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere
-from renderer.kernel.surface.departure import leave
+from renderer.kernel.surface.ray_origins import leave
 from renderer.kernel.surface.shapes import ball_at
 from renderer.kernel.surface.surface import sphere_uv
 from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3

@@ -1,6 +1,7 @@
 """Material evaluation: texture lookups, and the only place that dispatches to the BSDF models.
 
-To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in rare.py), the list
+To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in
+rare_materials.py), the list
 of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
 """
 
@@ -11,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.has import Has
 from renderer.arrays.rows import (
     COAT_NORMAL,
     COLUMNS,
@@ -27,6 +27,7 @@ from renderer.arrays.rows import (
     SLOTS,
     UNLIT,
 )
+from renderer.arrays.scene_features import Has
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
@@ -37,7 +38,7 @@ from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
-from renderer.kernel.material.rare import eval_rare, sample_rare
+from renderer.kernel.material.rare_materials import eval_rare, sample_rare
 from renderer.kernel.material.texture import sample_texture
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3

@@ -17,7 +17,7 @@ from renderer.arrays.rows import (
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.texture import sample_texture
-from renderer.kernel.surface.consistent import consistent_normal
+from renderer.kernel.surface.consistent_normals import consistent_normal
 
 __all__ = ["bent_frame", "coat_normal", "map_normal", "shading_frame"]
 

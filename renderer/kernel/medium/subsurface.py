@@ -25,7 +25,7 @@ from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1, draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import Surface, surface_at
 
 __all__ = ["WALK_BLOCK", "Within", "albedo_of", "go_within"]

@@ -58,8 +58,8 @@ def _number(pool, lists, count, following, width, height, batch):
 def begin(pool, lists, following, width, height, camera, options, batch, motion, nest):
     """Starts paths in free rows while samples remain; returns the next sample to start.
 
-    motion: None for a scene without motion (renderer/arrays/has.py). nest: the media that contain the camera, None for a scene
-    without media.
+    motion: None for a scene without motion (renderer/arrays/scene_features.py). nest: the media that contain the camera, None
+    for a scene without media.
     """
     out_of_line()
     left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)

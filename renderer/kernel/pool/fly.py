@@ -12,7 +12,7 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.integrators.depths import spent
 from renderer.kernel.medium.flight import FLIGHT_BLOCK, free_flight
-from renderer.kernel.medium.nesting import coefficients
+from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.pool.lists import (
     ACTIVE,
     DONE,

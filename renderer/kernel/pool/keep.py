@@ -22,7 +22,7 @@ from renderer.film import (
     SAMPLES_HALF,
 )
 from renderer.jit import out_of_line, subroutine
-from renderer.kernel.fixed import add_fixed8, in_half, of_sample
+from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
 from renderer.kernel.pool.lists import DONE, cut, length, put, row
 from renderer.kernel.pool.rows import BRANCHES, CARRIED, FIRST, PATHS, SAMPLE, at
 from renderer.wide.values import any_of, not_

@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.integrators.transport import limited
 from renderer.kernel.integrators.visibility import light_left, transmittance
 from renderer.kernel.medium.flight import left_after
-from renderer.kernel.medium.nesting import coefficients
+from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.pool.lists import (
     ACTIVE,
     DONE,

@@ -22,7 +22,7 @@ from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import look_up_layers
-from renderer.kernel.material.rare import eval_rare, sample_rare
+from renderer.kernel.material.rare_materials import eval_rare, sample_rare
 from renderer.kernel.medium.henyey_greenstein import (
     eval_henyey_greenstein,
     pdf_henyey_greenstein,

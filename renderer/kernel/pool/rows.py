@@ -8,9 +8,9 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from renderer.absent import where_present
 from renderer.bvh.simd import f32x8
 from renderer.jit import device
+from renderer.prune_absent_features import where_present
 from renderer.wide.rows import gather, gathered, scatter
 
 __all__ = [
@@ -76,7 +76,8 @@ AXES = np.uintp(88)  # the frame to scatter in: s 3, t 3; second texture coordin
 MAPPED = np.uintp(96)  # its n 3, and the normal that lights count on the side of 3
 # Traversal state of the ray (ways.py), four groups:
 WAY = np.uintp(104)
-# Only where there are media: what the path is in (kernel/medium/nesting.py). Of a vertex in one, MATTER's roughness is the g.
+# Only where there are media: what the path is in (kernel/medium/medium_stack.py). Of a vertex in one, MATTER's roughness is the
+# g.
 NEST = np.uintp(136)
 # Only where bounces of some kind or layers are limited: the counts of integrators/depths.py, 4, the last of layers
 COUNTS = np.uintp(137)
@@ -101,7 +102,8 @@ def at(row, column):
 
 @device
 def time_of(motion, pool, row):
-    """Returns the shutter time of one row's sample; None for a scene without motion (motion: of renderer/arrays/has.py)."""
+    """Returns the shutter time of one row's sample; None for a scene without motion (motion: of
+    renderer/arrays/scene_features.py)."""
     return where_present(motion, pool[at(row, TIME)])
 
 

@@ -14,7 +14,7 @@ from renderer.kernel.integrators.roulette import IN_MEDIA, ON_SURFACES, survival
 from renderer.kernel.integrators.splitting import beside, of_branch, turned
 from renderer.kernel.integrators.state import MAX_AGAIN, is_counted
 from renderer.kernel.integrators.strategy import power_heuristic
-from renderer.kernel.medium.nesting import crossed
+from renderer.kernel.medium.medium_stack import crossed
 from renderer.kernel.pool.lists import (
     ACTIVE,
     CONDUCTOR,
@@ -65,7 +65,7 @@ from renderer.kernel.pool.rows import (
     write,
 )
 from renderer.kernel.sampling.sampler import Stream, draw4
-from renderer.kernel.surface.departure import departure, leaves
+from renderer.kernel.surface.ray_origins import departure, leaves
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
 from renderer.wide.values import as_floats, as_ints, nil, to_int, where
 

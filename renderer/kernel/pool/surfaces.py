@@ -15,7 +15,7 @@ from renderer.kernel.integrators.transport import limited
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
 from renderer.kernel.light.sphere_light import met_from_front
 from renderer.kernel.material.material import emission
-from renderer.kernel.medium.nesting import crossed
+from renderer.kernel.medium.medium_stack import crossed
 from renderer.kernel.pool.lists import (
     CONDUCTOR,
     DIFFUSE,

@@ -14,7 +14,7 @@ from numba import typeof, types
 from renderer.bvh.traverse import new_stack
 from renderer.jit import template
 from renderer.kernel.integrators.record import DIRECT, record_beside, record_light
-from renderer.kernel.medium.around import nest_of_camera
+from renderer.kernel.medium.camera_media import nest_of_camera
 from renderer.kernel.pool.begin import Next, begin
 from renderer.kernel.pool.fly import fly, list_drifting
 from renderer.kernel.pool.keep import SUMS, keep, unfold

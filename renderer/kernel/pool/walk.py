@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.ahead import ask_for
-from renderer.bvh.keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
+from renderer.bvh.hit_keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.bvh.packet import meet_spheres, meet_triangles
+from renderer.bvh.prefetch import ask_for
 from renderer.bvh.simd import (
     fma,
     less_equal,
@@ -277,8 +277,8 @@ def _look_into_others(bvh, motion, alone, pool, stack, lists):
 def walk(bvh, motion, alone, pool, stack, lists):
     """Finds the closest hits of the rays on the list NODES; writes group HIT, and the distance to BEST.
 
-    The rays were prepared by `set_out` (ways.py). motion: of renderer/arrays/has.py; alone: from `new_stack`, for rays traced
-    singly; stack: from `new_ways`.
+    The rays were prepared by `set_out` (ways.py). motion: of renderer/arrays/scene_features.py; alone: from `new_stack`, for
+    rays traced singly; stack: from `new_ways`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
         _look_into_nodes(bvh, pool, stack, lists)

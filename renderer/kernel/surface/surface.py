@@ -12,11 +12,11 @@ from renderer.jit import device, out_of_line, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
-from renderer.kernel.surface.carry import normal_of_hit, point_of_hit, tangent_to_world
-from renderer.kernel.surface.consistent import consistent_normal
-from renderer.kernel.surface.margins import edge_margins
+from renderer.kernel.surface.consistent_normals import consistent_normal
+from renderer.kernel.surface.edge_margins import edge_margins
 from renderer.kernel.surface.shapes import ball_at, corner_normals_at, corners_at
 from renderer.kernel.surface.terminator import lifted
+from renderer.kernel.surface.to_world import normal_of_hit, point_of_hit, tangent_to_world
 from renderer.wide.values import any_of, double, lookup, nil, not_, single, u32, where, where3
 
 __all__ = [

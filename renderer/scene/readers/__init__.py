@@ -9,6 +9,6 @@ yaml/       our own scene files (docs/scene-format.md), with shapes.py for what 
 mitsuba/    scenes of Mitsuba; pbrt/ of pbrt-v4
 threemf.py  3MF
 tubes.py    curves as tubes, of USD and pbrt
-baked.py    what is worked out as a picture, of USD and pbrt
-other.py    what trimesh reads: PLY, STL, OFF
+image_baking.py    what is worked out as a picture, of USD and pbrt
+trimesh_files.py    what trimesh reads: PLY, STL, OFF
 """

@@ -16,7 +16,7 @@ from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.names import make_readable
-from renderer.scene.text import is_readable, readable
+from renderer.scene.text_encoding import is_readable, readable
 
 __all__ = ["read_file"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from renderer.scene.material import Material
-from renderer.scene.readers.numbers import unit_color
+from renderer.scene.readers.number_ranges import unit_color
 
 __all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "tint_beneath", "under_a_coat"]
 

@@ -16,7 +16,7 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers import assimp
 from renderer.scene.readers.collada_holes import bridged
-from renderer.scene.readers.spread import collada_nodes
+from renderer.scene.readers.expansion_limits import collada_nodes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.view import MAX_SHIFT
 
@@ -65,9 +65,9 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         if moment.clip is not None:
             raise
         try:
-            from renderer.scene.readers import other  # heavy, and seldom needed
+            from renderer.scene.readers import trimesh_files  # heavy, and seldom needed
 
-            other.read(files, main, description)
+            trimesh_files.read(files, main, description)
         except SceneError:
             raise refused from None
         description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")

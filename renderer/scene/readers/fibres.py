@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Material, Vec3
-from renderer.scene.readers.numbers import clamped, unit_color
+from renderer.scene.readers.number_ranges import clamped, unit_color
 
 __all__ = ["BROWN", "color_of", "deviation", "fibre", "pigments"]
 

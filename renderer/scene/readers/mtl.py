@@ -16,8 +16,8 @@ from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.material import PARAMETERS, Material
 from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_decal, with_opacity, with_roughness_and_metal
-from renderer.scene.readers.numbers import clamped, unit, unit_color
-from renderer.scene.text import decoded
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
+from renderer.scene.text_encoding import decoded
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["names_of", "read_mtl", "without_comment"]

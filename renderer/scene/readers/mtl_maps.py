@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
-from renderer.scene.readers.linear import Codes, alike, alpha, codes, encoded, linear, most
+from renderer.scene.readers.linear_images import Codes, alike, alpha, codes, encoded, linear, most
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = [

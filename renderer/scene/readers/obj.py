@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import F32, I32, Instance, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
 from renderer.scene.origin import exact
 from renderer.scene.polygons import Cut
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import filled
 from renderer.scene.readers.mtl import without_comment
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.readers.obj_materials import Materials
-from renderer.scene.text import as_utf8
+from renderer.scene.readers.polygon_meshes import filled
+from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
-from renderer.scene.unique import unique_threes
 
 __all__ = ["read"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 
 from renderer.image.read import IMAGE_SUFFIXES
-from renderer.scene.closed import is_closed
 from renderer.scene.description import Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles, folded
 from renderer.scene.readers.mtl import names_of, read_mtl, without_comment
 from renderer.scene.readers.obj_lines import Statements
-from renderer.scene.text import is_readable, readings
+from renderer.scene.text_encoding import is_readable, readings
 from renderer.scene.textures import TextureShelf
+from renderer.scene.watertight import is_closed
 
 __all__ = ["Materials"]
 

@@ -18,9 +18,9 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import filled, fractions, split, used
 from renderer.scene.readers.points import add_points
-from renderer.scene.text import decoded, with_points
+from renderer.scene.readers.polygon_meshes import filled, fractions, split, used
+from renderer.scene.text_encoding import decoded, with_points
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]

@@ -15,9 +15,9 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed_together
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import filled, fractions, of_triangles, split, used
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
+from renderer.scene.readers.polygon_meshes import filled, fractions, of_triangles, split, used
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read", "read_data"]

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
-from renderer.scene.text import as_utf8, decoded
+from renderer.scene.text_encoding import as_utf8, decoded
 
 __all__ = ["Element", "Lists", "elements", "textures_of"]
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Medium, Vec3
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD
-from renderer.scene.readers.numbers import clamped, unit_color
+from renderer.scene.readers.number_ranges import clamped, unit_color
 
 __all__ = ["attenuating", "diffuse_reflectance", "filled_with", "medium", "seen_through_a_boundary", "single_albedo", "within"]
 

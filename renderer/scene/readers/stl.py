@@ -9,15 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.faces import filled
-from renderer.scene.readers.uprights import Z_UP
-from renderer.scene.text import as_utf8, decoded, readable, with_points
+from renderer.scene.readers.polygon_meshes import filled
+from renderer.scene.readers.up_axis import Z_UP
+from renderer.scene.text_encoding import as_utf8, decoded, readable, with_points
 from renderer.scene.textures import TextureShelf
-from renderer.scene.unique import unique_threes
 
 __all__ = ["read"]
 
@@ -38,7 +38,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         if commas:
             shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
         data = "\n".join(text.splitlines()).encode()
-        import_module("renderer.scene.readers.other").read_data(data, ".stl", files, main, description)  # heavy
+        import_module("renderer.scene.readers.trimesh_files").read_data(data, ".stl", files, main, description)  # heavy
         return
     rows = np.frombuffer(data, _ROW, count, _HEAD)
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)

@@ -20,19 +20,19 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
+from renderer.scene.deduplicate import used_among
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.spread import judge_spread
+from renderer.scene.readers.expansion_limits import judge_spread
 from renderer.scene.readers.threemf_parts import NotSolid
 from renderer.scene.readers.threemf_relations import relations_of
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out, transform_of
 from renderer.scene.readers.threemf_slicers import PAINTED, filaments_of
 from renderer.scene.textures import TextureShelf
-from renderer.scene.unique import used_among
 from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["read"]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Image
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 
 __all__ = ["FROM_PLUS_Z", "seen_upright"]
 

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import redis
 
+from service.scheduling.fleet.dead_letters import PutAside
 from service.scheduling.fleet.needs import Needs
-from service.scheduling.fleet.put_aside import PutAside
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
 from worker.protocol.blends import TAG

@@ -42,7 +42,7 @@ class Forecast:
 
 
 class Lines(Protocol):
-    """The operations required of service/scheduling/handing_out/line_up.py."""
+    """The operations required of service/scheduling/dispatching/job_queue.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
         """Returns the kind of workers that renders a job."""

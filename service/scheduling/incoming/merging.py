@@ -11,7 +11,7 @@ from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
-from service.store.parts import Part
+from service.store.contributions import Part
 from worker.protocol.sums import check_sums, check_weight
 from worker.telemetry import tracing
 

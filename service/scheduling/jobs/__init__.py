@@ -3,14 +3,14 @@
 active_job.py     a job that is being rendered
 active_frame.py   a frame of it: its plan, its noise
 agenda.py         which frame is next
-turns.py          the frames in that order, kept up as they change
+frame_queue.py          the frames in that order, kept up as they change
 plan.py           which tile of a frame is next, and how many samples of it
 totals.py         sums over all frames of a job
 shares.py         whose turn it is among jobs of one priority
 job_changes.py    changes of a job by a person
 shot_changes.py   changes of a shot's frames
-measured.py       what a job has learned about its scene's cost and noise
-looks.py          how much time estimating noise may take
+measurements.py       what a job has learned about its scene's cost and noise
+noise_budget.py          how much time estimating noise may take
 history.py        how a job's noise fell over time, and what happened on the way
 job_log.py        a job's log, as a text file
 tile_log.py       who rendered which samples of each tile lately

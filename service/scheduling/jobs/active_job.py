@@ -12,14 +12,14 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.agenda import Agenda
+from service.scheduling.jobs.batch_failures import Trouble
 from service.scheduling.jobs.costs import Costs
+from service.scheduling.jobs.frame_progress import Tally
 from service.scheduling.jobs.history import History
-from service.scheduling.jobs.looks import Looks
+from service.scheduling.jobs.noise_budget import Looks
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.shares import share_of
-from service.scheduling.jobs.tally import Tally
 from service.scheduling.jobs.totals import Totals
-from service.scheduling.jobs.trouble import Trouble
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Job, blobs_of

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from service.scheduling.jobs.active_frame import ActiveFrame
-from service.scheduling.jobs.turns import Turn, Turns
+from service.scheduling.jobs.frame_queue import Turn, Turns
 
 __all__ = ["Agenda", "shares"]
 

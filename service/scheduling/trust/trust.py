@@ -3,7 +3,7 @@
 The second is handed out as any other batch, through the same queue, so that no worker knows which of its answers is looked at.
 If the first takes it again, it is handed out once more. Where two workers differ, further answers decide: what two different
 workers agree on is right. Whoever has said otherwise is set aside, and all that it has sent is taken out of the films of jobs
-that are not over, and rendered again; those that are over are marked (service/keeping/taint.py). While nobody can decide, the
+that are not over, and rendered again; those that are over are marked (service/maintenance/taint.py). While nobody can decide, the
 job goes on but does not end.
 """
 
@@ -20,11 +20,11 @@ from dataclasses import dataclass, field
 import redis
 
 from service.events import Events, WorkerSetAside
+from service.scheduling.dispatching.batch_groups import work_of
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.leases import Lease
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.fleet.workers import BY_A_PERSON, Workers
-from service.scheduling.handing_out.dispatch import Dispatcher, QueueError
-from service.scheduling.handing_out.leases import Lease
-from service.scheduling.handing_out.scheduler import Scheduler
-from service.scheduling.handing_out.together import work_of
 from service.scheduling.incoming.merging import batch_of
 from service.scheduling.incoming.messages import BatchDone
 from service.scheduling.jobs.active_job import ActiveJob

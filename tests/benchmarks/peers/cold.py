@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from renderer.artefact import is_name
+from renderer.kernel_file import is_name
 from tests.benchmarks.bench_farm import first_tile
 from tests.benchmarks.peers.measure import Line
 from tests.benchmarks.peers.sizes import Sizes

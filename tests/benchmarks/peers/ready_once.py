@@ -14,7 +14,7 @@ from pathlib import Path
 
 from renderer.arrays.scene import flat
 from renderer.formats import FORMATS
-from renderer.preparing import prepare
+from renderer.preparation_kernels import prepare
 from renderer.render import warm_up
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read

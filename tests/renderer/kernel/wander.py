@@ -9,7 +9,7 @@ from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import surface_at
 from tests.renderer.builders import as_rendered
 from tests.renderer.kernel.subject import many

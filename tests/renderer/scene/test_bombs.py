@@ -10,7 +10,7 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.readers.gltf.accessors import MAX_BARE
-from renderer.scene.readers.pbrt import growth, shapes
+from renderer.scene.readers.pbrt import expansion_limits, shapes
 from tests.renderer.scene.builders import TRIANGLE, Gltf
 from tests.renderer.scene.pbrt_files import world
 from tests.renderer.scene.test_assimp import collada
@@ -66,8 +66,8 @@ def test_pbrts_instances_of_what_has_many_parts_are_counted_before_they_are_plac
 
 
 def test_pbrts_levels_are_as_many_as_fit(scene, monkeypatch):
-    monkeypatch.setattr(growth, "_MOST", 50_000)
-    monkeypatch.setattr(growth, "_MOST_OF_ONE", 20_000)
+    monkeypatch.setattr(expansion_limits, "_MOST", 50_000)
+    monkeypatch.setattr(expansion_limits, "_MOST_OF_ONE", 20_000)
     description = scene("a.pbrt", world(LOOP * 6))
     counts = [len(mesh.triangles) for mesh in description.meshes]
     assert counts == [4**7] * 3 + [4**4] * 3

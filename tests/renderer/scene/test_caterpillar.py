@@ -14,7 +14,7 @@ from PIL import Image
 from renderer.frames import parse_frames
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot
-from tests.renderer.scene.test_moving import moving
+from tests.renderer.scene.test_shutter_merge import moving
 
 SCENES = Path(__file__).parents[3] / "scenes"
 FOLDER = SCENES / "caterpillar"

@@ -13,6 +13,7 @@ from renderer.luminance import luminance
 from renderer.render import render_frame
 from renderer.scene.animation import Clip
 from renderer.scene.compile import AUTO_CAMERA, compile_scene, summarise
+from renderer.scene.default_camera import ASPECT, frame
 from renderer.scene.description import (
     Camera,
     Environment,
@@ -25,7 +26,6 @@ from renderer.scene.description import (
     Texture,
 )
 from renderer.scene.environment import search_tables
-from renderer.scene.framing import ASPECT, frame
 from renderer.scene.geometry import by_triangle, flatten
 from renderer.scene.readers import shapes
 from renderer.settings import RenderSettings, View

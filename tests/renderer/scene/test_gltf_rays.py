@@ -3,7 +3,7 @@
 import numpy as np
 
 from renderer.arrays.rows import SHADELESS, UNSEEN
-from renderer.blender.inside.rays import RAYS, with_rays
+from renderer.blender.inside.ray_visibility import RAYS, with_rays
 from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import Gltf
 

@@ -13,7 +13,7 @@ from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.scene.description import Image, SceneDescription, Texture
 from renderer.scene.material import PARAMETERS, Material
-from renderer.scene.packing import pack
+from renderer.scene.material_packing import pack
 from tests.helpers import ROOT
 from tests.renderer.scene.builders import Gltf
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from renderer.arrays import rows
-from renderer.arrays.edition import edition_of
+from renderer.arrays.kernel_variant import edition_of
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Material, Medium, SceneDescription, Sphere
+from renderer.scene.material_packing import pack
 from renderer.scene.media import list_media
-from renderer.scene.packing import pack
 
 FOG = {"sigma_a": (0.1, 0.1, 0.1), "sigma_s": (1.0, 2.0, 3.0), "g": 0.5}
 

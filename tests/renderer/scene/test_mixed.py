@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from renderer.scene.description import Material
-from renderer.scene.readers.mixed import mixed
+from renderer.scene.readers.material_mix import mixed
 from tests.renderer.scene.pbrt_files import BALL, HEAD, world
 
 RED, BLUE = Material(base_color=(0.8, 0.2, 0.1)), Material(base_color=(0.0, 0.2, 0.5))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
-from renderer.scene.warned import MOST_WARNINGS
+from renderer.scene.warning_list import MOST_WARNINGS
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 

@@ -11,7 +11,7 @@ from renderer.film import POSITION, SAMPLES, mean
 from renderer.render import render_frame, replay
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
-from renderer.scene.kept import Kept
+from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import read
 from renderer.scene.origin import exact, origin_of
 from renderer.scene.readers.shapes import cube

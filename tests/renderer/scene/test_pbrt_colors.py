@@ -7,7 +7,7 @@ import pytest
 
 from renderer.scene.readers.coats import dielectric_albedo, under_a_coat
 from renderer.scene.readers.pbrt.conductors import _matched, head_on
-from renderer.scene.readers.pbrt.named import METALS
+from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.pbrt.spectra import balanced
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world

@@ -8,7 +8,7 @@ import pytest
 from renderer.errors import SceneError
 from renderer.image.encode import encode
 from renderer.scene.normals import face_normals
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.pbrt.equal_area import equirectangular, to_square
 from renderer.scene.readers.pbrt.loop import subdivided
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world

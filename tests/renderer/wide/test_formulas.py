@@ -12,8 +12,8 @@ from renderer.kernel import polynomial, vec
 from renderer.kernel.fetch import row
 from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.sampling import warp
-from renderer.kernel.surface.consistent import consistent_normal
-from renderer.kernel.surface.margins import edge_margins
+from renderer.kernel.surface.consistent_normals import consistent_normal
+from renderer.kernel.surface.edge_margins import edge_margins
 from renderer.kernel.surface.terminator import lifted
 from renderer.wide.rows import load_ints
 from renderer.wide.values import to_int

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import pytest
 
-from renderer.arrays.edition import edition_of, only
+from renderer.arrays.kernel_variant import edition_of, only
 from renderer.jit import entry, template
 from renderer.kernel.fetch import row
 from renderer.kernel.light.environment import choose, choose_from, environment_light, sample_environment

@@ -19,7 +19,7 @@ from service.access.roles import OWNER, Role
 from service.errors import Unavailable
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
-from worker.process.scriptless import ScriptlessLock
+from worker.process.redis_lock import ScriptlessLock
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from service.access.roles import Role
 from service.errors import CannotStart
 from service.farm import Farm
 from service.http import gate
-from service.http.needs import NEEDS, WORKER, Need
+from service.http.access_requirements import NEEDS, WORKER, Need
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until

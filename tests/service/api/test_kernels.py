@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from renderer.artefact import pack
+from renderer.kernel_file import pack
 from service.access.roles import OWNER, Role
 from service.store.kernels import KEPT
 from tests.service.conftest import TOKEN, Service

@@ -10,7 +10,7 @@ import pytest
 from starlette.routing import Mount
 
 from service.access.roles import OPEN, Caller, Role
-from service.http.needs import ADMIN, ANYONE, KEEPER, NEEDS, SUBMIT, UNKNOWN, VIEW, WORKER, need_of
+from service.http.access_requirements import ADMIN, ANYONE, KEEPER, NEEDS, SUBMIT, UNKNOWN, VIEW, WORKER, need_of
 from service.main import create_app
 from service.settings import Settings
 
@@ -33,7 +33,7 @@ def routes(found: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
 def test_every_route_is_in_the_table_and_the_table_has_no_other(tmp_path: Path) -> None:
     there = set(routes(create_app(Settings(data=tmp_path)).routes))
     assert len(there) > 50
-    assert not there - NEEDS.keys(), "says nowhere what it needs: service/http/needs.py"
+    assert not there - NEEDS.keys(), "says nowhere what it needs: service/http/access_requirements.py"
     assert not NEEDS.keys() - there, "in the table, and not there"
 
 

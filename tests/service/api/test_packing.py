@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from service.http.packing import FEWEST, MOST, Packing
+from service.http.compression import FEWEST, MOST, Packing
 
 LONG = [{"state": "finished", "name": f"take {i}"} for i in range(5000)]
 

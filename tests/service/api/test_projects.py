@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from service.http import gate
-from service.http.needs import NEEDS, THINGS, thing_of
+from service.http.access_requirements import NEEDS, THINGS, thing_of
 from service.store.models import Job
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
@@ -104,7 +104,7 @@ def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_h
     for method, pattern in NEEDS:
         named = thing_of(pattern, pattern)
         if "{" in pattern and named is None:
-            assert OTHERS.match(pattern), f"{method} {pattern}: whose is it? Say so in service/http/needs.py"
+            assert OTHERS.match(pattern), f"{method} {pattern}: whose is it? Say so in service/http/access_requirements.py"
         collection = pattern.split("/")[2] if pattern.startswith("/api/") else ""
         assert collection not in THINGS or "{" not in pattern or named is not None, pattern
 

@@ -17,10 +17,10 @@ from service.errors import FilmWaits
 from service.scheduling.faults import bulkhead
 from service.scheduling.records import PendingJob, Records
 from service.store.database import connect
+from service.store.disk_space import no_room
 from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.models import Job
-from service.store.room import no_room
 from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest

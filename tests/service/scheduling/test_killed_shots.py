@@ -18,7 +18,7 @@ import httpx
 import pytest
 from sqlalchemy import create_engine, text
 
-from service.places import sqlite_url
+from service.locations import sqlite_url
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, TOKEN, until
 from tests.service.peer_worker import PeerWorker

@@ -123,7 +123,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
 @pytest.mark.long
 def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
-    monkeypatch.setattr("service.keeping.deleting.AT_A_TIME", PARTS)
+    monkeypatch.setattr("service.maintenance.deleting.AT_A_TIME", PARTS)
     job = shoot(service, scene).raise_for_status().json()["id"]
 
     def killed(self: FrameChanges, began: float) -> None:

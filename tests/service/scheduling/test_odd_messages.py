@@ -11,7 +11,7 @@ import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.scheduling.fleet.put_aside import FILE, KEPT
+from service.scheduling.fleet.dead_letters import FILE, KEPT
 from service.scheduling.incoming import messages
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest

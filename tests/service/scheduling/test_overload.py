@@ -11,9 +11,9 @@ import pytest
 
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.handing_out.leases import UNSEEN_ALLOWED
-from service.scheduling.handing_out.missing import Fate, Missing
-from service.scheduling.handing_out.scheduler import Scheduler
+from service.scheduling.dispatching.leases import UNSEEN_ALLOWED
+from service.scheduling.dispatching.lost_batches import Fate, Missing
+from service.scheduling.dispatching.scheduler import Scheduler
 from service.store.film_file import FilmFile
 from tests.benchmarks.scale import slots as slots_module
 from tests.benchmarks.scale.slots import Slots, of_one_sample

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import httpx
 import pytest
 
-from service.store.turns import Turns
+from service.store.writer_queue import Turns
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker
 

@@ -15,7 +15,7 @@ from service.errors import FilmDamaged
 from service.store.film_check import film_samples
 from service.store.film_store import FilmFolder
 from service.store.films import Film, Part
-from service.store.folding import FOLD_AT
+from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
 from worker.protocol.sums import pack_sums

@@ -18,7 +18,7 @@ from service.store.bands import digest
 from service.store.film_faults import film_faults
 from service.store.film_version import VERSION
 from service.store.films import Film, Part
-from service.store.folding import FOLD_AT
+from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
 from worker.protocol.sums import pack_sums

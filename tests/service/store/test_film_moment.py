@@ -10,7 +10,7 @@ import pytest
 from renderer.film import COLOR
 from service.errors import FilmWaits
 from service.store.bands import bands
-from service.store.folding import FOLD_AT
+from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, WIDTH, make, part
 

@@ -16,7 +16,7 @@ from service.store.film_faults import FilmClosed
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import MAX_OPEN, FilmFolder
 from service.store.films import Film
-from service.store.folding import FOLD_AT
+from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part, rows_of
 

@@ -15,8 +15,8 @@ from sqlalchemy.orm import Session
 
 from service.errors import NoRoom
 from service.store.database import Sessions
+from service.store.disk_space import no_room
 from service.store.reserve import SIZE, Reserve
-from service.store.room import no_room
 from tests.helpers import running_redis
 from tests.service.api.test_kernels import NAME, SHOWN, artefact
 from tests.service.conftest import OBJ, Service, until

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from service.store.contributions import Part
 from service.store.film_check import film_samples, rows_left
 from service.store.film_copy import FilmCopy
 from service.store.film_version import VERSION, FilmShape
 from service.store.films import Film
-from service.store.folding import FOLD_AT, MOST_APART
-from service.store.parts import Part
+from service.store.row_folding import FOLD_AT, MOST_APART
 from service.store.senders import MOST, senders_of, senders_text
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums

@@ -12,7 +12,7 @@ import pytest
 
 from tests.helpers import ROOT
 from worker.telemetry.log_lines import JsonLines, about, ids
-from worker.telemetry.told import named, told_about
+from worker.telemetry.task_context import named, told_about
 
 
 def line(record: logging.LogRecord) -> dict[str, Any]:

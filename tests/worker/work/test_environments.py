@@ -18,7 +18,7 @@ from scenes import light_pictures
 from worker.machine.status import SlotBoard
 from worker.protocol.contract import BlobRef, ShowEnvironment
 from worker.reading.environments import small_picture
-from worker.work.asides import ENVIRONMENTS
+from worker.work.derived_artifacts import ENVIRONMENTS
 
 
 def image(path: Path, pixels: np.ndarray) -> Path:

@@ -20,8 +20,8 @@ from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
+from renderer.scene.compiled_parts import MANIFEST_STARTS
 from renderer.scene.load import Shot
-from renderer.scene.parts import MANIFEST_STARTS
 from renderer.settings import View
 from tests.grids import grid
 from tests.renderer.scene.builders import TRIANGLE, Gltf

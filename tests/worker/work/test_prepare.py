@@ -70,7 +70,7 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(Room, "run", read)
     monkeypatch.setattr(BlobCache, "adopt", lambda *_: None)
-    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("worker.exchange.retry.time.sleep", lambda seconds: None)
     cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
     sent: list[Result] = []
     board = SimpleNamespace(write=lambda *_: None)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.arrays.edition import edition_of
+from renderer.arrays.kernel_variant import edition_of
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.settings import RenderSettings, Tile, View
@@ -67,7 +67,7 @@ def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
     worker.cache = SimpleNamespace(path=path)
     clock = [0.0]
     passing = SimpleNamespace(monotonic=lambda: clock[0], sleep=lambda seconds: clock.append(clock.pop() + seconds))
-    monkeypatch.setattr("worker.exchange.patience.time", passing)
+    monkeypatch.setattr("worker.exchange.retry.time", passing)
     monkeypatch.setattr(slot, "PATIENCE_S", 5.0)
     event = slot.render(worker, BATCH, lambda is_so: None).event
     assert (event["type"], event["batch"], event["worker"]) == ("batch-returned", "b", "w")
@@ -86,7 +86,7 @@ def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch)
         return answer
 
     worker.cache = SimpleNamespace(path=path)
-    monkeypatch.setattr("worker.exchange.patience.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("worker.exchange.retry.time.sleep", lambda seconds: None)
     assert slot.render(worker, BATCH, lambda is_so: None).event["type"] == "batch"
 
 

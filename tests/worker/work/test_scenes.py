@@ -13,9 +13,9 @@ import pytest
 from renderer.arrays.scene import flat
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
-from renderer.scene.kept import Kept
-from renderer.scene.parts import Saver
-from tests.renderer.scene.test_moving import zoo
+from renderer.scene.compiled_parts import Saver
+from renderer.scene.frame_reuse import Kept
+from tests.renderer.scene.test_shutter_merge import zoo
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError
 from worker.exchange.link import FarmAnswer, Link

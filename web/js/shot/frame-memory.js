@@ -27,7 +27,7 @@ function memoryBound() {
 
 /**
  * The width to ask for and the size that comes: pictures are made smaller by whole squares of pixels, as
- * service/watching/smaller.py says.
+ * service/watching/downscale.py says.
  *
  * @param {{width: number, height: number}} size
  * @param {number} count of frames

@@ -9,7 +9,7 @@ from renderer.scene.animation import Clip, Curve, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.matrices import product
 from renderer.scene.readers.assimp.library import Animation, Channel, Imported
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Movement"]
 

@@ -14,9 +14,9 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.material import Material
 from renderer.scene.readers.assimp.library import Imported
 from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_roughness_and_metal
-from renderer.scene.readers.numbers import clamped, unit
+from renderer.scene.readers.number_ranges import clamped, unit
 from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.tiles import composed, is_tiled
+from renderer.scene.udim import composed, is_tiled
 
 __all__ = ["Materials"]
 

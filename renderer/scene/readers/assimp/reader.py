@@ -16,16 +16,16 @@ from renderer.scene import description as scene_description
 from renderer.scene.animation import DEFAULT_FPS, Moment
 from renderer.scene.description import Instance, Light, Mesh, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.kernel_arguments import read_only
 from renderer.scene.normals import smoothed_together
-from renderer.scene.readable import read_only
 from renderer.scene.readers.assimp.animation import Movement
 from renderer.scene.readers.assimp.far import import_exactly
 from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape
 from renderer.scene.readers.assimp.materials import Materials
 from renderer.scene.readers.assimp.untrusted import judge
-from renderer.scene.readers.carried import carried
-from renderer.scene.readers.numbers import clamped
-from renderer.scene.text import as_utf8
+from renderer.scene.readers.number_ranges import clamped
+from renderer.scene.readers.skinning import carried
+from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.settings import View
 

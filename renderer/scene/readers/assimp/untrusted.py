@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 from xml.etree import ElementTree
 
 from renderer.errors import SceneError
-from renderer.scene.readers.spread import collada_nodes, x3d_nodes
+from renderer.scene.readers.expansion_limits import collada_nodes, x3d_nodes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.zips import DAMAGED, is_bomb
 

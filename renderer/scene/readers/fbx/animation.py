@@ -9,7 +9,7 @@ from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import Opened, at, each, is_set, is_visible, pointed, text, value_at
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Stacks"]
 

@@ -169,7 +169,7 @@ def _failed(error: Any, name: str) -> Any:
 
 
 def text(string: Any) -> str:
-    """Returns a string of the library; bytes that are not UTF-8 become lone surrogates (renderer/scene/text.py)."""
+    """Returns a string of the library; bytes that are not UTF-8 become lone surrogates (renderer/scene/text_encoding.py)."""
     return ctypes.string_at(string.data, string.count).decode("utf-8", "surrogateescape") if string.data else ""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Light, Material, Vec3
-from renderer.scene.readers.numbers import blended_cone, clamped
+from renderer.scene.readers.number_ranges import blended_cone, clamped
 from renderer.settings import View
 from renderer.view import MAX_SHIFT
 

@@ -16,9 +16,9 @@ from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, text
 from renderer.scene.readers.fbx.textures import Pictures
-from renderer.scene.readers.linear import alpha
+from renderer.scene.readers.linear_images import alpha
 from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, with_opacity, with_roughness_and_metal
-from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.scattering import attenuating
 from renderer.scene.textures import TextureShelf
 

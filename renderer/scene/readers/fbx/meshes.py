@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.scene.deduplicate import unique_corners, used_among
 from renderer.scene.description import F32, I32
 from renderer.scene.polygons import triangulate
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import array, each, seen
-from renderer.scene.unique import unique_corners, used_among
 
 __all__ = ["Part", "parts_of"]
 

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32
+from renderer.scene.kernel_arguments import read_only
 from renderer.scene.normals import corner_angles, face_normals
-from renderer.scene.readable import read_only
-from renderer.scene.readers.carried import carried
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import array, at, each, matrix, pointed
 from renderer.scene.readers.fbx.meshes import Part
+from renderer.scene.readers.skinning import carried
 
 __all__ = ["Skin", "blended", "turned_with"]
 

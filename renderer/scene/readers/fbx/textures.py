@@ -16,7 +16,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, matrix, pointed, text
 from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.tiles import composed, is_tiled, tiles_of
+from renderer.scene.udim import composed, is_tiled, tiles_of
 
 __all__ = ["Pictures"]
 

@@ -16,12 +16,12 @@ import numpy.typing as npt
 from renderer.scene.animation import Clip, Curve, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.changed import Changed, Path
 from renderer.scene.readers.gltf import pointers
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
+from renderer.scene.readers.replaced_values import Changed, Path
 
 __all__ = ["EXTENSION", "Animations"]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.number_ranges import clamped
 from renderer.settings import View
 
 __all__ = ["read_camera"]

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, Mesh
-from renderer.scene.readable import read_only
-from renderer.scene.readers.carried import carried
+from renderer.scene.kernel_arguments import read_only
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.transforms import Matrix
+from renderer.scene.readers.skinning import carried
 
 __all__ = ["Bones", "bind_matrices", "morphed", "skinned"]
 

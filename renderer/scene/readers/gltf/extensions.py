@@ -12,7 +12,7 @@ from renderer.scene.material import ALL_REFLECTING_IOR, PARAMETERS, Material
 from renderer.scene.parameters import Parameter
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.number_ranges import clamped
 
 __all__ = ["METALLIC_ROUGHNESS", "NAMES", "has_thickness", "read_extensions", "read_parameters"]
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from renderer.scene.material import AlphaMode, Material
-from renderer.scene.readers.gltf import extensions, scatter
+from renderer.scene.readers.gltf import extensions, scattering
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossiness
 from renderer.scene.readers.gltf.textures import UV_SETS, Textures, uv_sets_of
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["EXTENSIONS", "Materials"]
 
-EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.NAMES, *scatter.NAMES}
+EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.NAMES, *scattering.NAMES}
 
 _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
@@ -84,7 +84,7 @@ class Materials:
         self._alpha_mode(source, material)
         self._emission(source, material)
         extensions.read_extensions(source, material)
-        scatter.read_scatter(source, material, self._textures, self._shelf, is_thin=not extensions.has_thickness(source))
+        scattering.read_scatter(source, material, self._textures, self._shelf, is_thin=not extensions.has_thickness(source))
         return material
 
     def _alpha_mode(self, source: Json, material: Material) -> None:

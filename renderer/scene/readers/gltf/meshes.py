@@ -8,7 +8,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from renderer.errors import SceneError
-from renderer.scene.closed import is_closed
 from renderer.scene.description import Mesh
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.gltf.accessors import Accessors
@@ -21,6 +20,7 @@ from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
 from renderer.scene.textures import TextureShelf
+from renderer.scene.watertight import is_closed
 
 __all__ = ["Meshes"]
 

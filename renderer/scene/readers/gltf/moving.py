@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from renderer.scene.readers.changed import Path
 from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.replaced_values import Path
 
 __all__ = ["Moving"]
 

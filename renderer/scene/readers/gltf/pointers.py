@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from renderer.scene.material import PARAMETERS
 from renderer.scene.parameters import Parameter
-from renderer.scene.readers.changed import Path
 from renderer.scene.readers.gltf import extensions
+from renderer.scene.readers.replaced_values import Path
 
 __all__ = ["IDLE", "Kind", "find", "kind_of", "template"]
 

@@ -15,8 +15,8 @@ from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import Bones
 from renderer.scene.readers.gltf.faults import DamagedError
+from renderer.scene.readers.gltf.points_and_lines import thickened
 from renderer.scene.readers.gltf.textures import UV_SETS
-from renderer.scene.readers.gltf.thickened import thickened
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["Primitive", "read_primitive"]

@@ -11,7 +11,7 @@ from renderer.scene.readers.gltf.lights import forward_of
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
 from renderer.scene.readers.ies import Photometry, read_ies
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, photometry_of
-from renderer.scene.readers.numbers import clamped, unit_color
+from renderer.scene.readers.number_ranges import clamped, unit_color
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["EXTENSION", "Profiles"]

@@ -19,10 +19,10 @@ from renderer.scene.readers.gltf import (
     variants,
 )
 from renderer.scene.readers.gltf.accessors import Accessors
-from renderer.scene.readers.gltf.again import Again
 from renderer.scene.readers.gltf.container import Json, parse
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.reevaluate import Again
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]

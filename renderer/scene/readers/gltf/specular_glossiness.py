@@ -12,8 +12,8 @@ from renderer.scene.description import Image
 from renderer.scene.material import ALL_REFLECTING_IOR, Material
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
-from renderer.scene.readers.linear import alpha, encoded
-from renderer.scene.readers.numbers import unit, unit_color
+from renderer.scene.readers.linear_images import alpha, encoded
+from renderer.scene.readers.number_ranges import unit, unit_color
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read_specular_glossiness"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from renderer.scene.readers.gltf.container import Json
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["EXTENSION", "Variants"]
 

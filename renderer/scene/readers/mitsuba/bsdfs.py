@@ -11,11 +11,12 @@ import numpy as np
 
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
-from renderer.scene.readers.brushed import brushed
-from renderer.scene.readers.bumps import BumpMaps, rounded
+from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import coat_over, pane_ior
 from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.height_maps import BumpMaps, rounded
+from renderer.scene.readers.linear_images import linear
+from renderer.scene.readers.material_mix import mixed
 from renderer.scene.readers.metals import head_on
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
@@ -23,8 +24,7 @@ from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.values import rgb
-from renderer.scene.readers.mixed import mixed
-from renderer.scene.readers.numbers import clamped, unit
+from renderer.scene.readers.number_ranges import clamped, unit
 
 __all__ = ["Bsdfs"]
 
@@ -79,7 +79,7 @@ class Bsdfs:
     def material(self, shape: Element, spans: Spans = _no_spans) -> int:
         """The material of a shape: of its BSDF, with the light of its area emitter.
 
-        spans: how long its coordinates are (bumps.py), asked of what has bumps.
+        spans: how long its coordinates are (height_maps.py), asked of what has bumps.
         """
         source = next(iter(shape.of("bsdf")), None)
         emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)

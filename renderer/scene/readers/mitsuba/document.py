@@ -18,7 +18,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.xml import refuse_entities
-from renderer.scene.warned import Warned
+from renderer.scene.warning_list import Warned
 
 __all__ = ["Document", "Element"]
 

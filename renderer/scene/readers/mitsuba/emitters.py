@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.scene.description import EmissionMap, Environment, Light, SceneDescription, Vec3
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.sensors import vertical_fov
 from renderer.scene.readers.mitsuba.skies import SKIES, sky_of

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from renderer.scene.description import Material, Medium, SceneDescription, Vec3
+from renderer.scene.readers.camera_medium import fill_world
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.textures import constant_of
 from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.scattering import filled_with, medium
 from renderer.scene.readers.substances import substance
-from renderer.scene.readers.surrounded import fill_world
 
 __all__ = ["Media"]
 

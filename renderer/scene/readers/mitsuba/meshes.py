@@ -14,7 +14,7 @@ from renderer.scene.description import Mesh, SceneDescription
 from renderer.scene.normals import smoothed
 from renderer.scene.readers import ply
 from renderer.scene.readers.by_format import read_file
-from renderer.scene.readers.mitsuba import formulas
+from renderer.scene.readers.mitsuba import parametric_shapes
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 
@@ -35,13 +35,13 @@ def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[t
     """
     name = shape.id or shape.type
     if shape.type == "rectangle":
-        found = [(formulas.rectangle(name), np.eye(4))]
+        found = [(parametric_shapes.rectangle(name), np.eye(4))]
     elif shape.type == "cube":
-        found = [(formulas.cube(name), np.eye(4))]
+        found = [(parametric_shapes.cube(name), np.eye(4))]
     elif shape.type == "disk":
-        found = [(formulas.disk(name), np.eye(4))]
+        found = [(parametric_shapes.disk(name), np.eye(4))]
     elif shape.type == "cylinder":
-        found = [(formulas.tube(name), _between(shape))]
+        found = [(parametric_shapes.tube(name), _between(shape))]
     else:
         found = _of_file(shape, document, attribute)
     if shape.flag("flip_normals", False):

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from renderer.scene.description import Material
 from renderer.scene.material import ALL_REFLECTING_IOR
-from renderer.scene.readers.brushed import brushed
+from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import dielectric_albedo, ior_of
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.textures import Textures
-from renderer.scene.readers.numbers import clamped, unit
+from renderer.scene.readers.number_ranges import clamped, unit
 
 __all__ = ["principled"]
 

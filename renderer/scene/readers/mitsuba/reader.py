@@ -7,11 +7,11 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document
 from renderer.scene.readers.mitsuba.emitters import add_emitter
-from renderer.scene.readers.mitsuba.left import left_over
 from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor, note_what_lies_beyond
 from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
+from renderer.scene.readers.mitsuba.unused_properties import left_over
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["read"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.errors import SceneError, SettingsError
 from renderer.scene.description import Camera, SceneDescription, Vec3
-from renderer.scene.readers.cropped import Window, cropped
+from renderer.scene.readers.crop_window import Window, cropped
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.settings import MAX_DEPTH, View
 

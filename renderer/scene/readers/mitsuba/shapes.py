@@ -10,14 +10,14 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
-from renderer.scene.readers.bumps import spans_of
+from renderer.scene.readers.expansion_limits import judge_spread
+from renderer.scene.readers.height_maps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.formulas import sphere
 from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_by_normals
+from renderer.scene.readers.mitsuba.parametric_shapes import sphere
 from renderer.scene.readers.mitsuba.values import Matrix
-from renderer.scene.readers.spread import judge_spread
 
 __all__ = ["Shapes"]
 

@@ -9,11 +9,11 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.readers.coats import under_a_coat
-from renderer.scene.readers.linear import encoded, linear
+from renderer.scene.readers.linear_images import encoded, linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
-from renderer.scene.readers.numbers import unit
+from renderer.scene.readers.number_ranges import unit
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["Textures", "radiance_of"]

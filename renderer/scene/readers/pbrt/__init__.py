@@ -4,7 +4,8 @@ statements.py  a file and all that it includes as statements: a directive and it
 parameters.py  a statement's parameters by name and type
 transforms.py  the current transformation, at the beginning and the end of time
 graphics.py    what statements change: transformations, materials, lights, named things; and what they make
-spectra.py     spectra and colours as linear Rec.709; observer.py how an eye weighs wavelengths, named.py what pbrt knows by name
+spectra.py     spectra and colours as linear Rec.709; observer.py how an eye weighs wavelengths, named_spectra.py metals, glasses
+               and lights by name
 textures.py    what varies over a surface, by formulas worked out as a picture
 materials.py   materials, conductors.py their metals, coats.py what lies over paint and metal, hair.py hair
 media.py       what fills shapes and the world, and what light does beneath skin

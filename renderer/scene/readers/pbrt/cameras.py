@@ -10,7 +10,7 @@ import numpy as np
 from renderer.errors import SettingsError
 from renderer.scene.description import Camera, SceneDescription, Vec3
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.cropped import Window, cropped
+from renderer.scene.readers.crop_window import Window, cropped
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.spectra import balanced

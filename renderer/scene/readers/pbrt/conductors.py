@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 from renderer.scene.readers.metals import head_on
-from renderer.scene.readers.pbrt.named import METALS
+from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 

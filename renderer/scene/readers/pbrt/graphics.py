@@ -12,7 +12,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
-from renderer.scene.readers.cropped import Window
+from renderer.scene.readers.crop_window import Window
 from renderer.scene.readers.pbrt import cameras, transforms
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.materials import Materials

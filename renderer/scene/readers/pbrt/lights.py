@@ -12,14 +12,14 @@ import numpy as np
 from renderer.scene.description import EmissionMap, Environment, Image, Light, SceneDescription, Vec3
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.pbrt.equal_area import equirectangular
 from renderer.scene.readers.pbrt.materials import Emission
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.scene.readers.pbrt.projected_lights import goniometric, projected_power, projection
 from renderer.scene.readers.pbrt.spectra import luminance
 from renderer.scene.readers.pbrt.textures import Textures
-from renderer.scene.readers.pbrt.thrown import goniometric, projected_power, projection
 
 __all__ = ["Lights"]
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from renderer.scene.description import Image, Material, SceneDescription, Vec3
-from renderer.scene.readers.brushed import brushed
-from renderer.scene.readers.bumps import BumpMaps
+from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import pane_ior
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.height_maps import BumpMaps
+from renderer.scene.readers.linear_images import linear
+from renderer.scene.readers.material_mix import mixed
 from renderer.scene.readers.metals import head_on
-from renderer.scene.readers.mixed import mixed
 from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
 from renderer.scene.readers.pbrt.hair import hair
@@ -86,7 +86,7 @@ class Materials:
         """The description's number of a material of a shape, which stands at a place of the file.
 
         alpha: how much of the surface is there. between: the media inside and outside. spans: of a shape that has bumps, how
-        long its coordinates are (bumps.py).
+        long its coordinates are (height_maps.py).
         """
         key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:

@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from renderer.scene.description import Material, Medium, SceneDescription, Vec3
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.camera_medium import fill_world
+from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.scattering import filled_with, medium, seen_through_a_boundary, within
 from renderer.scene.readers.substances import SUBSTANCES
-from renderer.scene.readers.surrounded import fill_world
 
 __all__ = ["NOTHING", "Interface", "Media", "subsurface"]
 

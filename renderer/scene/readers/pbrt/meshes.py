@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
 from renderer.scene.origin import exact
 from renderer.scene.readers import ply
-from renderer.scene.readers.pbrt.growth import Growth
+from renderer.scene.readers.pbrt.expansion_limits import Growth
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters

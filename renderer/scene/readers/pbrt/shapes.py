@@ -11,9 +11,9 @@ from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
-from renderer.scene.readers.bumps import rounded, spans_of
+from renderer.scene.readers.height_maps import rounded, spans_of
 from renderer.scene.readers.pbrt.curves import strand_of
-from renderer.scene.readers.pbrt.growth import Growth
+from renderer.scene.readers.pbrt.expansion_limits import Growth
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing

@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.pbrt.named import CHROMATICITIES, GLASSES, METALS
+from renderer.scene.readers.pbrt.named_spectra import CHROMATICITIES, GLASSES, METALS
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
-from renderer.scene.text import decoded
+from renderer.scene.text_encoding import decoded
 
 __all__ = ["SPACES", "WEIGHTS", "Colors", "balanced", "luminance"]
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.readers.pbrt.notes import Place
-from renderer.scene.text import decoded
+from renderer.scene.text_encoding import decoded
 from renderer.zips import most_unpacked
 
 __all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]

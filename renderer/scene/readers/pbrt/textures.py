@@ -14,8 +14,8 @@ import numpy as np
 from renderer.scene.description import Image, SceneDescription, TexelFilter, UvTransform, Vec3, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.baked import SIZE, Grid, checks, grid, looked_up
-from renderer.scene.readers.linear import encoded, linear
+from renderer.scene.readers.image_baking import SIZE, Grid, checks, grid, looked_up
+from renderer.scene.readers.linear_images import encoded, linear
 from renderer.scene.readers.pbrt.mappings import UPRIGHT, Mapping, mapping_of
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of

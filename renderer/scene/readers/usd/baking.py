@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Image, Texture
-from renderer.scene.readers.baked import grid, looked_up
+from renderer.scene.readers.image_baking import grid, looked_up
 from renderer.scene.readers.usd.textures import CHANNELS, Taken, linear
 from renderer.scene.textures import UNMOVED, TextureShelf
 

@@ -10,7 +10,7 @@ from pxr import UsdGeom
 
 from renderer.scene.description import Vec3
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.numbers import clamped
+from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.usd.notes import Notes
 from renderer.settings import View
 from renderer.view import MAX_SHIFT

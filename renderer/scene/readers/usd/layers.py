@@ -16,10 +16,10 @@ from typing import Any
 from pxr import Sdf, Tf, Usd, UsdUtils, Work
 
 from renderer.errors import SceneError
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.usd import mtlx
-from renderer.scene.readers.usd.composed import judge_composition
 from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.prim_count import judge_composition
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
 
 __all__ = ["Stage", "muted", "open_stage", "telling"]

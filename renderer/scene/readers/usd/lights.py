@@ -11,7 +11,7 @@ from pxr import UsdLux
 from renderer.scene.description import Light, Mesh, Vec3
 from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.numbers import blended_cone
+from renderer.scene.readers.number_ranges import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
 from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.ies import Profiles

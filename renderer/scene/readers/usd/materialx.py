@@ -12,8 +12,8 @@ from typing import Any
 from renderer.scene.description import Vec3
 from renderer.scene.readers.coats import tint_beneath
 from renderer.scene.readers.mtl_maps import as_alpha
-from renderer.scene.readers.numbers import clamped, unit, unit_color
-from renderer.scene.readers.usd import within
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
+from renderer.scene.readers.usd import subsurface
 from renderer.scene.readers.usd.arnold import STANDARD as ARNOLD
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import (
@@ -26,7 +26,7 @@ from renderer.scene.readers.usd.preview_surface import (
     fill_roughness,
     read_preview_surface,
 )
-from renderer.scene.readers.usd.said import Said
+from renderer.scene.readers.usd.surface_inputs import Said
 from renderer.scene.readers.usd.textures import colored, grey
 
 __all__ = ["SURFACES", "read_materialx"]
@@ -53,7 +53,7 @@ def read_materialx(shader: Any, kind: str, read: Read) -> None:
 
 def _standard(said: Said, read: Read) -> None:
     material = read.material
-    color = _body(said, read, within.STANDARD, said.number("base", 1.0), (0.8, 0.8, 0.8))
+    color = _body(said, read, subsurface.STANDARD, said.number("base", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.2, said("metalness"), 0.0)
     _specular(read, said("specular"), said("specular_color", True))
     material.ior = clamped(said.number("specular_IOR", 1.5), 1.0, 1000.0)
@@ -76,7 +76,7 @@ def _standard(said: Said, read: Read) -> None:
 
 def _open_pbr(said: Said, read: Read) -> None:
     material = read.material
-    color = _body(said, read, within.OPEN_PBR, said.number("base_weight", 1.0), (0.8, 0.8, 0.8))
+    color = _body(said, read, subsurface.OPEN_PBR, said.number("base_weight", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.3, said("base_metalness"), 0.0)
     _specular(read, said("specular_weight"), said("specular_color", True))
     material.ior = clamped(said.number("specular_ior", 1.5), 1.0, 1000.0)
@@ -123,11 +123,11 @@ def _gltf(said: Said, read: Read) -> None:
         fill_opacity(read, said("alpha"), said.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
 
 
-def _body(said: Said, read: Read, names: within.Names, weight: float, default: Vec3) -> Input:
+def _body(said: Said, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
     """Fills the base colour, and what is beneath the surface."""
-    color, weight = within.mixed_color(said, read, names, weight, default)
+    color, weight = subsurface.mixed_color(said, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
-    within.scatter_beneath(said, read, names)
+    subsurface.scatter_beneath(said, read, names)
     return color
 
 
@@ -167,7 +167,7 @@ def _transmission(read: Read, said: Said, weight: str) -> bool:
         return False
     tint, depth = said.color("transmission_color"), said.number("transmission_depth", 0.0)
     if depth > 0 and not material.thin:
-        within.fill_glass(said, read, tint, depth)
+        subsurface.fill_glass(said, read, tint, depth)
         tint = _WHITE
     # One colour for what is reflected and what goes through: that of which there is more.
     if material.transmission_texture is None:

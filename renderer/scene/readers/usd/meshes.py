@@ -10,13 +10,13 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.errors import SceneError
+from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import F32, Mesh
 from renderer.scene.normals import face_normals, smoothed_together
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
 from renderer.scene.readers.usd.refining import of_boundary, refine
-from renderer.scene.unique import unique_threes
 
 __all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
 

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from pxr import UsdGeom, UsdLux, UsdShade
 
 from renderer.errors import SceneError, SettingsError
-from renderer.scene.closed import is_closed
 from renderer.scene.description import Camera, Instance, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
@@ -32,6 +31,7 @@ from renderer.scene.readers.usd.skeletons import Skeletons
 from renderer.scene.readers.usd.surfaces import Surface, Surfaces
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
+from renderer.scene.watertight import is_closed
 
 __all__ = ["Placing"]
 

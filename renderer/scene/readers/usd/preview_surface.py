@@ -7,9 +7,9 @@ from typing import Any
 
 from renderer.scene.description import Vec3
 from renderer.scene.material import Material
-from renderer.scene.readers.linear import most
+from renderer.scene.readers.linear_images import most
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
-from renderer.scene.readers.numbers import clamped, unit, unit_color
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.network import Network

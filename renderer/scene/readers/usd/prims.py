@@ -11,7 +11,7 @@ from pxr import Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, UsdSkel
 
 from renderer.errors import SceneError
 from renderer.scene.matrices import Matrix, product
-from renderer.scene.readers.uprights import Z_UP
+from renderer.scene.readers.up_axis import Z_UP
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
 

@@ -10,7 +10,7 @@ from pxr import Usd
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.readers.names import number_of
+from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
 from renderer.scene.readers.usd.metadata import rate_of
 from renderer.scene.readers.usd.notes import Notes

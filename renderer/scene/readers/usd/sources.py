@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
-from renderer.scene.tiles import tiles_of
+from renderer.scene.udim import tiles_of
 from renderer.zips import DAMAGED
 
 __all__ = ["LAYER_SUFFIXES", "Sources"]

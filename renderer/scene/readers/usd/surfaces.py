@@ -9,10 +9,10 @@ import numpy as np
 
 from renderer.scene.description import Mesh
 from renderer.scene.material import Material
-from renderer.scene.readers.bumps import BumpMaps, rounded, spans_of
-from renderer.scene.readers.numbers import unit_color
+from renderer.scene.readers.height_maps import BumpMaps, rounded, spans_of
+from renderer.scene.readers.number_ranges import unit_color
 from renderer.scene.readers.usd import primvars
-from renderer.scene.readers.usd.displaced import Heights, heights_of
+from renderer.scene.readers.usd.displacement import Heights, heights_of
 from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.notes import Notes

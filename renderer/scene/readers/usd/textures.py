@@ -13,13 +13,13 @@ import numpy.typing as npt
 from renderer.image.read import read as read_image
 from renderer.image.tonemap import decode_srgb
 from renderer.scene.description import Image, UvTransform, Wrap
-from renderer.scene.readers.linear import alpha, encoded
-from renderer.scene.readers.linear import linear as linear_colors
+from renderer.scene.readers.linear_images import alpha, encoded
+from renderer.scene.readers.linear_images import linear as linear_colors
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.textures import UNMOVED, TextureShelf
-from renderer.scene.tiles import composed, is_tiled, placed, side_by_side, tile_name
+from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name
 
 __all__ = ["CHANNELS", "Images", "Taken", "composed", "linear"]
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.animation import Curve, smooth
-from renderer.scene.readers.changed import Changed
+from renderer.scene.readers.replaced_values import Changed
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color
 

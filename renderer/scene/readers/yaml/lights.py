@@ -12,7 +12,7 @@ from renderer.scene.description import F32, EmissionMap, Environment, Light, Med
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import light_by_name
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, thrown
-from renderer.scene.readers.linear import linear
+from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, vec3
 from renderer.scene.textures import TextureShelf

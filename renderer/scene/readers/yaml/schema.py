@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
-from renderer.declared import Declared
+from renderer.setting_declaration import Declared
 from renderer.settings import OPTIONAL, SETTINGS, VIEW
 from renderer.work import WORK
 

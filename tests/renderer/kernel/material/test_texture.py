@@ -22,7 +22,7 @@ from renderer.scene.description import (
     TextureLayer,
 )
 from renderer.scene.material import PARAMETERS
-from renderer.scene.packing import pack
+from renderer.scene.material_packing import pack
 from tests.grids import grid
 from tests.renderer.builders import settings
 from tests.renderer.judge import assert_mean

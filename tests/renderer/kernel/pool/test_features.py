@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer import render
-from renderer.arrays.edition import edition_of
+from renderer.arrays.kernel_variant import edition_of
 from renderer.film import COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame

@@ -6,7 +6,7 @@ import pytest
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
-from renderer.kernel.surface.departure import departure
+from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture

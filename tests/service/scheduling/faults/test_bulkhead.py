@@ -13,7 +13,7 @@ from renderer.errors import SettingsError
 from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
 from service.scheduling.faults import bulkhead
 from service.scheduling.faults.bulkhead import Bulkheads, Step
-from service.store.room import no_room
+from service.store.disk_space import no_room
 
 FULL = NoRoom("The disk is full.")
 MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))

@@ -1,0 +1,118 @@
+"""Exports subsurface scattering and interior media as material extensions that the farm reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from .model import Scene
+from .nodes import constant, output_of
+from .volumes import Medium, medium_of, volume_of
+
+__all__ = ["MEDIUM", "SUBSURFACE", "filled", "has_volumes", "scatters", "subsurface", "world_medium"]
+
+Warn = Callable[[str], None]
+# Read by renderer/scene/readers/gltf/scattering.py.
+MEDIUM, SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
+MOST_ANISOTROPY = 0.9  # as Cycles has it
+LEAST, CLEAR = 1e-3, 0.999
+
+
+def subsurface(look: Any) -> dict[str, Any] | None:
+    """Returns the extension of a surface with subsurface scattering; None for others.
+
+    Cycles interprets a radius as 4 pi mean free paths, or for skin as the diffusion length in a medium of its colour: both for
+    isotropic scattering, of which a medium with anisotropy g needs 1 / (1 - g) times as much. Source:
+    intern/cycles/kernel/closure/bssrdf.h and kernel/integrator/subsurface_random_walk.h.
+    """
+    weight = _number(look, "Subsurface Weight", 0.0)
+    if weight <= LEAST:
+        return None
+    scale, radius = _number(look, "Subsurface Scale", 0.05), _three(look, "Subsurface Radius", [1.0, 0.2, 0.1])
+    g = min(max(_number(look, "Subsurface Anisotropy", 0.0), 0.0), MOST_ANISOTROPY)
+    path = [max(scale * r, 0.0) / (4 * math.pi) for r in radius]
+    if _number(look, "Subsurface Skin", 0.0) > 0:
+        ior = min(max(_number(look, "Subsurface IOR", 1.4), 1.01), 3.8)
+        color = _three(look, "Base Color", [0.8] * 3)
+        path = [max(scale * r, 0.0) * math.sqrt(3 * (1 - albedo_of(c, ior))) for r, c in zip(radius, color, strict=True)]
+    reduced = [(1 - g) * each for each in path]
+    return {"subsurfaceFactor": min(weight, 1.0), "subsurfaceRadius": reduced, "subsurfaceAnisotropy": g}
+
+
+def albedo_of(color: float, ior: float) -> float:
+    """Returns the reduced single-scattering albedo of a half space with that colour beneath a boundary: Jensen et al. 2001, eq.
+
+    15.
+    """
+    inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        root = math.sqrt(3 * (1 - middle))
+        if middle / 2 * (1 + math.exp(-4 / 3 * (1 + inner) / (1 - inner) * root)) * math.exp(-root) < color:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
+    """Returns the extension of a material with a volume; None without one.
+
+    lets_in: whether the surface, if there is any, transmits light.
+    """
+    source = volume_of(tree)
+    if source is None:
+        return None
+    top = output_of(tree)
+    is_bare = top is None or (top.node.type == "BSDF_TRANSPARENT" and min(constant(top.input("Color")) or [0.0]) > CLEAR)
+    found = medium_of(source, warn)
+    if not is_bare and not lets_in:
+        if found is not None and not found.is_nothing():
+            warn("its volume is left out, as its surface lets no light in")
+        return None
+    return {**_written(found or Medium()), "isInterface": is_bare}
+
+
+def has_volumes(scene: Scene) -> bool:
+    """Whether the scene has scattering volumes."""
+    return bool(scene.world.medium) or any(scatters(each.gltf.get("extensions", {})) for each in scene.materials.values())
+
+
+def scatters(extensions: dict[str, Any]) -> bool:
+    """Whether a material's interior scatters light."""
+    return max(extensions.get(MEDIUM, {}).get("sigmaS", [0.0])) > 0
+
+
+def world_medium(tree: Any, warn: Warn) -> dict[str, Any] | None:
+    """Returns the world's medium for the scene file; None if it is clear."""
+    found = medium_of(volume_of(tree), warn)
+    if found is None or found.is_nothing():
+        return None
+    return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
+
+
+def _written(found: Medium) -> dict[str, Any]:
+    return {"sigmaA": found.sigma_a, "sigmaS": found.sigma_s, "g": found.g}
+
+
+def _number(look: Any, name: str, default: float) -> float:
+    found = constant(look.input(name))
+    return found if isinstance(found, float) else _own(look, name, default)
+
+
+def _own(look: Any, name: str, default: float) -> float:
+    """Returns a socket's own number, although something is connected to it."""
+    value = getattr(getattr(look.input(name), "socket", None), "default_value", None)
+    return float(value) if isinstance(value, int | float) else default
+
+
+def _three(look: Any, name: str, default: list[float]) -> list[float]:
+    found = constant(look.input(name))
+    if isinstance(found, list):
+        return found
+    if isinstance(found, float):
+        return [found] * 3
+    own = getattr(getattr(look.input(name), "socket", None), "default_value", None)
+    return [float(c) for c in own][:3] if hasattr(own, "__len__") else default

@@ -1,0 +1,117 @@
+"""A program's keyword arguments, checked like the command line's options."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rayfarm import options
+from rayfarm.errors import CommandError
+from rayfarm.options import Env
+from rayfarm.picture import ASKED, ENDS, LIGHT, Picture
+from renderer import aovs
+from renderer.errors import SettingsError
+from renderer.scene.animation import Moment
+from renderer.setting_declaration import Declared
+from renderer.settings import VIEW
+
+__all__ = ["Asked", "asked"]
+
+_OWN = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
+_TABLES: tuple[Mapping[str, Declared], ...] = (ENDS, VIEW, ASKED, LIGHT)
+
+
+class _Wanted(Picture):
+    """A Picture whose size and environment are values instead of text."""
+
+    def _size(self) -> tuple[int, int] | None:
+        size: tuple[int, int] | None = self.given.get("size")
+        return size
+
+    def environment(self) -> Env:
+        light: Env = self.given["env"]
+        return light
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A parsed request: the scene's moment, the picture, and the requested outputs."""
+
+    picture: Picture
+    moment: Moment = field(default_factory=Moment)
+    variant: str | None = None
+    aovs: tuple[str, ...] = aovs.AOVS
+    denoise: bool = False
+    threads: int | None = None
+
+
+def asked(given: Mapping[str, Any]) -> Asked:
+    """Parses the keywords of `render`. Raises TypeError for an unknown one, SettingsError for an invalid value."""
+    names = {each.name: each for table in _TABLES for each in table.values()}
+    for name in given:
+        if name not in names and name not in _OWN:
+            near = difflib.get_close_matches(name, [*names, *_OWN], 1)
+            raise TypeError(f"{name!r} is no setting of a picture" + (f"; did you mean {near[0]!r}?" if near else ""))
+    values = {each.option.replace("-", "_"): _plain(given[name]) for name, each in names.items() if name in given}
+    for name, each in names.items():
+        if given.get(name) is not None:
+            each.check(_plain(given[name]))
+    camera = given.get("camera")
+    picture = _Wanted(
+        {
+            **values,
+            "size": _size(given),
+            "env": _light(given.get("environment")),
+            "camera": None if camera is None else str(camera),
+        }
+    )
+    wanted = given.get("aovs")
+    named = [wanted] if isinstance(wanted, str) else wanted or ()
+    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # always present
+    moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
+    return Asked(picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"))
+
+
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)
+
+
+def _plain(value: Any) -> Any:
+    """A number or three numbers, converted from numpy's types."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else tuple(value) if isinstance(value, list) else value
+
+
+def _size(given: Mapping[str, Any]) -> tuple[int, int] | None:
+    width, height = given.get("width"), given.get("height")
+    if (width is None) != (height is None):
+        raise SettingsError("width and height go together: give both, or neither for the scene's own")
+    return None if width is None or height is None else (int(width), int(height))
+
+
+def _light(environment: Any) -> Env:
+    if environment is None:
+        return Env()
+    if isinstance(environment, Path):
+        if not environment.expanduser().is_file():
+            raise SettingsError(f"environment: there is no file {environment}")
+        return Env(image=environment.expanduser())
+    if isinstance(environment, str):
+        try:
+            return options.environment_of(environment)
+        except CommandError as error:
+            raise SettingsError(str(error).replace("--env ", "").removeprefix("is ")) from None
+    color = _plain(environment)
+    color = (color,) * 3 if isinstance(color, int | float) else color
+    wrong = SettingsError("environment is a name, a colour of three numbers from 0, sky:ELEVATION,AZIMUTH, or an image's Path")
+    try:
+        r, g, b = (float(part) for part in color)
+    except (TypeError, ValueError):
+        raise wrong from None
+    if not all(0 <= part < np.inf for part in (r, g, b)):
+        raise wrong
+    return Env(color=(r, g, b))

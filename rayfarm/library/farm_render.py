@@ -1,0 +1,116 @@
+"""Rendering on a farm, with intermediate pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import time
+import warnings
+from collections.abc import Generator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rayfarm import options
+from rayfarm.library.arguments import Asked
+from rayfarm.library.image import F32, Image
+from rayfarm.library.local_render import SceneWarning
+from rayfarm.scene_files import belonging
+from renderer import aovs
+from renderer.errors import SettingsError
+from renderer.frames import frame_text
+from renderer.scene.animation import Moment
+
+if TYPE_CHECKING:
+    from rayfarm.client import Client
+    from rayfarm.responses import Job, Scene
+
+__all__ = ["images", "requested", "submitted"]
+
+POLL_S = 0.3
+_COLOR = ("R", "G", "B")
+
+
+def submitted(farm: Client, scene: Path, wanted: Asked) -> Job:
+    """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not accept."""
+    return requested(farm, farm.wait_for_scene(farm.upload(belonging(scene), name=scene.stem).id), wanted)
+
+
+def requested(farm: Client, ready: Scene, wanted: Asked) -> Job:
+    """Submits a job for a scene that is ready on the farm. Raises as `submitted`."""
+    if wanted.threads is not None:
+        raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
+    light = wanted.picture.environment()
+    for warning in options.told(ready.warnings, light):
+        warnings.warn(warning, SceneWarning, stacklevel=2)
+    request = wanted.picture.request([asdict(camera) for camera in ready.cameras])
+    if light.image is not None:
+        request.setdefault("environment", {})["image"] = farm.upload_environment(light.image).id
+    moment = wanted.moment
+    if moment != Moment():
+        asked = {"frames": frame_text(moment.frame), "fps": moment.fps, "clip": moment.clip}
+        request |= {name: value for name, value in asked.items() if value is not None}
+    if wanted.variant is not None:
+        request["variant"] = wanted.variant
+    return farm.submit(ready.id, **request)
+
+
+def images(farm: Client, job: str, wanted: Asked, at_once: bool = False) -> Generator[Image]:
+    """Yields a job's picture each time it has new samples, the last one final; at_once: only the last. Raises ClientError.
+
+    Closing the iterator early leaves the job unchanged.
+    """
+    from rayfarm.client import ClientError
+
+    seen = -1
+    while True:
+        found = farm.job(job)
+        if found.state in ("failed", "cancelled"):
+            raise ClientError(f"The job {job} {'failed: ' + (found.error or '') if found.state == 'failed' else 'was cancelled'}")
+        is_final = found.state == "finished"
+        if is_final or (not at_once and found.samples > max(seen, 0)):
+            seen = found.samples
+            yield _fetched(farm, found, wanted, is_final)
+        if is_final:
+            return
+        time.sleep(POLL_S)
+
+
+def _fetched(farm: Client, job: Job, wanted: Asked, is_final: bool) -> Image:
+    frame = job.frames[0] if job.frames else None
+    planes = [name for name in wanted.aovs if name not in ("color", aovs.MOTION)]
+    extra = [aovs.MOTION] if aovs.MOTION in wanted.aovs and is_final else []
+    number = frame.number if frame is not None else 0
+    channels = _channels(farm.image(job.id, "exr", number, aov=",".join(["color", *planes, *extra])))
+    names = ["color", *planes, *extra]
+    if wanted.denoise and is_final:
+        clean = _channels(farm.image(job.id, "exr", number, denoise=True))
+        channels |= {f"denoised.{name}": clean[name] for name in _COLOR}
+        names.append("denoised")
+
+    def values(name: str) -> F32:
+        if name in ("color", "denoised"):
+            parts = [channels[each if name == "color" else f"denoised.{each}"] for each in _COLOR]
+        else:
+            parts = [channels[each] for each in aovs.channels(name)]
+        return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+
+    spp = frame.spp if frame is not None else 0.0
+    return Image(names, values, spp, job.spp, frame.noise if frame is not None else None, is_final)
+
+
+def _channels(exr: bytes) -> dict[str, F32]:
+    """An EXR's channels by name, each (h, w) float32."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    with tempfile.NamedTemporaryFile(suffix=".exr") as file, contextlib.ExitStack() as stack:
+        file.write(exr)
+        file.flush()
+        source = oiio.ImageInput.open(file.name)
+        if source is None:
+            raise SettingsError("what the farm sent is no EXR picture")
+        stack.callback(source.close)
+        pixels = np.asarray(source.read_image(oiio.FLOAT), np.float32)
+        return {name: pixels[..., i] for i, name in enumerate(source.spec().channelnames)}

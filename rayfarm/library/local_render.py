@@ -1,0 +1,124 @@
+"""Rendering in this process, pass by pass."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+import warnings
+from collections.abc import Generator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rayfarm import options
+from rayfarm.frame import Order, motion_of
+from rayfarm.library.arguments import Asked
+from rayfarm.library.image import F32, Image
+from rayfarm.reading import open_stage
+from rayfarm.rendering import Clock, load_kernels
+from renderer import aovs
+from renderer.work import most_samples
+
+if TYPE_CHECKING:
+    from renderer.film import Sums
+    from renderer.settings import RenderSettings
+
+__all__ = ["SceneWarning", "passes"]
+
+
+class SceneWarning(UserWarning):
+    """Warning about content of a scene that is not rendered as its file specifies."""
+
+
+def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
+    """Yields the picture after each pass, the last one final; at_once: only the last. Passes that are not consumed are skipped.
+
+    Closing the iterator ends the rendering. Raises SceneError, SettingsError or CommandError.
+    """
+    from renderer.film import noise as noise_of
+    from renderer.render import render_frame
+
+    picture, clock = wanted.picture, Clock()
+    planes = [name for name in wanted.aovs if name != "color"]
+    order = Order(picture, planes, wanted.denoise, 0.0, "neutral", None, 0, None, wanted.threads)
+    light = picture.environment()
+    with open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage:
+        motion = motion_of(stage, order, wanted.moment, clock)
+        compiled, summary = stage.at(wanted.moment)
+        for warning in options.told(summary["warnings"], light):
+            warnings.warn(warning, SceneWarning, stacklevel=2)
+        settings = order.settings(summary, wanted.moment)
+        count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
+        load_kernels(settings, compiled, clock)
+        of = count if picture.noise is None else None
+
+        def quiet_enough(sums: Sums) -> bool:
+            return picture.noise is not None and noise_of(sums, settings.film_exponent) <= picture.noise
+
+        if at_once:
+            stop = None if picture.noise is None else quiet_enough
+            sums = render_frame(compiled, settings, count, wanted.threads, stop=stop, time_limit=picture.time_limit)
+            yield _image(sums, settings, of, planes, motion, wanted, True)
+            return
+        ready: queue.Queue[tuple[Sums, bool] | BaseException] = queue.Queue()
+        is_left = threading.Event()
+
+        def tell(news: tuple[Sums, bool] | BaseException) -> None:
+            with contextlib.suppress(queue.Empty):
+                ready.get_nowait()  # drop the outdated picture
+            ready.put(news)
+
+        def after_pass(sums: Sums) -> bool:
+            tell((sums.copy(), False))
+            return is_left.is_set() or quiet_enough(sums)
+
+        def render() -> None:
+            try:
+                tell(
+                    (
+                        render_frame(compiled, settings, count, wanted.threads, stop=after_pass, time_limit=picture.time_limit),
+                        True,
+                    )
+                )
+            except BaseException as error:
+                tell(error)
+
+        worker = threading.Thread(target=render, name="rayfarm-passes", daemon=True)
+        worker.start()
+        try:
+            is_final = False
+            while not is_final:
+                found = ready.get()
+                if isinstance(found, BaseException):
+                    raise found
+                sums, is_final = found
+                yield _image(sums, settings, of, planes, motion, wanted, is_final)
+        finally:
+            is_left.set()
+            worker.join()
+
+
+def _image(
+    sums: Sums, settings: RenderSettings, of: int | None, planes: list[str], motion: F32 | None, wanted: Asked, is_final: bool
+) -> Image:
+    from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, mean, noise
+
+    exponent = settings.film_exponent
+
+    def values(name: str) -> F32:
+        if name == "color":
+            return mean(sums, exponent)
+        if name == "denoised":
+            from renderer.denoise import cleaned
+
+            color, albedo, normal = (mean(sums, exponent, each) for each in (COLOR, ALBEDO, NORMAL))
+            return cleaned(color, albedo, normal, wanted.threads).color
+        if name == aovs.MOTION:
+            assert motion is not None
+            return motion
+        return aovs.values(sums, exponent, name)
+
+    level = noise(sums, exponent)
+    names = ["color", *planes, *(["denoised"] if wanted.denoise and is_final else [])]
+    known = None if level == float("inf") else level
+    return Image(names, values, float(sums[SAMPLES].mean()), of, known, is_final)

@@ -1,0 +1,86 @@
+"""Jobs of a confined process that reads scenes: the other side of rayfarm/reading.py. Imports no options and no console."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rayfarm.stage import Stage
+from renderer.confine.reader import Link, told
+from renderer.errors import RayfarmError
+from renderer.image.read import read as read_image
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compiled_parts import Saver
+from renderer.scene.load import Shot, read
+
+__all__ = ["describe", "differences", "picture", "serve", "usd_names"]
+
+IDLE_S = 86400.0  # long: if the caller ends, so does this process
+
+
+def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link) -> dict[str, Any]:
+    """Serves requests for moments of a scene: writes each compiled scene into `out` as a manifest and its parts.
+
+    A moment with an error is reported as `failed`; further requests remain possible.
+    """
+    variant = options.pop("variant")
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), variant)
+    stage = Stage(shot, **options)
+    saver, written = Saver(Path(os.fsdecode(out))), None
+    for request in link.requests(IDLE_S):
+        moment = Moment(**request["moment"])
+        try:
+            if request["which"] == "between":
+                compiled, summary = stage.between(moment)
+            else:
+                compiled, summary = stage.at(moment, lambda step: link.send({"step": step}))
+        except RayfarmError as error:
+            link.send({"failed": told(error)})
+            continue
+        found: dict[str, Any] = {"summary": summary}
+        if compiled is not written:
+            manifest = saver.save(compiled, stage.cuts)
+            saver.prune(manifest)
+            found["manifest"], written = manifest.name, compiled
+        link.send(found)
+    return {}
+
+
+def describe(folder: bytes, main: bytes, link: Link) -> dict[str, Any]:
+    """The summary of a scene at its beginning, and its name."""
+    link.send({"step": "reading"})
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main))
+    description = shot.at(Moment(shot.start))
+    link.send({"step": "building"})
+    return {"name": description.name, "main": os.fsdecode(main), **summarise(description, compile_scene(description))}
+
+
+def differences(folder: bytes, main: bytes, other: str, link: Link) -> dict[str, Any]:
+    """Why another renderer's picture of a scene differs, as `sentences`. other: the renderer's name."""
+    from rayfarm.known_differences import known_differences
+
+    return {"sentences": known_differences(read(Path(os.fsdecode(folder)), os.fsdecode(main)), other)}
+
+
+def picture(image: bytes, name: str, pixels: bytes, link: Link) -> dict[str, Any]:
+    """Writes the pixels of an image file into the file `pixels`; returns their `shape` and `dtype`."""
+    found = np.ascontiguousarray(read_image(Path(os.fsdecode(image)).read_bytes(), name))
+    found.tofile(os.fsdecode(pixels))
+    return {"shape": list(found.shape), "dtype": found.dtype.str}
+
+
+def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
+    """The files that a USD layer refers to, as `names`; empty without USD, or if the layer is damaged."""
+    try:
+        from pxr import Tf, UsdUtils
+    except ImportError:
+        return {"names": []}
+    try:
+        found = UsdUtils.ExtractExternalReferences(os.fsdecode(layer))
+    except Tf.ErrorException:
+        return {"names": []}
+    return {"names": [str(name) for names in found for name in names]}

@@ -1,0 +1,74 @@
+"""Temporally stable denoising of a sequence: each frame is written once its neighbours are rendered, which it uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from renderer.temporal_denoise import Still
+
+__all__ = ["Steadying"]
+
+Write = Callable[["npt.NDArray[np.float32]"], None]
+
+
+class Steadying:
+    """Holds the frames that are still needed as neighbours.
+
+    A frame's neighbours depend on the requested frames and on failures, but not on which files existed before.
+    """
+
+    def __init__(self, frames: Iterable[float], missing: Iterable[float]) -> None:
+        """frames: all requested frames. missing: those whose files are to be written."""
+        self._all = frozenset(frames)
+        self.missing = frozenset(missing)
+        self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._near(frame))})
+        self._open = set(self.plan)  # not rendered yet
+        self._held: dict[float, Still] = {}
+        self._waiting: dict[float, Write] = {}
+
+    def _near(self, frame: float) -> list[float]:
+        """A frame's neighbours: up to REACH consecutive requested frames on each side."""
+        from renderer.temporal_denoise import REACH
+
+        found: list[float] = []
+        for way in (-1, 1):
+            for step in range(1, REACH + 1):
+                if frame + way * step not in self._all:
+                    break
+                found.append(frame + way * step)
+        return found
+
+    def has_neighbours(self, frame: float) -> bool:
+        """Whether a frame has neighbours."""
+        return bool(self._near(frame))
+
+    def take(self, frame: float, still: Still, write: Write) -> None:
+        """Adds a rendered frame. write: writes its denoised picture, if its file is missing."""
+        self._held[frame] = still
+        if frame in self.missing:
+            self._waiting[frame] = write
+
+    def settle(self, frame: float) -> list[tuple[float, Callable[[], None]]]:
+        """Marks a frame as rendered or failed; returns the frames whose pictures can now be denoised, each with its writer."""
+        self._open.discard(frame)
+        ready = [each for each in sorted(self._waiting) if not self._open.intersection(self._near(each))]
+        return [(each, self._writing(each)) for each in ready]
+
+    def _writing(self, frame: float) -> Callable[[], None]:
+        def write() -> None:
+            from renderer.temporal_denoise import steadied
+
+            done = self._waiting.pop(frame)
+            try:
+                done(steadied(self._held, frame))
+            finally:
+                wanted = {*self._waiting, *(self._open & self.missing)}
+                keep = wanted.union(*(self._near(each) for each in wanted))
+                self._held = {each: still for each, still in self._held.items() if each in keep}
+
+        return write

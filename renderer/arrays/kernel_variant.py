@@ -1,0 +1,61 @@
+"""Which edition of the kernels renders a scene: a function of the scene alone, so that all its samples come from one.
+
+Two editions may differ in the last bit of a sample, where the compiler merges other multiplications with additions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.scene import CompiledScene
+from renderer.arrays.scene_features import EDITIONS
+
+__all__ = ["edition_of", "only"]
+
+_TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANSPARENT
+_HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
+_LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
+_NOTHING: Any = None  # in the place of an array that the kernel need not know of
+_MEDIA = ("medium", "material_medium")
+_KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
+_LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED, rows.PLASTIC)
+
+
+def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
+    """The name of the first of EDITIONS that has all the parts which the scene needs.
+
+    camera_moves: while the shutter is open.
+    """
+    flags = int(np.bitwise_or.reduce(scene.material_flags))
+    needs = {
+        "textures": bool(flags & (_TEXTURES | _HIDDEN)) or len(scene.color) > 0,
+        "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
+        "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
+        "instances": len(scene.to_world) > 0,
+        "motion": camera_moves or _moves(scene),
+        "media": bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
+    }
+    wanted = {part for part, needed in needs.items() if needed}
+    return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
+
+
+def only(scene: CompiledScene, edition: str) -> CompiledScene:
+    """The scene as the kernels of that edition are given it."""
+    has = EDITIONS[edition]
+    bvh = scene.bvh._replace(instances=has.instances)
+    if has.textures is None:
+        bvh = bvh._replace(begin=_NOTHING)
+    if has.media is None:
+        scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
+    if has.motion is None:
+        scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
+        bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))
+    return scene._replace(has=has, bvh=bvh)
+
+
+def _moves(scene: CompiledScene) -> bool:
+    moving = scene.bvh.instance_motion, scene.key_position, scene.key_sphere, scene.key_punctual, scene.key_texture
+    return any(len(array) > 0 for array in moving)

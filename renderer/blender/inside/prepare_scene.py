@@ -1,0 +1,170 @@
+"""The scene as it is rendered, in objects that the glTF exporter knows: modifiers and instances become meshes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .deforming_meshes import Bending, without_bones
+from .instances import VISIBLE, instances_as_objects
+from .keys import animated_paths
+
+__all__ = ["VISIBLE", "prepare"]
+
+GREY = 0.8
+
+
+def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
+    """Makes the open scene so, at its present frame, the first of `frames`. Returns the objects that are shown.
+
+    exposed: the frames that are seen, and those beside them while a shutter is open.
+    """
+    _as_rendered(bpy, scene)
+    bpy.context.view_layer.update()
+    blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
+    if blinking and len(frames) > 1:
+        notes.append(f"{_listed(blinking)}: comes or goes with the frame in Blender, and is as at the first frame here")
+    shown = _shown(bpy, scene)
+    nowhere = sorted(name for name in shown if not _is_somewhere(scene.objects[name]))
+    if nowhere:
+        notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
+        for name in nowhere:  # what is nowhere has no place that can be written, hidden or not
+            shown.remove(name)
+            bpy.data.objects.remove(scene.objects[name])
+    instances_as_objects(bpy, scene, shown, frames, notes)
+    _modifiers(bpy, scene, shown, frames, exposed, notes)
+    for thing in scene.objects:
+        thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
+    found = [thing for thing in scene.objects if thing.name in shown]
+    _override(bpy.context.view_layer, scene, found)
+    _plain_materials(bpy, found)
+    return found
+
+
+def _is_somewhere(thing: Any) -> bool:
+    return all(math.isfinite(each) for row in thing.matrix_world for each in row)
+
+
+def _as_rendered(bpy: Any, scene: Any) -> None:
+    """What the viewport shows is what the exporter sees."""
+    _visible_as_rendered(bpy)
+    scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
+    scene.render.simplify_child_particles = scene.render.simplify_child_particles_render
+    for thing in bpy.data.objects:
+        for modifier in thing.modifiers:
+            modifier.show_viewport = modifier.show_render
+            if modifier.type in ("SUBSURF", "MULTIRES"):
+                modifier.levels = modifier.render_levels
+        if thing.type in ("CURVE", "SURFACE", "FONT") and thing.data.render_resolution_u:
+            thing.data.resolution_u = thing.data.render_resolution_u
+        for system in getattr(thing, "particle_systems", ()):
+            system.settings.display_percentage = 100
+
+
+def _visible_as_rendered(bpy: Any) -> None:
+    """What is hidden in the viewport alone would be evaluated by nobody, and what is hidden in pictures alone be instanced."""
+    for each in [*bpy.data.objects, *bpy.data.collections]:
+        each.hide_viewport = each.hide_render
+    left = [bpy.context.view_layer.layer_collection]
+    while left:
+        each = left.pop()
+        each.hide_viewport = False
+        left += each.children
+    for thing in bpy.context.view_layer.objects:
+        thing.hide_set(False)
+
+
+def _override(layer: Any, scene: Any, things: list[Any]) -> None:
+    """What the view layer shows in the place of all materials, and of the world."""
+    material = getattr(layer, "material_override", None)
+    for thing in things if material is not None else ():
+        if not hasattr(thing.data, "materials"):
+            continue
+        if not thing.material_slots:
+            thing.data.materials.append(material)
+        for slot in thing.material_slots:
+            slot.material = material
+    if getattr(layer, "world_override", None) is not None:
+        scene.world = layer.world_override
+
+
+def _plain_materials(bpy: Any, things: list[Any]) -> None:
+    """Materials of no nodes are matt in Cycles, and what has no material is grey."""
+    grey = bpy.data.materials.new("no material")
+    grey.use_nodes = False
+    grey.diffuse_color = (GREY, GREY, GREY, 1.0)
+    for thing in things:
+        if not hasattr(thing.data, "materials"):
+            continue
+        if not thing.material_slots:
+            thing.data.materials.append(grey)
+        for slot in thing.material_slots:
+            if slot.material is None:
+                slot.material = grey
+            if not slot.material.use_nodes:
+                _as_matt(slot.material)
+
+
+def _as_matt(material: Any) -> None:
+    color = tuple(material.diffuse_color)[:3]
+    material.use_nodes = True
+    node = material.node_tree.nodes["Principled BSDF"]
+    for name, value in (("Base Color", (*color, 1.0)), ("Metallic", 0.0), ("Roughness", 1.0), ("Specular IOR Level", 0.0)):
+        node.inputs[name].default_value = value
+
+
+def _shown(bpy: Any, scene: Any) -> set[str]:
+    """The names of the objects that are rendered: not hidden, nor all their collections, nor left out of the layer."""
+    layer = set(bpy.context.view_layer.objects.keys())
+    hidden = {collection.name for collection in [*scene.collection.children_recursive] if collection.hide_render}
+
+    def is_hidden(thing: Any) -> bool:
+        homes = list(thing.users_collection)
+        return bool(homes) and all(_is_within(home, hidden, scene) for home in homes)
+
+    return {thing.name for thing in scene.objects if not thing.hide_render and thing.name in layer and not is_hidden(thing)}
+
+
+def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
+    """Whether a collection or one that it lies in is hidden."""
+    if collection.name in hidden:
+        return True
+    parents = [each for each in scene.collection.children_recursive if collection.name in each.children]
+    return bool(parents) and all(_is_within(parent, hidden, scene) for parent in parents)
+
+
+def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
+    """Applies all modifiers but armatures, which the exporter knows as skins; shape keys stand in the way of others, and take
+    the place of those that bend a mesh over time.
+    """
+    keyed = []
+    bending = Bending(bpy, scene, shown, exposed if len(frames) > 1 else frames)
+    scene.frame_set(frames[0])
+    for name in sorted(shown):
+        thing = scene.objects[name]
+        modifiers = [each for each in thing.modifiers if each.show_viewport and each.type not in ("ARMATURE", "PARTICLE_SYSTEM")]
+        if thing.type != "MESH" or not modifiers:
+            continue
+        if thing.data.shape_keys is not None and len(thing.data.shape_keys.key_blocks) > 1:
+            keyed.append(name)
+            continue
+        with without_bones([thing]):
+            graph = bpy.context.evaluated_depsgraph_get()
+            shape = bpy.data.meshes.new_from_object(thing.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
+        thing.data = shape
+        for each in list(thing.modifiers):
+            if each.type not in ("ARMATURE",):
+                thing.modifiers.remove(each)
+        bending.into_keys(thing)
+    if keyed:
+        notes.append(f"{_listed(keyed)}: modifiers beside shape keys are not taken over; apply one of both")
+    if bending.left:
+        notes.append(
+            f"{_listed(bending.left)}: what modifiers make stands still as at the first frame, as it has other corners at other "
+            "frames, or too many of them"
+        )
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return ", ".join(names[:5]) + more

@@ -1,0 +1,325 @@
+"""Materials in terms that the glTF exporter knows: whatever shades a surface becomes one principled BSDF, and what lies between
+that and its pictures one picture. How, the add-on's modules know; where they are not, materials stay as they are.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import types
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .exporter_support import is_followed, lies_by_uv
+from .texture_spaces import is_suited
+
+__all__ = ["Extensions", "modules_of", "simplify"]
+
+LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vectors, which no picture of colours stands for
+BENT = {"Normal", "Coat Normal"}
+GLASS, LEAST_IOR = 1.5, 1e-4
+
+
+Extensions = dict[str, dict[str, Any]]
+
+
+class _Way(NamedTuple):
+    """How a picture lies: by the socket that tells where, and what is beyond it."""
+
+    node: str
+    socket: str
+    extension: str
+    interpolation: str
+    scale: tuple[float, float]
+    offset: Any = None  # of patterns, which are not worked out here, the painter asks for these
+    rotation: Any = None
+
+
+def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) -> Extensions:
+    """Changes the materials of objects: what of them the exporter has no words for, by their names.
+
+    addon: the folder of the package rayfarm_addon, if there is one.
+    """
+    said: Extensions = {}
+    if addon is None:
+        return said
+    modules = modules_of(addon)
+    owners: dict[str, Any] = {}
+    for thing in things:
+        for slot in thing.material_slots:
+            if slot.material is not None:
+                owners.setdefault(slot.material.name, (slot.material, thing))
+    for material, thing in owners.values():
+        if material.use_nodes and material.node_tree is not None and material.library is None:
+            found = _Simplifier(bpy, material, thing, modules, notes).run()
+            if found:
+                said[material.name] = found
+    return said
+
+
+def modules_of(addon: Path) -> Any:
+    """The add-on's modules of shaders and hair, without what registers it."""
+    package = "rayfarm_addon.scene"
+    if package not in sys.modules:
+        for name, path in (("rayfarm_addon", addon), (package, addon / "scene"), ("rayfarm_addon.farm", addon / "farm")):
+            module = types.ModuleType(name)
+            module.__path__ = [str(path)]
+            sys.modules[name] = module
+    return types.SimpleNamespace(
+        **{
+            name: importlib.import_module(f"{package}.{name}")
+            for name in (
+                "cycles",
+                "displaced",
+                "lights",
+                "looks",
+                "meshes",
+                "nodes",
+                "painted",
+                "skies",
+                "tubes",
+                "unlike",
+                "within",
+            )
+        }
+    )
+
+
+class _Simplifier:
+    def __init__(self, bpy: Any, material: Any, thing: Any, modules: Any, notes: list[str]) -> None:
+        self._bpy, self._material, self._thing, self._tree = bpy, material, thing, material.node_tree
+        self._modules, self._notes = modules, notes
+        self._painter = modules.painted.Painter(material.name, self._way)
+
+    def run(self) -> dict[str, Any]:
+        """Does it, where there is anything to do: what the exporter does not write as Cycles means it, for `with_rays`."""
+        nodes = self._modules.nodes
+        source = nodes.output_of(self._tree)
+        output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
+        if output is None:
+            return {}
+        told: list[str] = []
+        if source is None or source.node.type in ("EMISSION", "HOLDOUT"):
+            inside = self._filled(False, told)
+            self._tell(told)
+            return inside
+        self._modules.unlike.tell_pictures(self._tree, told.append)
+        self._modules.cycles.tell_material(self._material, told.append)
+        look = self._modules.looks.look_of(source, told.append)
+        if look is None:
+            return {}
+        through = nodes.constant(look.input("Transmission Weight"))
+        is_fed = through is None and look.input("Transmission Weight") is not None
+        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
+        is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
+        principled = source.node if is_own else self._made(output)
+        shines = self._shine(principled, look)
+        for entry in list(principled.inputs):
+            if entry.type == "SHADER" or entry.name in shines:
+                continue
+            at = look.input(entry.name)
+            if entry.name in BENT and self._bumps(entry, at):
+                continue
+            if entry.name in LEFT and is_own:
+                continue
+            if at is not None:
+                self._set(entry, at, is_own)
+        self._displace(principled, told)
+        self._tell(told)
+        return self._extensions(look) | inside
+
+    def _tell(self, told: list[str]) -> None:
+        self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
+
+    def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
+        """What its volume fills it with. told: gets sentences of what is left out."""
+        found = self._modules.within.filled(self._tree, lets_in, told.append)
+        return {} if found is None else {self._modules.within.MEDIUM: found}
+
+    def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
+        """Puts what feeds the strength of its emission into the picture of its colour; the inputs that this settles."""
+        nodes = self._modules.nodes
+        names = ("Emission Color", "Emission Strength")
+        color, strength = (look.input(name) for name in names)
+        if color is None or strength is None or nodes.constant(strength) is not None:
+            return ()
+        painted = self._painter.paint(nodes.Product(color, strength), "emission")
+        entry, power = (principled.inputs[name] for name in names)
+        if painted is None:
+            self._notes.append(f"Material {self._material.name}: what feeds its emission's strength is not taken over")
+            return ()
+        if isinstance(painted, list):
+            self._put(entry, painted)
+            self._put(power, 1.0)
+        else:
+            self._put(power, painted[0].scale_down())
+            self._tree.links.new(self._picture(entry, *painted), entry)
+        return names
+
+    def _extensions(self, look: Any) -> dict[str, Any]:
+        def number(name: str, default: float = 0.0) -> float:
+            found = self._modules.nodes.constant(look.input(name))
+            return float(found) if isinstance(found, float) else default
+
+        said: dict[str, Any] = {}
+        if (beneath := self._modules.within.subsurface(look)) is not None:
+            said[self._modules.within.SUBSURFACE] = beneath
+        if (weight := number("Translucent Weight")) > 0:
+            color = self._modules.nodes.constant(look.input("Translucent Color"))
+            said["KHR_materials_diffuse_transmission"] = {
+                "diffuseTransmissionFactor": min(weight, 1.0),
+                "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
+            }
+        ior, is_glass = number("IOR", 1.5), number("Transmission Weight") > 0
+        if abs(ior - GLASS) > LEAST_IOR:  # the exporter has no index of refraction but of glass
+            said["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
+        if is_glass and ior <= 1.0:
+            said["KHR_materials_ior"] = {"ior": 1.0}
+        if (left := self._modules.looks.under_coat(look)) is not None:
+            said["baseColorFactor"] = left
+        strength, roughness = number("Anisotropic"), number("Roughness", -1.0)
+        if strength > 0 and roughness >= 0:
+            rough, stretched = self._modules.looks.brushed(strength, roughness, number("Anisotropic Rotation"))
+            said |= {"roughnessFactor": rough, "KHR_materials_anisotropy": stretched}
+        if (thickness := number("Thin Film Thickness")) > 0 and self._modules.unlike.has_film(look):
+            said["KHR_materials_iridescence"] = {
+                "iridescenceFactor": 1.0,
+                "iridescenceIor": min(max(number("Thin Film IOR", 1.33), 1.0), 5.0),
+                "iridescenceThicknessMinimum": thickness,
+                "iridescenceThicknessMaximum": thickness,
+            }
+        return said
+
+    def _made(self, output: Any) -> Any:
+        """A principled BSDF in the place of what shades the surface."""
+        node = self._tree.nodes.new("ShaderNodeBsdfPrincipled")
+        self._tree.links.new(node.outputs[0], output.inputs["Surface"])
+        return node
+
+    def _set(self, entry: Any, at: Any, is_own: bool) -> None:
+        nodes = self._modules.nodes
+        plain = nodes.constant(at)
+        if plain is not None:
+            self._put(entry, plain)
+            return
+        source = nodes.followed(at)[0]
+        if source is not None and not source.groups and is_followed(source.node) and is_suited(entry, source.node, source.output):
+            if not is_own:
+                self._tree.links.new(source.output, entry)
+            return
+        if entry.name in LEFT:
+            return
+        if entry.name in self._modules.unlike.NUMBERS:
+            self._put(entry, entry.default_value)
+            return
+        painted = self._painter.paint(at, entry.name.lower())
+        if isinstance(painted, list):
+            self._put(entry, painted)
+        elif painted is not None:
+            self._tree.links.new(self._picture(entry, *painted), entry)
+
+    def _bumps(self, entry: Any, at: Any) -> bool:
+        """Whether it is bent by a picture of heights, and now by one of normals."""
+        nodes = self._modules.nodes
+        source = nodes.followed(at)[0]
+        if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
+            return False
+        return self._bend([entry], source)
+
+    def _displace(self, principled: Any, told: list[str]) -> None:
+        """Shows its displacement as bumps, where nothing else bends it."""
+        scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
+        heights = self._modules.displaced.displaced(self._material, self._tree, scale, told.append)
+        if heights is None:
+            return
+        normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
+        if normal.is_linked:
+            told.append("its displacement is left out, as its normals are bent by another picture")
+        elif not self._bend([normal] if coat is None or coat.is_linked else [normal, coat], heights):
+            told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
+
+    def _bend(self, entries: list[Any], source: Any) -> bool:
+        """Whether a Bump node's heights are a picture, which bends these inputs now."""
+        numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
+        spans = _stretched(self._thing, self._modules.meshes.spans)
+        if spans is None or not all(isinstance(each, float) for each in numbers):
+            return False
+        strength, distance = numbers
+        bump = self._modules.painted.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
+
+        def length(way: _Way) -> tuple[float, float] | None:
+            return None if 0 in way.scale else (spans[0] / abs(way.scale[0]), spans[1] / abs(way.scale[1]))
+
+        found = self._painter.bumps(source.input("Height"), bump, length)
+        if found is None:
+            return False
+        node = self._tree.nodes.new("ShaderNodeNormalMap")
+        painted, way = found
+        self._tree.links.new(self._picture(node.inputs["Color"], painted, way, is_color=False), node.inputs["Color"])
+        for entry in entries:
+            self._tree.links.new(node.outputs["Normal"], entry)
+        return True
+
+    def _put(self, entry: Any, value: Any) -> None:
+        for link in list(entry.links):
+            self._tree.links.remove(link)
+        if entry.type == "RGBA":
+            entry.default_value = (*(value if isinstance(value, list) else [value] * 3), 1.0)
+        elif entry.type == "VALUE":
+            entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
+
+    def _picture(self, entry: Any, painted: Any, way: _Way, is_color: bool | None = None) -> Any:
+        """A node with the picture, which lies as those do that it is made of."""
+        height, width = painted.texels.shape[:2]
+        is_color = entry.type == "RGBA" if is_color is None else is_color
+        image = self._bpy.data.images.new(painted.name[:60], width, height, alpha=False, float_buffer=False)
+        image.colorspace_settings.name = "sRGB" if is_color else "Non-Color"
+        texels = painted.texels.clip(0, 1).copy()
+        if is_color:
+            texels[..., :3] = sys.modules["rayfarm_addon.scene.images"].to_srgb(texels[..., :3])
+        image.pixels.foreach_set(texels[::-1].ravel())
+        image.pack()
+        node = self._tree.nodes.new("ShaderNodeTexImage")
+        node.image, node.extension, node.interpolation = image, way.extension, way.interpolation
+        if way.node:
+            where = self._tree.nodes[way.node].outputs[way.socket]
+            self._tree.links.new(where, node.inputs["Vector"])
+        return node.outputs["Color"]
+
+    def _way(self, source: Any) -> _Way | None:
+        node = source.node
+        if node.type != "TEX_IMAGE" or node.projection != "FLAT" or source.groups:
+            return None
+        found, _ = self._modules.nodes.followed(source.input("Vector"))
+        if found is None:
+            return _Way("", "", node.extension, node.interpolation, (1.0, 1.0))
+        if found.groups or not lies_by_uv(node):
+            return None
+        scale = (1.0, 1.0)
+        if found.node.type == "MAPPING":
+            told = self._modules.nodes.constant(found.input("Scale"))
+            scale = (0.0, 0.0) if told is None else (told[0], told[1])
+        return _Way(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
+
+
+def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
+    """How long an object's surface is over a unit of its UVs, across and up; None where it has none. spans: of the add-on's."""
+    import numpy as np
+
+    mesh = thing.data
+    layers = getattr(mesh, "uv_layers", None)
+    if not layers:
+        return None
+    layer = next((each for each in layers if each.active_render), layers[0])
+    mesh.calc_loop_triangles()
+    loops = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("loops", loops)
+    corner, co, uv = np.empty(len(mesh.loops), np.int32), np.empty(3 * len(mesh.vertices)), np.empty(2 * len(mesh.loops))
+    mesh.loops.foreach_get("vertex_index", corner)
+    mesh.vertices.foreach_get("co", co)
+    layer.uv.foreach_get("vector", uv)
+    loops = loops.reshape(-1, 3)[:20_000]
+    at, laid = co.reshape(-1, 3)[corner[loops]], uv.reshape(-1, 2)[loops]
+    found = spans(at, laid)
+    scale = abs(thing.matrix_world.determinant()) ** (1 / 3)
+    return None if found is None else (found[0] * scale, found[1] * scale)

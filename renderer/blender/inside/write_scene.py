@@ -1,0 +1,205 @@
+"""The open scene, written as our scene file with a GLB beside it: glTF has the meshes and what moves them, our file the rest."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from .bake_materials import bake
+from .cameras import Cameras
+from .hair import hair_as_meshes
+from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
+from .large import put_back, stand_ins
+from .lights import Lights
+from .movie_textures import as_stills
+from .prepare_scene import prepare
+from .principled_materials import modules_of, simplify
+from .ray_visibility import note_rays, passed_by, with_rays
+from .settings import note_settings, settings_of
+from .surfaces import note_surfaces
+from .world import world_medium, write_world
+
+__all__ = ["write_scene"]
+
+MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+LEFT_OUT = {
+    "VOLUME": "Volumes",
+    "GPENCIL": "Grease pencil drawings",
+    "GREASEPENCIL": "Grease pencil drawings",
+    "CURVES": "Hair curves",
+    "POINTCLOUD": "Point clouds",
+}
+MOST_NOTES = 100
+
+
+def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bool = True) -> list[str]:
+    """Writes blender-scene.yaml, and what that names; returns what is not taken over, as it also stands there.
+
+    addon: as of `simplify`. has_settings: whether the file says how pictures are to be made; Alembic's do not.
+    """
+    scene = bpy.context.scene
+    notes: list[str] = []
+    _note_missing(bpy, notes)
+    _note_unknown_nodes(bpy, notes)
+    if driven := scripted(bpy):
+        more = f" and {len(driven) - 5} more" if len(driven) > 5 else ""
+        notes.append(f"{', '.join(driven[:5])}{more}: drivers written in Python do not run, as scripts are off")
+    scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
+    fps = float(scene.render.fps)
+    frames = frames_of(bpy, scene)
+    layer = bpy.context.view_layer
+    known = modules_of(addon) if addon is not None else None
+    cycles = getattr(known, "cycles", None)
+    settings = settings_of(scene, layer, cycles) if has_settings else {}
+    exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
+    scene.frame_set(frames[0])
+    note_settings(bpy.data.scenes, scene, layer, notes, cycles)
+    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
+    _note_left_out(shown, notes)
+    _note_hair(shown, notes)
+    solid = [thing for thing in shown if thing.type in MESHES]
+    as_stills(bpy, _materials(solid), notes)
+    surfaces = simplify(bpy, solid, addon, notes)
+    bake(bpy, scene, solid, notes)
+    note_surfaces(_materials(solid), notes, known is not None)
+    note_rays(solid, layer, notes)
+    _note_flags(scene, layer, shown, known, notes)
+
+    cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(known, "lights", None), notes, out)
+    seen = over_frames(scene, exposed, {**_named("camera", cameras.looks()), **_named("light", lights.looks())})
+    scene.frame_set(frames[0])
+    medium = world_medium(scene.world, getattr(known, "within", None), notes)
+    if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
+        known.cycles.tell_volumes(scene, notes.append)
+    # Nothing that is infinitely far away is seen through a medium that fills the world.
+    environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
+    lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
+    if solid:
+        taken = stand_ins(bpy, solid, addon)
+        scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
+        _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
+        put_back(out / "blender-scene.glb", taken)
+        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces)
+        shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
+    document: dict[str, Any] = {
+        "name": scene.name[:200],
+        "fps": fps,
+        "settings": settings,
+        "notes": [note[:400] for note in _short(notes)],
+        "cameras": cameras.written(_of("camera", seen), exposed, fps),
+        "environment": environment if medium is None else {"color": 0},
+        "medium": medium,
+        "lights": [*lamps, *suns],
+        "materials": materials,
+        "shapes": shapes,
+    }
+    (out / "blender-scene.yaml").write_text(_yaml({name: value for name, value in document.items() if value}))
+    return notes
+
+
+def _yaml(document: dict[str, Any]) -> str:
+    """JSON, which is YAML, with a line for each thing."""
+    parts = []
+    for name, value in document.items():
+        if isinstance(value, list):
+            parts.append(f'"{name}": [\n  ' + ",\n  ".join(json.dumps(each, ensure_ascii=False) for each in value) + "\n]")
+        else:
+            parts.append(f'"{name}": {json.dumps(value, ensure_ascii=False)}')
+    return "{" + ",\n".join(parts) + "}\n"
+
+
+def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
+    wanted = {
+        "filepath": str(path),
+        "export_format": "GLB",
+        "use_active_scene": True,
+        "use_renderable": True,
+        "export_cameras": False,
+        "export_lights": False,
+        "export_extras": False,
+        "export_apply": False,  # what is to be applied is applied
+        "export_yup": True,
+        "export_tangents": False,
+        "export_image_format": "AUTO",
+        "export_skins": True,
+        "export_all_influences": True,
+        "export_morph": True,
+        "export_animations": is_moving,
+        "export_animation_mode": "SCENE",
+        "export_anim_scene_split_object": False,
+        "export_frame_range": True,
+        "export_force_sampling": True,
+        "export_optimize_animation_size": True,
+        "export_current_frame": not is_moving,  # else it is the frame 0 that is written
+        "export_gpu_instances": False,
+    }
+    known = set(bpy.ops.export_scene.gltf.get_rna_type().properties.keys())
+    bpy.ops.export_scene.gltf(**{name: value for name, value in wanted.items() if name in known})
+
+
+def _materials(things: list[Any]) -> list[Any]:
+    found = {slot.material.name: slot.material for thing in things for slot in thing.material_slots if slot.material is not None}
+    return [found[name] for name in sorted(found)]
+
+
+def _note_left_out(shown: list[Any], notes: list[str]) -> None:
+    for kind, words in dict(LEFT_OUT).items():
+        names = [thing.name for thing in shown if thing.type == kind]
+        if names:
+            notes.append(f"{words} are not taken over: {', '.join(names[:5])}{' ...' if len(names) > 5 else ''}")
+
+
+def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
+    """What nodes import would be files of this machine: untrusted.py makes these nodes unknown."""
+    trees = [tree.name for tree in bpy.data.node_groups if any(node.bl_idname == "NodeUndefined" for node in tree.nodes)]
+    if trees:
+        notes.append(f"Node groups {', '.join(trees[:5])}: nodes that import files, or that are not Blender's own, are left out")
+
+
+def _note_hair(shown: list[Any], notes: list[str]) -> None:
+    for thing in shown:
+        if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
+            notes.append(f"{thing.name}: hair of its particles is not taken over; convert it to hair curves")
+
+
+def _note_flags(scene: Any, layer: Any, shown: list[Any], known: Any, notes: list[str]) -> None:
+    if known is None:
+        return
+    flags = known.cycles.Flags(scene, layer)
+    for thing in shown:
+        flags.look_at(thing)
+    flags.tell(notes.append)
+
+
+def _note_missing(bpy: Any, notes: list[str]) -> None:
+    """Files that did not come along, by their names alone: where they lay is nobody's business."""
+    images = [i for i in bpy.data.images if i.source in ("FILE", "SEQUENCE", "TILED") and i.users and i.packed_file is None]
+    lost = sorted({_bare(i.filepath) for i in images if "missing-files" in i.filepath})
+    if lost:
+        notes.append(
+            f"Missing pictures: {', '.join(lost[:8])}{' ...' if len(lost) > 8 else ''}. Give them with the file, or pack them in "
+            "Blender (File > External Data > Pack Resources)"
+        )
+    links = sorted({_bare(each.filepath) for each in bpy.data.libraries if "missing-files" in each.filepath})
+    if links:
+        notes.append(
+            f"Missing linked files: {', '.join(links[:8])}. Give them with the file, or make what is linked local in Blender "
+            "(Object > Relations > Make Local > All)"
+        )
+
+
+def _bare(path: str) -> str:
+    return path.replace("\\", "/").rsplit("/", 1)[-1]
+
+
+def _short(notes: list[str]) -> list[str]:
+    return notes if len(notes) <= MOST_NOTES else [*notes[:MOST_NOTES], f"{len(notes) - MOST_NOTES} more notes are left out"]
+
+
+def _named(kind: str, looks: dict[str, Any]) -> dict[str, Any]:
+    return {f"{kind} {name}": look for name, look in looks.items()}
+
+
+def _of(kind: str, seen: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    return {name.removeprefix(f"{kind} "): values for name, values in seen.items() if name.startswith(f"{kind} ")}

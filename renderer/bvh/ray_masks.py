@@ -1,0 +1,132 @@
+"""Trees for rays that do not meet everything: the camera's, and shadow rays.
+
+Nodes on the way to what such rays do not meet are copied without it; all others are shared. So these rays only start at another
+node, and nothing has to be tested on their way.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.layout import INSTANCE, NEVER, ROW_CHILD, ROW_PRIMITIVE, Bvh
+from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, Laid, padded
+
+__all__ = ["leave_out"]
+
+Array = npt.NDArray[Any]
+_CAMERA, _SHADOW = 0, 1  # whose rays begin there: places of Bvh.begin
+
+
+def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> Laid:
+    """The tree, with nodes at which the camera's rays and shadow rays begin.
+
+    unseen, shadeless: of each primitive, whether the camera's rays, or shadow rays, do not meet it. All of these are in the
+    world's own tree, none in an instance's.
+    """
+    if not (unseen.any() or shadeless.any()):
+        return laid
+    bvh = laid.bvh
+    # What is new follows what is loose, from a page on (renderer/scene/compiled_parts.py).
+    first_node, first_packet = padded(len(bvh.node), NODE_BYTES), padded(len(bvh.packet), PACKET_BYTES)
+    nodes, packets = _Rows(first_node), _Rows(first_packet)
+    begin = np.zeros(2, np.int32)
+    for who, left_out in ((_CAMERA, unseen), (_SHADOW, shadeless)):
+        if left_out.any():
+            begin[who] = _without(laid.bvh, left_out, nodes, packets)
+    node, packet = _longer(bvh.node, nodes), _longer(bvh.packet, packets)
+    grown = bvh._replace(node=node, packet=packet, begin=begin)
+    return laid._replace(bvh=grown, node=_ends(laid.node, first_node, node), packet=_ends(laid.packet, first_packet, packet))
+
+
+class _Rows:
+    """Rows that are put behind those of an array."""
+
+    def __init__(self, first: int) -> None:
+        self.first = first
+        self.rows: list[Array] = []
+
+    def put(self, *rows: Array) -> int:
+        """The number of the first of them."""
+        self.rows += rows
+        return self.first + len(self.rows) - len(rows)
+
+
+def _longer(array: Array, more: _Rows) -> Array:
+    grown = np.zeros((more.first + len(more.rows), *array.shape[1:]), array.dtype)
+    grown[: len(array)] = array
+    if more.rows:
+        grown[more.first :] = more.rows
+    return grown
+
+
+def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
+    """Where parts begin, after what is new was put behind the last of them. What is empty and followed it begins there."""
+    end = places[-1]
+    return (*(first if place == end and number else place for number, place in enumerate(places[:-1])), len(array))
+
+
+def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
+    """Puts a tree's changed nodes and packets behind the others: its root."""
+    child = bvh.node[:, ROW_CHILD].view(np.int32)
+    there = bvh.node[:, 0] <= bvh.node[:, 1]
+    number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
+    is_out = ~np.isnan(bvh.packet[:, 0])
+    is_out[is_out] = left_out[number[is_out]]
+    changes = is_out.any(axis=1)
+    is_leaf = there & (child < 0) & (~child & INSTANCE == 0)
+    has_changed = (is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)
+    above = _above(child, there)
+    on_the_way = set()
+    for node in np.flatnonzero(has_changed & (above >= 0)):
+        while node not in on_the_way:
+            on_the_way.add(int(node))
+            node = above[node]
+
+    def leaf_without(leaf: int) -> int | None:
+        first = leaf >> 2
+        if (is_out[first] | np.isnan(bvh.packet[first, 0])).all():
+            return None
+        count = int(bvh.keyed[1]) if bvh.keyed[0] != NEVER else 1
+        start = packets.put(
+            *(_with_gaps(bvh.packet[first + (k if first >= bvh.keyed[0] else 0)], is_out[first]) for k in range(count))
+        )
+        return ~(4 * start + (leaf & 3))
+
+    def node_without(number: int) -> int | None:
+        row = bvh.node[number].copy()
+        for lane in np.flatnonzero(there[number]):
+            this = int(child[number, lane])
+            if this in on_the_way:
+                instead = node_without(this)
+            elif is_leaf[number, lane] and changes[~this >> 2]:
+                instead = leaf_without(~this)
+            else:
+                continue
+            if instead is None:
+                row[0:6:2, lane], row[1:6:2, lane] = np.inf, -np.inf
+            row[ROW_CHILD].view(np.int32)[lane] = instead or 0
+        return nodes.put(row) if number == 0 or (row[0] <= row[1]).any() else None
+
+    return (node_without(0) or 0) if on_the_way else 0
+
+
+def _with_gaps(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
+    packet = packet.copy()
+    packet[:, is_out] = np.nan
+    return packet
+
+
+def _above(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """(N,) the node above each of the world's own tree, the root above itself; -1 of all others."""
+    above = np.full(len(child), -1, np.int64)
+    above[0] = 0
+    level = np.zeros(1, np.int64)
+    while len(level):
+        lanes = there[level] & (child[level] >= 0)
+        below = child[level][lanes]
+        above[below] = np.repeat(level, lanes.sum(axis=1))
+        level = below.astype(np.int64)
+    return above

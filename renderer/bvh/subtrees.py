@@ -1,0 +1,152 @@
+"""The world's tree out of trees that were built by themselves: what stands still, what is kept in a space of its own and moves,
+and what is placed in the world anew at each moment. Above them is a top, and it alone is new where only transforms are.
+
+In the arrays the top comes first, with room to spare, so that where the others lie does not depend on how it turned out. Each
+part begins at a multiple of a page: files of parts can be mapped one behind the other (renderer/scene/compiled_parts.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.build import boundless, tree_of
+from renderer.bvh.instances import instance_boxes, relocate, root_boxes
+from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH, Bvh
+from renderer.bvh.motion_bvh import motion_boxes
+from renderer.bvh.transforms import inverted
+from renderer.threads import Team
+
+__all__ = ["NODE_BYTES", "PACKET_BYTES", "Laid", "Tree", "lay", "padded"]
+
+Array = npt.NDArray[Any]
+Tree = tuple[Array, Array]  # nodes and packets, as `renderer.bvh.build.tree_of` gives them
+Room = Callable[
+    [str, int, tuple[int, ...], Any, tuple[object, ...]], tuple[Array, bool]
+]  # Kept.room of renderer/scene/frame_reuse.py
+
+
+def padded(count: int, row_bytes: int) -> int:
+    """So many rows, or as many more as end at a page's end."""
+    whole = PAGE // math.gcd(PAGE, row_bytes)
+    return -(-count // whole) * whole
+
+
+def _new_room(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
+    return np.zeros((length, *shape), dtype), False
+
+
+NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
+
+
+class Laid(NamedTuple):
+    """The arrays of the whole, and where in them each of top, still, bodies and loose begins; the last number is the end."""
+
+    bvh: Bvh
+    node: tuple[int, ...]
+    packet: tuple[int, ...]
+    kept: tuple[object, object]  # the trees of what stands still and of the bodies, as they were given
+
+
+def lay(
+    still: Bvh,
+    bodies: Sequence[Tree],
+    first_triangle: Sequence[int],
+    loose: Tree,
+    first_loose: int,
+    shown: Array,
+    to_world: Array,
+    team: Team,
+    brute: bool = False,
+    room: Room = _new_room,
+    keys: Sequence[Array] = (),
+    loose_keys: int = 1,
+) -> Laid:
+    """The whole tree. still: a whole tree itself, perhaps with instances; `loose`: of the world, without.
+
+    first_triangle: at which number the triangles of each body begin, and first_loose: those of what is loose, both numbered from
+    0 in their trees. shown: (J,) which body each further instance shows; to_world: (I, 3, 4) of all, the J of the bodies last.
+    room: gives arrays, perhaps those of another moment with what is kept in them.
+    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none of one that stands still, or nothing where all do;
+    loose_keys: how often a packet of `loose` is there.
+    """
+    moving = to_world[len(to_world) - len(shown) :]
+    boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
+    top, _ = tree_of(bounds=boxes, team=team)
+    nodes = _starts(
+        [padded(max(len(boxes), len(top)), NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
+        NODE_BYTES,
+    )
+    packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
+    # Of what is kept lies there what was put there, where it would be put again.
+    heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
+    node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)
+    packet, has_packets = room("packet", packets[-1], (PACKET_ROWS, WIDTH), np.float32, heads)
+    if not (has_nodes and has_packets):
+        _put((still.node, still.packet), node, packet, nodes[1], packets[1], 0)
+    roots = []
+    at, packed = nodes[2], packets[2]
+    for body, primitive in zip(bodies, first_triangle, strict=True):
+        roots.append(at)
+        if not (has_nodes and has_packets):
+            _put(body, node, packet, at, packed, primitive)
+        at, packed = at + len(body[0]), packed + len(body[1])
+    _put(loose, node, packet, nodes[3], packets[3], first_loose)
+    root = np.concatenate([still.instance_root + np.int32(nodes[1]), np.array(roots, np.int32)[shown]])
+    number = np.concatenate([[nodes[1], nodes[3]], ~(4 * (len(still.instance_root) + np.arange(len(shown))) + INSTANCE)])
+    _put_top(top, number[children], node, nodes[1])
+    if brute:
+        boundless(node)
+    bvh = Bvh(node, packet, root.astype(np.int32), inverted(to_world))
+    if any(map(len, keys)):
+        count = np.array([0] * len(still.instance_root) + [len(each) for each in keys], np.int32)
+        begin = np.where(count > 0, np.cumsum(count) - count, 0).astype(np.int32)
+        bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([begin, count], axis=1))
+    if loose_keys > 1:
+        bvh = bvh._replace(keyed=np.array([packets[3], loose_keys], np.int32))
+    return Laid(bvh, nodes, packets, (still, bodies))
+
+
+def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
+    """Where parts of so many rows begin, each at a page that nothing else is in; and where the last one ends."""
+    starts = [0]
+    for i, length in enumerate(lengths):
+        follows = any(lengths[i + 1 :])
+        starts.append(starts[-1] + (padded(length, row_bytes) if follows else length))
+    return tuple(starts)
+
+
+def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: int, first_primitive: int) -> None:
+    nodes, packets = slice(first_node, first_node + len(tree[0])), slice(first_packet, first_packet + len(tree[1]))
+    node[nodes], packet[packets] = tree
+    relocate(node[nodes], packet[packets], first_node, first_packet, first_primitive)
+
+
+def _below_top(
+    still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
+) -> tuple[Array, Array]:
+    """(n, 2, 3) boxes of what hangs below the top, and what each is: 0 the still tree, 1 the loose one, else an instance + 2."""
+    placed = instance_boxes(list(bodies), shown, moving)
+    for number, each in enumerate(keys):
+        if len(each):
+            placed[number] = motion_boxes(root_boxes(bodies[shown[number]][0]), each)
+    boxes, children = [placed], [2 + np.arange(len(shown))]
+    for number, node in ((1, loose[0]), (0, still.node)):
+        found = root_boxes(node)
+        if len(found):
+            boxes.insert(0, np.stack([found[:, 0].min(axis=0), found[:, 1].max(axis=0)])[None])
+            children.insert(0, np.array([number]))
+    return np.concatenate(boxes), np.concatenate(children)
+
+
+def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
+    """Puts the top in its place, of so much room; number: the child that stands for each of what hangs below it."""
+    node[: len(top)] = top
+    node[len(top) : room] = 0
+    child = node[: len(top), ROW_CHILD].view(np.int32)
+    leaves = (child < 0) & (top[:, 0] <= top[:, 1])
+    child[leaves] = number[~child[leaves] >> 2]

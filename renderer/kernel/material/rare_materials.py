@@ -1,0 +1,105 @@
+"""Scattering of the rarer material kinds, from their looked-up parameters, and of vertices within a medium."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays import rows
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
+from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
+from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
+from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, sample_plastic
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.medium.henyey_greenstein import (
+    eval_henyey_greenstein,
+    pdf_henyey_greenstein,
+    sample_henyey_greenstein,
+)
+from renderer.prune_absent_features import where_present
+
+__all__ = ["eval_rare", "sample_rare"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_WHITE = (_ONE, _ONE, _ONE)
+
+
+@device
+def _conductor(m):
+    """Returns a conductor's parameters: eta, k, mean Fresnel reflectance, roughness and both alphas."""
+    return (
+        (m[rows.ETA], m[rows.ETA + 1], m[rows.ETA + 2]),
+        (m[rows.K], m[rows.K + 1], m[rows.K + 2]),
+        (m[rows.MEAN_FRESNEL], m[rows.MEAN_FRESNEL + 1], m[rows.MEAN_FRESNEL + 2]),
+        m[rows.ROUGHNESS],
+        m[ALPHA_X],
+        m[ALPHA_Y],
+    )
+
+
+@device
+def _turned(m, w, sign):
+    """Returns w rotated about the normal by the anisotropy's angle: into the anisotropy's frame (sign 1) or back (-1)."""
+    c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
+    return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
+
+
+@device
+def _kd_ks(m):
+    return (
+        (m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]),
+        (m[rows.SPECULAR_COLOR], m[rows.SPECULAR_COLOR + 1], m[rows.SPECULAR_COLOR + 2]),
+    )
+
+
+@subroutine
+def eval_rare(has, kind, m, eta, wo, wi):
+    """Returns `eval_material`, (f |cos|, pdf), for the rarer kinds from their looked-up parameters m."""
+    out_of_line()
+    if has.layers is not None and kind == LAYERED:
+        return eval_and_pdf_layered(m, eta, wo, wi)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        o, i = _turned(m, wo, _ONE), _turned(m, wi, _ONE)
+        beckmann = where_present(has.layers, m[HAS_BECKMANN])
+        return eval_and_pdf_conductor(beckmann, index, k, mean, roughness, alpha_x, alpha_y, o, i)
+    if has.media is not None and kind == MEDIUM:
+        phase = eval_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
+        return (phase, phase, phase), pdf_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi)
+    if has.layers is not None and kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
+    if has.layers is not None and kind == PLASTIC:
+        return eval_and_pdf_plastic(m, wo, wi)
+    return _BLACK, _ZERO
+
+
+@subroutine
+def sample_rare(has, kind, m, eta, wo, choose, u):
+    """Returns `sample_material`, (wi, weight, pdf, radiance scale), for the rarer kinds from their looked-up parameters m."""
+    out_of_line()
+    if has.layers is not None and kind == LAYERED:
+        return sample_layered(m, eta, wo, choose, u)
+    if kind == CONDUCTOR:
+        index, k, mean, roughness, alpha_x, alpha_y = _conductor(m)
+        if roughness <= SMOOTH_GLASS:
+            wi, weight = sample_smooth_conductor(index, k, wo)
+            return wi, weight, _ZERO, _ONE
+        o = _turned(m, wo, _ONE)
+        beckmann = where_present(has.layers, m[HAS_BECKMANN])
+        i, weight, pdf = sample_conductor(beckmann, index, k, mean, roughness, alpha_x, alpha_y, o, choose, u)
+        return _turned(m, i, -_ONE), weight, pdf, _ONE
+    if has.media is not None and kind == MEDIUM:
+        wi = sample_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], u)
+        return wi, _WHITE, pdf_henyey_greenstein(m[rows.SUBSURFACE_ANISOTROPY], wi), _ONE
+    if has.layers is not None and kind == BLINN_PHONG:
+        kd, ks = _kd_ks(m)
+        wi, weight, pdf = sample_blinn_phong(kd, ks, m[rows.SHININESS], wo, choose, u)
+        return wi, weight, pdf, _ONE
+    if has.layers is not None and kind == PLASTIC:
+        wi, weight, pdf = sample_plastic(m, wo, choose, u)
+        return wi, weight, pdf, _ONE
+    return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE

@@ -1,0 +1,118 @@
+"""A kernel's machine code as one file: what one host compiled, for every other of its kind to load.
+
+The file is a signed zip out of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a key that both ends know, then the zip.
+Numba keeps machine code as pickles, and whoever loads a pickle runs what is in it: so nothing is unpacked whose signature is
+not right.
+Needs no numba: folder and name come from the caller.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import io
+import os
+import re
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import IO
+
+from renderer.cache_folders import make_private
+from renderer.zips import DAMAGED
+
+__all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "signed_anew", "unpack"]
+
+MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth of that
+_MAX_UNPACKED = 4 * MAX_BYTES
+_SIGNATURE = 32
+_CHUNK = 1 << 20
+_NAME = re.compile(r"[0-9a-f]{16}-[a-z]+\d+-\w{1,40}-\w{1,40}", re.ASCII)
+_MEMBER = re.compile(r"\w+(\.\w+)*/\w[\w.-]*\.code|\w+-\w+\.done", re.ASCII)
+
+
+class ArtefactError(Exception):
+    """The file is damaged, or not signed with this key."""
+
+
+def name_of(folder: Path, kernel: str) -> str:
+    """An artefact's name: the folder's, a hash of sources, compiler and target; the Python whose pickles it holds; the kernel."""
+    implementation = sys.implementation
+    return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}-{kernel}"
+
+
+def is_name(text: str) -> bool:
+    """Whether this may be an artefact's name, and so is safe in a path."""
+    return _NAME.fullmatch(text) is not None
+
+
+def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
+    """Write the machine code that a kernel consists of, signed, to a file that is open for reading and writing.
+
+    Raises OSError where the folder has not all of it.
+    """
+    start = out.tell()
+    out.write(bytes(_SIGNATURE))
+    with zipfile.ZipFile(out, "w") as archive:
+        done = f"{kernel}.done"
+        for member in (*(folder / done).read_text().split(), done):
+            if _MEMBER.fullmatch(member):  # without its date: the same files make the same artefact
+                archive.writestr(zipfile.ZipInfo(member), (folder / member).read_bytes(), zipfile.ZIP_DEFLATED, 1)
+    out.seek(start)
+    signature = _signature(out, key)
+    out.seek(start)
+    out.write(signature)
+    out.seek(0, os.SEEK_END)
+
+
+def is_signed(file: IO[bytes], key: str) -> bool:
+    """Whether an artefact, read from its beginning, was signed with this key."""
+    expected = file.read(_SIGNATURE)
+    file.seek(0)
+    return hmac.compare_digest(expected, _signature(file, key))
+
+
+def signed_anew(artefact: bytes, key: str) -> bytes:
+    """The same with this key's signature in place of the one that it has."""
+    return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
+
+
+def unpack(file: IO[bytes], key: str, folder: Path) -> int:
+    """Put an artefact's files into the folder, each whole or not at all; how many. Raises ArtefactError."""
+    if not is_signed(file, key):
+        raise ArtefactError("the kernels are not signed with this farm's token")
+    file.seek(0)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            if not all(_MEMBER.fullmatch(m.filename) for m in members) or sum(m.file_size for m in members) > _MAX_UNPACKED:
+                raise ArtefactError("the kernels' archive holds what no archive of kernels holds")
+            # What says that a kernel is complete comes last.
+            for member in sorted(members, key=lambda m: m.filename.endswith(".done")):
+                _write(folder / member.filename, archive.read(member))
+    except DAMAGED as error:
+        raise ArtefactError(f"the kernels' archive is damaged ({error})") from error
+    return len(members)
+
+
+def _signature(file: IO[bytes], key: str) -> bytes:
+    """Of what follows the place of the signature; reads the file from there."""
+    file.seek(_SIGNATURE)
+    code = hmac.new(key.encode(), digestmod=hashlib.sha256)
+    while chunk := file.read(_CHUNK):
+        code.update(chunk)
+    return code.digest()
+
+
+def _write(path: Path, data: bytes) -> None:
+    make_private(path.parent)
+    with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".part-", delete=False) as beside:
+        try:
+            beside.write(data)
+            beside.flush()
+            os.fsync(beside.fileno())
+            Path(beside.name).replace(path)
+        except BaseException:
+            Path(beside.name).unlink(missing_ok=True)
+            raise

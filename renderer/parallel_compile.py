@@ -1,0 +1,186 @@
+"""Other processes that compile parts of a kernel while this one compiles others: Numba compiles one function at a time in each.
+
+What one of them has compiled lies in the kernels' folder, from where the others load it. Each part is compiled by whoever comes
+to it first. What is left undone, because a process is killed or fails, is compiled by this one when it comes to it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from renderer.arrays.kernel_variant import only
+from renderer.arrays.scene import example
+from renderer.jit import COMPILE_PATIENCE_S, rare_collections
+from renderer.kernel.accumulate import parts_of_pictures
+from renderer.preparation_kernels import is_prepared, prepare_first
+from renderer.settings import RenderSettings, View
+from renderer.sources import ROOT
+from renderer.threads import cores
+
+__all__ = ["Helpers", "main"]
+
+MOST = 3  # helpers: more than these wait for what the others compile
+_NO_PART = b"\xff"
+NEEDS = 400 << 20  # bytes that one of them takes while it compiles, with room to spare
+_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+
+
+class Helpers:
+    """A context manager: processes that help to compile a kernel, and the kernels that prepare scenes.
+
+    edition: of the kernel for pictures; "": only what prepares scenes. wanted: whether there may be anything to compile.
+
+    Forked where this process has no other threads: so a worker makes it before it starts any. Else they are started anew, and
+    only when something is shared with them.
+    """
+
+    def __init__(self, edition: str, wanted: bool = True) -> None:
+        self._edition = edition
+        self._count = _helpers() if wanted else 0
+        self._forked: list[int] = []
+        self._started: list[subprocess.Popen[bytes]] = []
+        self._taking = self._giving = self._over = self._working = -1
+        if self._count:
+            self._taking, self._giving = os.pipe()
+            self._over, self._working = os.pipe()
+            if threading.active_count() == 1:
+                self._forked = [self._fork(number) for number in range(self._count)]
+
+    def share(self) -> None:
+        """Compile the parts of the kernel together with the helpers. Returns when nobody is at work on one any more."""
+        if self._count == 0:
+            return
+        parts = _Parts(self._edition)
+        if not self._forked:
+            self._started = [self._start(number) for number in range(self._count)]
+        _close(self._working)
+        os.write(self._giving, bytes(range(len(parts))) if len(parts) else _NO_PART)
+        _close(self._giving)
+        self._working = self._giving = -1
+        if len(parts) == 0:
+            return  # what prepares scenes is for a helper, while this process compiles another kernel
+        parts.compile(self._taking)
+        until = time.monotonic() + COMPILE_PATIENCE_S
+        while select.select([self._over], [], [], max(until - time.monotonic(), 0.0))[0]:
+            if os.read(self._over, 1) == b"":  # it was open as long as one of them was at work
+                break
+
+    def finish(self) -> None:
+        """Wait until the last of them has ended."""
+        _close(self._giving)  # where nothing was shared
+        self._giving = -1
+        for child in self._forked:
+            with contextlib.suppress(ChildProcessError):  # somebody else has heard of its end
+                os.waitpid(child, 0)
+        for process in self._started:
+            process.wait()
+        self._forked, self._started = [], []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        for child in self._forked:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child, signal.SIGKILL)
+        for process in self._started:
+            process.kill()
+        self.finish()
+        for end in (self._taking, self._over, self._working):
+            _close(end)
+        self._taking = self._over = self._working = -1
+
+    def _fork(self, number: int) -> int:
+        parent = os.getpid()
+        child = os.fork()
+        if child == 0:
+            try:
+                for each in (signal.SIGTERM, signal.SIGINT):
+                    signal.signal(each, signal.SIG_DFL)
+                _close(self._giving)
+                _close(self._over)
+                _help(self._edition, self._taking, self._working, parent, is_first=number == 0)
+            finally:
+                os._exit(0)  # whatever went wrong will go wrong in the parent, which says it
+        return child
+
+    def _start(self, number: int) -> subprocess.Popen[bytes]:
+        path = os.pathsep.join([str(ROOT.parent), os.environ.get("PYTHONPATH", "")])
+        ends = self._taking, self._working
+        return subprocess.Popen(
+            [sys.executable, "-m", "renderer.parallel_compile", self._edition, *map(str, ends), str(os.getpid()), str(number)],
+            env={**os.environ, "PYTHONPATH": path},
+            pass_fds=ends,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+
+class _Parts:
+    """What is shared out, by numbers."""
+
+    def __init__(self, edition: str) -> None:
+        self._stages = parts_of_pictures(only(example(), edition), _PICTURE) if edition else []
+
+    def __len__(self) -> int:
+        return len(self._stages)
+
+    def compile(self, taking: int, parent: int = 0) -> bool:
+        """Those that nobody has taken, one after the other; whether there was any. parent: without which it is of no use."""
+        any_taken = False
+        while (number := os.read(taking, 1)) and (parent == 0 or os.getppid() == parent):
+            any_taken = True
+            if number != _NO_PART:
+                part, arguments = self._stages[number[0]]
+                part.compile(arguments)
+        return any_taken
+
+
+def _help(edition: str, taking: int, working: int, parent: int, is_first: bool) -> None:
+    """A helper's whole work. is_first: what prepares scenes is for this one, while the parent puts the kernel together."""
+    with rare_collections():
+        has_worked = _Parts(edition).compile(taking, parent)
+        _close(working)
+        if has_worked and is_first and os.getppid() == parent and not is_prepared():
+            prepare_first()
+
+
+def _helpers() -> int:
+    """How many processes may help here: one for each other core, as far as there is memory for them."""
+    return max(min(cores() - 1, MOST, _free() // NEEDS), 0)
+
+
+def _free() -> int:
+    """Bytes of memory that are free on this machine; where that is not told, enough."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) << 10
+    return MOST * NEEDS
+
+
+def _close(end: int) -> None:
+    if end >= 0:
+        os.close(end)
+
+
+def main(arguments: list[str]) -> None:
+    """A helper that is started anew: edition, the ends of two pipes, the parent's pid, its number."""
+    edition, *numbers = arguments
+    taking, working, parent, number = map(int, numbers)
+    _help(edition, taking, working, parent, is_first=number == 0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

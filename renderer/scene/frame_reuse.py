@@ -1,0 +1,96 @@
+"""What was made for one moment of a shot and is good for the next one too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.scene.scene_equality import same
+
+__all__ = ["Cuts", "Kept"]
+
+Made = TypeVar("Made")
+Array = npt.NDArray[Any]
+
+_SLACK = 8  # an array has room for an eighth more, that it need not be made anew when its end grows: no memory until then
+
+
+class _Entry(NamedTuple):
+    token: object | None
+    key: Any
+    made: Any
+
+
+class Cuts(NamedTuple):
+    """Where in its arrays the parts of a compiled scene begin, and what each is made of: of the same objects, the same bytes."""
+
+    vertex: tuple[int, ...]  # what stands still, bodies, what is loose; the last number is the end
+    triangle: tuple[int, ...]
+    node: tuple[int, ...]  # the top, then those
+    packet: tuple[int, ...]  # of the top none
+    heads: dict[str, tuple[object, ...]]  # of the parts that may outlast a moment
+
+
+class Kept:
+    """The parts of one shot's compiled scene. What it gives depends on what is asked for and never on what was asked before.
+
+    Arrays that were given out hold until the next moment is compiled: their changing ends are written in place.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[Hashable, _Entry] = {}
+        self._buffers: dict[str, Array] = {}
+        self._heads: dict[str, tuple[object, ...]] = {}
+        self._used: set[Hashable] = set()
+        self.cuts: Cuts | None = None  # of the moment that was compiled last
+        self.lights_power = 0.0  # and what its lights send out together, the environment left out
+
+    def begin(self) -> None:
+        """A moment is compiled: what the last one had no use for is forgotten."""
+        self._entries = {slot: entry for slot, entry in self._entries.items() if slot in self._used}
+        self._used = set()
+
+    def recall(self, slot: Hashable, key: Callable[[], Any], make: Callable[[], Made], token: object | None = None) -> Made:
+        """What was made for the same key, else `make()`. token: of which the key is known to follow, without a look at it.
+
+        Whoever gets it leaves it as it is.
+        """
+        self._used.add(slot)
+        entry = self._entries.get(slot)
+        if entry is not None and token is not None and entry.token is token:
+            found: Made = entry.made
+            return found
+        wanted = key()
+        if entry is not None and same(entry.key, wanted):
+            made: Made = entry.made
+        else:
+            self._entries.pop(slot, None)  # two of them need not fit into memory
+            made = make()
+        self._entries[slot] = _Entry(token, wanted, made)
+        return made
+
+    def knows(self, what: str, heads: tuple[object, ...]) -> bool:
+        """Whether the same was said of `what` before: what is kept, and numbers."""
+        known, self._heads[what] = self._heads.get(what), heads
+        return known is not None and _are(known, heads)
+
+    def room(self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
+        """An array to fill, of rows of a shape; and whether what is made of `heads`, kept things and numbers, is in it."""
+        buffer = self._buffers.get(name)
+        known = self._heads.get(name, ())
+        is_there = _are(known, heads)
+        if buffer is None or len(buffer) < length or buffer.shape[1:] != shape or not is_there:
+            self._buffers.pop(name, None)
+            buffer, is_there = np.zeros((length + length // _SLACK, *shape), dtype), False
+            self._buffers[name], self._heads[name] = buffer, heads
+        return buffer[:length], is_there
+
+
+def _are(known: tuple[object, ...], wanted: tuple[object, ...]) -> bool:
+    """Whether these are the same objects and numbers."""
+    return len(known) == len(wanted) and all(
+        a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(known, wanted, strict=True)
+    )

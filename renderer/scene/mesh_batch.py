@@ -1,0 +1,68 @@
+"""Many small meshes placed at once: what is called for each of them by itself takes far longer than the work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.kernel.mesh.faces import find_solid
+from renderer.kernel.mesh.vertices import place_all_normals, place_all_points
+from renderer.scene.description import F32, Mesh
+from renderer.scene.kernel_arguments import read_only
+from renderer.scene.normals import cofactors
+from renderer.scene.placed_mesh import MAX_COORDINATE, Placed, finite
+
+__all__ = ["MOST_VERTICES", "placed_together"]
+
+MOST_VERTICES = 2000  # of a mesh that is small
+
+
+def placed_together(
+    meshes: Sequence[Mesh], transforms: Sequence[npt.NDArray[np.float64]]
+) -> tuple[Placed, npt.NDArray[np.int64]] | None:
+    """Meshes where their transforms carry them, one behind the other, each as `placed` gives it; and how many triangles of each.
+
+    All have normals, vertices and triangles, and no material that needs tangents. None where one of them needs a closer look: it
+    lies beyond what numbers hold, or has a normal without a direction.
+    """
+    matrix = np.array([np.asarray(each, np.float64) for each in transforms])
+    start = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    point = read_only(np.concatenate([mesh.positions for mesh in meshes]).astype(np.float32, copy=False))
+    position = np.empty((len(point), 3), np.float32)
+    if not place_all_points(point, matrix, start, position) <= MAX_COORDINATE:
+        return None
+    normals = [mesh.normals for mesh in meshes if mesh.normals is not None]
+    given = read_only(np.concatenate(normals).astype(np.float32, copy=False))
+    normal, length = np.empty((len(given), 3), np.float32), np.empty(len(given))
+    place_all_normals(given, np.ascontiguousarray(cofactors(matrix)), start, normal, length)
+    most = np.repeat(np.maximum.reduceat(length, start[:-1]), np.diff(start))
+    if not (length > 1e-12 * np.maximum(most, 1e-300)).all() or not np.isfinite(length).all():
+        return None
+    count = np.array([len(mesh.triangles) for mesh in meshes])
+    triangle = np.concatenate([mesh.triangles for mesh in meshes]).astype(np.int32, copy=False)
+    triangle = triangle + np.repeat(start[:-1], count).astype(np.int32)[:, None]
+    mirrors = np.repeat(np.linalg.det(matrix[:, :3, :3]) < 0, count)
+    triangle[mirrors] = triangle[mirrors][:, [0, 2, 1]]
+    position, triangle = read_only(position), read_only(triangle)
+    solid = np.empty(len(triangle), bool)
+    dropped = len(triangle) - find_solid(position, triangle, 0, len(triangle), solid)
+    if dropped:
+        triangle = np.ascontiguousarray(triangle[solid])
+        count = np.add.reduceat(solid, np.cumsum(count) - count, dtype=np.int64)
+    uv = _together("uvs", meshes, start, np.zeros((len(position), 2), np.float32))
+    none = np.zeros((0, 4), np.float32)
+    has_second, has_colors = (any(getattr(m, name) is not None for m in meshes) for name in ("uvs1", "colors"))
+    second = _together("uvs1", meshes, start, uv.copy()) if has_second else none[:, :2]
+    color = np.clip(_together("colors", meshes, start, np.ones((len(position), 4), np.float32)), 0, 1) if has_colors else none
+    return Placed(position, normal, uv, second, color, none, triangle, dropped), count
+
+
+def _together(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
+    """(V, w) the values of the meshes that have such, in the place of those that are there."""
+    for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
+        values = getattr(mesh, name)
+        if values is not None:
+            whole[begin:end] = values
+    return finite(whole, *whole.shape)

@@ -1,0 +1,75 @@
+"""What moves while the shutter is open, as the kernel reads it: keys of instances, of spheres and of lights without a body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.layout import KEY_COLUMNS
+from renderer.bvh.rigid_motion import motion_keys
+from renderer.bvh.transforms import stretches
+from renderer.scene.description import F32, EmissionMap, Light, SceneDescription
+from renderer.scene.emission_maps import emission_frames
+from renderer.scene.geometry import Placement, keys_step
+from renderer.scene.punctual import light_rows, shines
+
+__all__ = ["emission_frame_keys", "instance_keys", "punctual_keys", "sphere_keys", "stretches_of"]
+
+F64 = npt.NDArray[np.float64]
+
+_STANDS_STILL = np.zeros((0, KEY_COLUMNS))
+
+
+def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
+    """Of each instance of what may move, its (K, KEY_COLUMNS) keys; none of one that stands still. Nothing where all do."""
+    shown = [description.instances[n] for n in placement.number[placement.still :]]
+    moving = [i for i, instance in enumerate(shown) if instance.keys]
+    if not moving:
+        return []
+    found = [_STANDS_STILL] * len(shown)
+    places = np.array([[np.asarray(key, np.float64)[:3] for key in shown[i].keys] for i in moving])
+    for i, keys in zip(moving, motion_keys(places), strict=True):
+        found[i] = keys
+    return found
+
+
+def stretches_of(description: SceneDescription, placement: Placement) -> F64:
+    """(I, 2) the most and the least that an instance's transform makes of a length of 1, at any time of the shutter."""
+    found = stretches(placement.to_world)
+    for i, number in enumerate(placement.number):
+        if keys := description.instances[number].keys:
+            own = stretches(np.array([np.asarray(key, np.float64)[:3] for key in keys]))
+            found[i] = own[:, 0].max(), own[:, 1].min()
+    return found
+
+
+def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
+    """(K, Z, 4) centres and radii of the spheres of those numbers; no keys where nothing moves straight from key to key."""
+    balls = [description.spheres[n] for n in numbers]
+    loose = [mesh for mesh in description.meshes if mesh.keys]
+    if not any(ball.keys for ball in balls) and not (balls and loose):
+        return np.zeros((0, 0, 4), np.float32)
+    step = keys_step(description)
+    over: list[list[Any]] = [list((ball.keys or ((ball.center, ball.radius),) * description.keys)[::step]) for ball in balls]
+    return np.array([[(*center, radius) for center, radius in ball] for ball in over], np.float32).transpose(1, 0, 2)
+
+
+def punctual_keys(lights: Sequence[Light]) -> F32:
+    """(J, 12) the rows of the lights that shine, those of each at all keys one behind the other; none where all stand still."""
+    return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
+
+
+def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
+    """(J, 4) their rows of `emission_frames` likewise; none where there are no maps."""
+    return emission_frames([each for over in _over_keys(lights) for each in over], maps)
+
+
+def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
+    """Each light that shines, at all keys; its map is that of the middle."""
+    lights = [light for light in lights if shines(light)]
+    keys = max((len(light.keys) for light in lights), default=0)
+    return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

@@ -1,0 +1,156 @@
+"""A scene's bodies in their places: what of them is kept from moment to moment, what is new, and which space they take."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.errors import SceneError
+from renderer.scene.concatenate import Joined, join
+from renderer.scene.description import F32, I32, Mesh, SceneDescription
+from renderer.scene.frame_reuse import Kept
+from renderer.scene.geometry import (
+    Placement,
+    Section,
+    check_size,
+    make_bodies,
+    make_loose,
+    make_still,
+    moving_corners,
+    placement_of,
+    still_corners,
+)
+from renderer.scene.instances import Group, Sharing, is_loose, share_movers, share_still
+from renderer.scene.material_packing import Packed, pack
+from renderer.scene.object_ids import number_objects
+from renderer.scene.placed_mesh import MAX_COORDINATE
+from renderer.scene.tangents import needs_tangents, tangent_uv_set
+from renderer.threads import Team
+
+__all__ = ["Stood", "stand"]
+
+
+class Stood(NamedTuple):
+    """All that has a body."""
+
+    sections: tuple[Section, Section, Section]  # what stands still, the bodies that move, what is loose
+    joined: Joined
+    placement: Placement
+    spheres: list[int]  # the description's numbers, in the order of the arrays: those that move last
+    still_spheres: int
+    sphere: F32  # (S, 4)
+    sphere_material: I32  # (S,)
+    sphere_object: I32  # (S,)
+    packed: Packed
+    bounds: F32  # (2, 3)
+
+
+def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
+    """Places meshes and spheres. Raises SceneError where there are none or too many, or one is beyond what numbers hold."""
+    token = description.still
+    numbers = kept.recall(
+        "objects",
+        lambda: (
+            [(i.name, "" if i.name else description.meshes[i.mesh].name) for i in description.instances],
+            [s.name for s in description.spheres],
+        ),
+        lambda: number_objects(description),
+        token,
+    )
+    objects = numbers.instance
+    standing = kept.recall("standing", lambda: _standing_key(description), lambda: share_still(description), token)
+    sharing = Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
+    check_size(description, sharing)
+    still = kept.recall(
+        "still",
+        lambda: _still_key(description, sharing, objects),
+        lambda: make_still(description, sharing, objects, team),
+        token,
+    )
+    bodies = kept.recall(
+        "bodies",
+        lambda: [_group_key(description, group) for group in sharing.bodies],
+        lambda: make_bodies(description, sharing, team),
+    )
+    loose = make_loose(description, sharing, objects, team)
+    packed = kept.recall(
+        "packed",
+        lambda: (description.materials, description.medium, description.textures, [image.pixels for image in description.images]),
+        lambda: pack(description),
+        token,
+    )
+    placement = placement_of(description, sharing, objects)
+    spheres = sorted(range(len(description.spheres)), key=lambda n: description.spheres[n].moves)
+    sphere = _spheres(description, spheres)
+    sections = still, bodies, loose
+    return Stood(
+        sections,
+        join(sections, len(packed.texture) > 0, kept),
+        placement,
+        spheres,
+        sum(not s.moves for s in description.spheres),
+        sphere,
+        np.array([description.spheres[n].material for n in spheres], np.int32),
+        np.array([numbers.sphere[n] for n in spheres], np.int32),
+        packed,
+        _bounds(description.name, sections, placement, sphere, kept),
+    )
+
+
+def _standing_key(description: SceneDescription) -> Any:
+    """What decides how that is kept which stands still."""
+    return (
+        [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
+        [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],
+        [is_loose(m) for m in description.materials],
+    )
+
+
+def _still_key(description: SceneDescription, sharing: Sharing, objects: list[int]) -> Any:
+    copied = []
+    for n in sharing.copied:
+        instance = description.instances[n]
+        mesh = description.meshes[instance.mesh]
+        material = mesh.material if instance.material is None else instance.material
+        copied.append((_mesh_key(mesh), instance.transform, objects[n], material, _bend(description, [material])))
+    return copied, [_group_key(description, group) for group in sharing.groups]
+
+
+def _group_key(description: SceneDescription, group: Group) -> Any:
+    own = sorted({-1 if m is None else m for m in (description.instances[n].material for n in group.instances)})
+    meshes = [description.meshes[m] for m in group.meshes]
+    return own, [(_mesh_key(m), m.material, _bend(description, [m.material, *(n for n in own if n >= 0)])) for m in meshes]
+
+
+def _mesh_key(mesh: Mesh) -> Any:
+    return mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents
+
+
+def _bend(description: SceneDescription, materials: list[int]) -> Any:
+    """What of materials decides on tangents."""
+    found = [description.materials[m] for m in materials]
+    return [tangent_uv_set(description, m) if needs_tangents(m) else None for m in found]
+
+
+def _spheres(description: SceneDescription, order: list[int]) -> F32:
+    spheres = [description.spheres[n] for n in order]
+    found = np.array([(*s.center, s.radius) for s in spheres], np.float64).reshape(-1, 4)
+    if not (np.abs(found) < MAX_COORDINATE).all():
+        raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
+    return found.astype(np.float32)
+
+
+def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Placement, sphere: F32, kept: Kept) -> F32:
+    still, bodies, loose = sections
+    places = placement.to_world[: placement.still]
+    standing = kept.recall("bounds", lambda: (still, places), lambda: still_corners(still, placement))
+    corners: list[np.ndarray] = [*standing, *moving_corners(still, bodies, loose, placement)]
+    if len(sphere):
+        corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
+    if not corners:
+        raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
+    bounds = np.array([np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)])
+    if not np.abs(bounds).max() < MAX_COORDINATE:
+        raise SceneError(f"{name}: an instance's place is beyond what numbers hold; give it a sane transform")
+    return bounds.astype(np.float32)

@@ -1,0 +1,113 @@
+"""What scatters inside of glTF's surfaces: two drafts of Khronos's, and what Blender's files say beyond any.
+
+KHR_materials_volume_scatter and KHR_materials_scatter divide what KHR_materials_volume attenuates into what is scattered and what
+is absorbed. Where light goes in diffusely, the inside is dense, and is rendered as subsurface scattering, as the former advises.
+Source: KhronosGroup/glTF, pull requests 2453 and 2579, their READMEs as of June 2026.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.scene.description import Vec3
+from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
+from renderer.scene.readers.gltf.container import Json
+from renderer.scene.readers.gltf.textures import Textures
+from renderer.scene.readers.linear_images import linear
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
+from renderer.scene.readers.scattering import single_albedo
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["NAMES", "read_scatter"]
+
+_VOLUME_SCATTER, _SCATTER = "KHR_materials_volume_scatter", "KHR_materials_scatter"
+# Ours, of what renderer/blender and blender/ write: sigmaA, sigmaS and g of the inside, isInterface where there is no surface;
+# subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy.
+_MEDIUM, _SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
+NAMES = {_VOLUME_SCATTER, _SCATTER, _MEDIUM, _SUBSURFACE}
+_NONE: Vec3 = (0.0, 0.0, 0.0)
+
+
+def read_scatter(source: Json, material: Material, textures: Textures, shelf: TextureShelf, is_thin: bool) -> None:
+    """Sets what a material says of its inside. After all others. is_thin: KHR_materials_volume gives it no thickness."""
+    old, new = source.extension(_VOLUME_SCATTER), source.extension(_SCATTER)
+    if old:
+        color = unit_color(old.vector("multiscatterColor", _NONE))
+        _fill(material, color, _g(old, "scatterAnisotropy"))
+    elif new:
+        strength = unit(new.number("scatterStrengthFactor", 0.0))
+        color = unit_color(new.vector("multiscatterColorFactor", (1.0, 1.0, 1.0)))
+        picture = textures.find(new, "multiscatterColorTexture", material.name, srgb=True)
+        if new.object("scatterStrengthTexture") is not None:
+            shelf.warn_of_surface(f"Material {material.name}: the texture of how strongly it scatters is left out.")
+        if is_thin:
+            _scatter_in_a_sheet(material, strength, color, picture, clamped(new.number("scatterAnisotropy", 0.0), -1.0, 1.0))
+        else:
+            if picture is not None:
+                shelf.warn_of_surface(f"Material {material.name}: what scatters inside of it has the mean colour of its texture.")
+                color = unit_color(_mean(shelf, picture) * np.array(color))
+            _fill(material, unit_color(strength * c for c in color), _g(new, "scatterAnisotropy"))
+    _read_ours(source, material)
+
+
+def _fill(material: Material, multiple: Vec3, g: float) -> None:
+    """Divides what the volume attenuates. multiple: the multi-scatter albedo."""
+    if math.isinf(material.attenuation_distance) or not any(multiple):
+        return
+    extinct = [-math.log(clamped(c, 1e-6, 1.0)) / material.attenuation_distance for c in material.attenuation_color]
+    if material.diffuse_transmission > 0:
+        share = material.diffuse_transmission
+        tint = material.diffuse_transmission_color
+        seen = (c * t for c, t in zip(multiple, tint, strict=True))
+        mixed = ((1 - share) * b + share * c for b, c in zip(material.base_color, seen, strict=True))
+        material.base_color = unit_color(mixed)
+        material.subsurface = share
+        material.subsurface_radius = unit_color((1 / max(t, 1 / MOST_DENSE) for t in extinct), MOST_DENSE)
+        material.subsurface_anisotropy = g
+        material.diffuse_transmission, material.diffuse_transmission_texture = 0.0, None
+    else:
+        albedo = [single_albedo(m, g) for m in multiple]
+        material.sigma_s = unit_color((t * a for t, a in zip(extinct, albedo, strict=True)), MOST_DENSE)
+        material.sigma_a = unit_color((t * (1 - a) for t, a in zip(extinct, albedo, strict=True)), MOST_DENSE)
+        material.g = g
+    material.attenuation_color, material.attenuation_distance = (1.0, 1.0, 1.0), math.inf
+
+
+def _scatter_in_a_sheet(material: Material, strength: float, color: Vec3, picture: int | None, g: float) -> None:
+    """Of what a sheet lets through, the scattered part leaves it diffusely, (1 + g) / 2 of that on the other side."""
+    through = material.transmission * strength
+    if through <= 0:
+        return
+    clear = material.transmission * (1 - strength)
+    matt = (1 - material.transmission) * np.array(material.base_color) + through * (1 - g) / 2 * np.array(color)
+    onwards = through * (1 + g) / 2 / (1 - clear) if clear < 1 else 0.0
+    material.transmission, material.transmission_texture = clear, None
+    material.diffuse_transmission = unit(onwards)
+    material.diffuse_transmission_color, material.diffuse_transmission_color_texture = color, picture
+    if onwards < 1 and clear == 0:
+        material.base_color = unit_color(matt / (1 - onwards))
+
+
+def _read_ours(source: Json, material: Material) -> None:
+    medium, beneath = source.extension(_MEDIUM), source.extension(_SUBSURFACE)
+    if medium:
+        material.sigma_a, material.sigma_s = (unit_color(medium.vector(name, _NONE), MOST_DENSE) for name in ("sigmaA", "sigmaS"))
+        material.g = _g(medium, "g")
+        # All of it is in the medium; what Blender's exporter makes of the same nodes would be absorbed a second time.
+        material.attenuation_color, material.attenuation_distance = (1.0, 1.0, 1.0), math.inf
+        if medium.value.get("isInterface") is True:
+            material.kind = "interface"
+    if beneath:
+        material.subsurface = unit(beneath.number("subsurfaceFactor", 0.0))
+        material.subsurface_radius = unit_color(beneath.vector("subsurfaceRadius", (1.0, 1.0, 1.0)), MOST_DENSE)
+        material.subsurface_anisotropy = _g(beneath, "subsurfaceAnisotropy")
+
+
+def _g(source: Json, name: str) -> float:
+    return clamped(source.number(name, 0.0), -MOST_FORWARD, MOST_FORWARD)
+
+
+def _mean(shelf: TextureShelf, texture: int) -> np.ndarray:
+    return np.asarray(linear(shelf.image_of(texture)).reshape(-1, 3).mean(axis=0))

@@ -1,0 +1,87 @@
+"""What readers of polygon files share: faces as triangles without lost vertices, values at corners, colours as fractions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.errors import SceneError
+from renderer.scene.deduplicate import unique_corners, used_among
+from renderer.scene.description import F32, I32, Mesh
+from renderer.scene.polygons import Cut, triangulate
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["filled", "fractions", "of_triangles", "split", "used"]
+
+Array = npt.NDArray[Any]
+
+
+def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf) -> Cut:
+    """The triangles of polygons (see `triangulate`), without those that need a vertex which is not finite. Warns, with counts.
+
+    Raises SceneError where a face names a vertex that is not there, and where no face is left.
+    """
+    if len(corners) and (corners.min() < 0 or corners.max() >= len(positions)):
+        odd = corners.min() if corners.min() < 0 else corners.max()
+        raise SceneError(f"{main}: a face names vertex {odd} where there are {len(positions)}; export the file again")
+    finite = np.isfinite(positions).all(axis=1)
+    if finite.all():
+        cut = triangulate(counts, corners, positions)
+    else:
+        shown = np.bincount(np.repeat(np.arange(len(counts)), counts), finite[corners], len(counts)) == counts
+        cut = triangulate(counts, corners, np.where(finite[:, None], positions, np.float32(0)))
+        whole = shown[cut.face]
+        if not whole.any():
+            raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+        cut = Cut(cut.triangles[whole], cut.face[whole], cut.unfilled)
+        shelf.warn(
+            f"{main}: {(~finite).sum()} vertices have positions that are not finite; {(~shown).sum()} faces need them and are "
+            "left out."
+        )
+    if thin := int((np.asarray(counts) < 3).sum()):
+        shelf.warn(f"{main}: {thin} faces have fewer than three corners and are left out.")
+    if cut.unfilled:
+        shelf.warn(f"{main}: {cut.unfilled} concave polygons are filled as if convex, as they have too many corners to cut.")
+    return cut
+
+
+def used(mesh: Mesh) -> Mesh:
+    """The mesh without vertices that are not finite, which none of its triangles needs."""
+    if np.isfinite(mesh.positions).all():
+        return mesh
+    return of_triangles(mesh, slice(None))
+
+
+def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
+    """The mesh of some triangles, with the vertices of these alone."""
+    at, triangles = used_among(mesh.triangles[rows], len(mesh.positions))
+    normals, uvs, uvs1, colors = (
+        None if values is None else values[at] for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors)
+    )
+    return Mesh(mesh.name, mesh.positions[at], triangles.astype(np.int32), normals, uvs, mesh.material, uvs1, colors)
+
+
+def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
+    """The mesh with values at the corners of its triangles: those that differ in them share no vertex."""
+    corners = mesh.triangles.reshape(-1)
+    given = [values for values in (uvs, colors) if values is not None]
+    first, kind = unique_corners(corners, len(mesh.positions), given)
+    at = corners[first]
+
+    def pick(own: F32 | None, values: F32 | None) -> F32 | None:
+        return values[first] if values is not None else None if own is None else own[at]
+
+    triangles: I32 = kind.reshape(-1, 3)
+    normals = None if mesh.normals is None else mesh.normals[at]
+    return Mesh(mesh.name, mesh.positions[at], triangles, normals, pick(mesh.uvs, uvs), colors=pick(mesh.colors, colors))
+
+
+def fractions(values: Array) -> F32:
+    """Colours from 0 to 1: of bytes; of numbers of 16 bits, by their range; of fractions, up to 1 unless some are larger."""
+    if values.dtype.kind != "f":
+        most = float(np.iinfo(values.dtype).max) if values.dtype.itemsize == 2 else 255.0
+    else:
+        most = 255.0 if values.max(initial=0.0) > 1.0 else 1.0
+    return np.clip(np.nan_to_num(values.astype(np.float64) / most), 0, 1).astype(np.float32)

@@ -1,0 +1,70 @@
+"""USD's displacement as bumps: heights along the normals, of UsdPreviewSurface and of MaterialX's displacement.
+
+They move no surface here. Lengths are those of the mesh's own space, as it is where nothing scales it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.scene.description import Image
+from renderer.scene.readers.linear_images import alpha, linear
+from renderer.scene.readers.usd.preview_surface import Read
+from renderer.scene.readers.usd.textures import CHANNELS, Taken
+from renderer.scene.textures import TextureShelf
+
+__all__ = ["Heights", "heights_of"]
+
+_MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages, and of documents
+_PREVIEW = "UsdPreviewSurface"
+_AS_BUMPS = "Displacement is shown as bumps, which move no surface"
+_LEFT_OUT = "Displacement is not drawn; left out of materials"
+
+
+class Heights(NamedTuple):
+    """A height texture: heights are in its red channel; also the height that a value of 1 stands for."""
+
+    texture: int
+    rise: float
+
+
+def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
+    """Height texture of a material's surface; None, with a note where needed, if it has no displacement by a texture."""
+    network, scale = read.network, 1.0
+    shader = next((found for context in ("mtlx", "") if (found := material.ComputeDisplacementSource(context)[0])), None)
+    kind = str(shader.GetIdAttr().Get() or "") if shader else ""
+    if kind in _MATERIALX:
+        scale = network.input(shader, "scale").number(1.0)
+    elif str(surface.GetIdAttr().Get() or "") in (_PREVIEW, f"ND_{_PREVIEW}_surfaceshader"):
+        shader = surface
+    elif shader:
+        network.notes.add(_LEFT_OUT, network.user)
+        return None
+    else:
+        return None
+    given = network.input(shader, "displacement")
+    if given.taken is None or scale == 0:
+        if given.primvar is not None or given.number(0.0) != 0:
+            network.notes.add(_LEFT_OUT, network.user)
+        return None
+    if read.material.normal_texture is not None:
+        network.notes.add("Displacement is left out where a normal map bends a surface", network.user)
+        return None
+    channel = "r" if given.taken.channel == "rgb" else given.taken.channel
+    texture = _plain(read.shelf, given.taken, channel)
+    if texture is None:
+        return None
+    network.notes.add(_AS_BUMPS, network.user)
+    return Heights(texture, scale * given.taken.span(channel)[0])
+
+
+def _plain(shelf: TextureShelf, taken: Taken, channel: str) -> int | None:
+    """Returns a texture whose colour channels all hold the linear values of one channel."""
+
+    def make(image: Image) -> Image:
+        values = linear(image)[..., CHANNELS[channel]] if channel != "a" else alpha(image)
+        return Image(f"{image.name} {channel}", np.repeat(values[..., None], 3, axis=2).astype(np.float32), srgb=False)
+
+    return shelf.derived(taken.texture, f"heights in {channel}", make)

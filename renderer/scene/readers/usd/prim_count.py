@@ -1,0 +1,62 @@
+"""Counts the prims of a stage before USD composes it.
+
+References can double the number of prims with each level, and USD follows all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pxr import Sdf
+
+from renderer.scene.readers.expansion_limits import judge_spread
+
+__all__ = ["MAX_COMPOSED", "judge_composition"]
+
+MAX_COMPOSED = 4_000_000
+
+Key = tuple[str, str]  # a layer's identifier, and a prim's path
+
+
+def judge_composition(layers: dict[str, Any], root: Any, file: str) -> None:
+    """Checks the size of the composed stage; layers: by identifier.
+
+    Raises SceneError if there are too many prims, or they are nested too deeply.
+    """
+
+    def below(key: Key) -> Iterator[Key]:
+        layer = layers[key[0]]
+        if key[1] == "/":
+            yield from ((each, "/") for each in layer.subLayerPaths if each in layers)
+            yield from ((key[0], str(prim.path)) for prim in layer.rootPrims)
+            return
+        prim = layer.GetPrimAtPath(key[1])
+        if prim is None:
+            return
+        yield from ((key[0], str(child.path)) for child in prim.nameChildren)
+        for info, given in (("references", "referenceList"), ("payload", "payloadList")):
+            if prim.HasInfo(info):
+                for arc in getattr(prim, given).GetAddedOrExplicitItems():
+                    yield from _target(layers, arc.assetPath or key[0], arc.primPath)
+        for info, given in (("inheritPaths", "inheritPathList"), ("specializes", "specializesList")):
+            if prim.HasInfo(info):
+                yield from ((key[0], str(path)) for path in getattr(prim, given).GetAddedOrExplicitItems())
+        if prim.HasInfo("variantSetNames"):
+            for variants in prim.variantSets:
+                chosen = prim.variantSelections.get(variants.name) or next(iter(variants.variants.keys()), "")
+                if chosen in variants.variants:
+                    yield key[0], str(variants.variants[chosen].primSpec.path)
+
+    judge_spread((root.identifier, "/"), below, file, MAX_COMPOSED, is_circle_error=False)
+
+
+def _target(layers: dict[str, Any], identifier: str, path: Any) -> Iterator[Key]:
+    if identifier not in layers:
+        return
+    if path == Sdf.Path.emptyPath:
+        default = layers[identifier].defaultPrim
+        if default:
+            yield identifier, default if default.startswith("/") else f"/{default}"
+    else:
+        yield identifier, str(path)

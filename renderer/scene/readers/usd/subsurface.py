@@ -1,0 +1,101 @@
+"""What MaterialX's surfaces do with light beneath them: subsurface scattering, and what fills glass.
+
+Sources: Autodesk's Standard Surface 1.0.1; OpenPBR 1.1, "subsurface" and "translucent base".
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from renderer.scene.description import Vec3
+from renderer.scene.material import MOST_DENSE, MOST_FORWARD
+from renderer.scene.readers.number_ranges import clamped, unit, unit_color
+from renderer.scene.readers.scattering import attenuating, filled_with
+from renderer.scene.readers.usd.inputs import Input
+from renderer.scene.readers.usd.preview_surface import Read
+from renderer.scene.readers.usd.surface_inputs import Said
+from renderer.scene.readers.usd.textures import colored
+
+__all__ = ["OPEN_PBR", "STANDARD", "Names", "fill_glass", "mixed_color", "scatter_beneath"]
+
+_WHITE: Vec3 = (1.0, 1.0, 1.0)
+
+
+class Names(NamedTuple):
+    """What a surface calls its inputs, and what they are where nothing is said. turns_back: of what a sheet scatters."""
+
+    weight: str
+    radius: str
+    scale: str
+    anisotropy: str
+    path: Vec3
+    turns_back: bool
+
+
+STANDARD = Names("subsurface", "subsurface_radius", "subsurface_scale", "subsurface_anisotropy", _WHITE, False)
+OPEN_PBR = Names(
+    *("subsurface_weight", "subsurface_radius_scale", "subsurface_radius", "subsurface_scatter_anisotropy"),
+    path=(1.0, 0.5, 0.25),
+    turns_back=True,
+)
+
+
+def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
+    """The base colour and its weight; with them the colour beneath the surface, which is one with it here.
+
+    Of pictures that are mixed, the one that there is more of is taken.
+    """
+    color, share = said("base_color", True), unit(said.number(names.weight, 0.0))
+    if share <= 0 or _is_sheet(said):
+        return color, weight
+    under = said("subsurface_color", True)
+    if not _varies(color) and not _varies(under):
+        pairs = zip(color.color(default), under.color(default), strict=True)
+        return Input(tuple(weight * (1 - share) * a + share * b for a, b in pairs)), 1.0
+    if share < 1:
+        note = "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken"
+        read.network.notes.add(note, read.network.user)
+    return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
+
+
+def scatter_beneath(said: Said, read: Read, names: Names) -> None:
+    """Fills what is scattered beneath the surface; of a sheet, what comes out on its other side. After the base colour."""
+    material, share = read.material, unit(said.number(names.weight, 0.0))
+    if share <= 0:
+        return
+    g = said.number(names.anisotropy, 0.0)
+    if not _is_sheet(said):
+        scale = said.number(names.scale, 1.0) * read.network.unit
+        material.subsurface = share
+        material.subsurface_radius = unit_color((scale * c for c in said.color(names.radius, names.path)), MOST_DENSE)
+        material.subsurface_anisotropy = clamped(g, -MOST_FORWARD, MOST_FORWARD)
+        return
+    under = said("subsurface_color", True)
+    color = under.color((0.8, 0.8, 0.8))
+    if under.taken is not None:
+        color, material.diffuse_transmission_color_texture = colored(read.shelf, under.taken)
+    onwards = share * ((1 + clamped(g, -1.0, 1.0)) / 2 if names.turns_back else 1.0)
+    material.diffuse_transmission, material.diffuse_transmission_color = onwards, unit_color(color)
+    if onwards < 1:
+        pairs = zip(material.base_color, color, strict=True)
+        material.base_color = unit_color(((1 - share) * b + (share - onwards) * c) / (1 - onwards) for b, c in pairs)
+
+
+def fill_glass(said: Said, read: Read, tint: Vec3, depth: float) -> None:
+    """Fills glass that is no sheet with what leaves the tint of light after a depth, in the stage's unit."""
+    material = read.material
+    scatter = said.color("transmission_scatter", (0.0, 0.0, 0.0))
+    if max(scatter) <= 0:
+        material.attenuation_color, material.attenuation_distance = unit_color(tint), depth * read.network.unit
+        return
+    found = attenuating(tint, depth * read.network.unit, scatter, said.number("transmission_scatter_anisotropy", 0.0))
+    for name, value in filled_with(found).items():
+        setattr(material, name, value)
+
+
+def _is_sheet(said: Said) -> bool:
+    return any(said.number(name, 0) != 0 for name in ("thin_walled", "geometry_thin_walled"))
+
+
+def _varies(given: Input) -> bool:
+    return given.taken is not None or given.primvar is not None

@@ -1,0 +1,89 @@
+"""The tree over a scene's geometry: of one piece where nothing moves, else of parts that are built by themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.bvh.build import build, tree_of
+from renderer.bvh.instances import Instances
+from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
+from renderer.bvh.motion_bvh import keyed_tree
+from renderer.bvh.subtrees import Laid, Tree, lay
+from renderer.scene.description import F32
+from renderer.scene.frame_reuse import Kept
+from renderer.scene.geometry import Placement, Section
+from renderer.threads import Team
+
+__all__ = ["grow"]
+
+Array = npt.NDArray[Any]
+
+_NO_TREE: Tree = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS, WIDTH), np.float32)
+
+
+def grow(
+    sections: tuple[Section, Section, Section],
+    first_triangle: tuple[int, ...],
+    placement: Placement,
+    sphere: F32,
+    still_spheres: int,
+    brute: bool,
+    team: Team,
+    kept: Kept,
+    keys: Sequence[Array] = (),
+    sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
+) -> Laid:
+    """The tree. sections: what stands still, the bodies, what is loose, whose triangles begin at these numbers.
+
+    sphere: (S, 4), the first of them stand still. While the shutter is open: keys of the instances of what moves, as `lay` takes
+    them; sphere_keys: (K or 0, Z, 4) of the last spheres.
+    """
+    still, bodies, loose = sections
+    _, first_body, first_loose, triangles = first_triangle
+    moves = bool(bodies.trees) or len(loose.geometry.triangle) > 0 or still_spheres < len(sphere)
+
+    def build_still() -> Bvh:
+        places = placement.to_world[: placement.still]
+        instances = None
+        if placement.still:
+            ends = [still.world, *(end for _, end in still.trees)]
+            instances = Instances(np.array(ends), placement.group[: placement.still], places)
+        geometry = still.geometry
+        if moves and not (len(geometry.triangle) or still_spheres):
+            return Bvh(*_NO_TREE, np.zeros(0, np.int32), np.zeros((0, 3, 4)))
+        whole = brute and not moves
+        return build(geometry.position, geometry.triangle, sphere[:still_spheres], instances, whole, team, triangles)
+
+    spheres = sphere[:still_spheres]
+    shown = placement.to_world[: placement.still]
+    first_sphere = triangles if still_spheres else None
+    base = kept.recall(
+        "still tree", lambda: (still, placement.group[: placement.still], shown, spheres, first_sphere), build_still
+    )
+    if not moves:
+        return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
+    trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
+    lax = _NO_TREE
+    loose_keys = max(len(loose.geometry.keys), len(sphere_keys), 1)
+    if len(loose.geometry.triangle) or still_spheres < len(sphere):
+        first = triangles + still_spheres - first_loose
+        if loose_keys > 1:
+            shapes, balls = loose.geometry.keys[:, 0], sphere_keys
+            shapes = shapes if len(shapes) else np.zeros((loose_keys, 0, 3), np.float32)
+            balls = balls if len(balls) else np.zeros((loose_keys, 0, 4), np.float32)
+            lax = keyed_tree(shapes, loose.geometry.triangle, balls, first, team)
+        else:
+            found = build(loose.geometry.position, loose.geometry.triangle, sphere[still_spheres:], None, False, team, first)
+            lax = found.node, found.packet
+    begins = [first_body + a for a, _ in bodies.trees]
+    which = placement.group[placement.still :] - len(still.trees)
+    places = placement.to_world
+    return lay(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
+
+
+def _body_trees(bodies: Section, team: Team) -> list[Tree]:
+    return [tree_of(bodies.geometry.position, bodies.geometry.triangle[a:b], team=team) for a, b in bodies.trees]

@@ -1,0 +1,229 @@
+"""A scene while the shutter is open: descriptions of several moments made into one, whose things know where they are at each.
+
+Cameras, placed meshes, their vertices, spheres, lights and textures move. All else is as it is in the middle, and a warning
+names it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from renderer.bvh.rigid_motion import motion_keys, turned_by
+from renderer.kernel.camera import axes_of
+from renderer.scene.animation import Moment, Shutter
+from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
+from renderer.scene.instances import goes_straight
+from renderer.scene.scene_equality import same
+from renderer.scene.texture_motion import slid
+from renderer.settings import MOST_KEYS
+
+__all__ = ["between_files", "while_open"]
+
+_FIRST_KEYS = 5
+_MOST_TURN = math.radians(50.0)  # from key to key: that a whole turn is not taken for none
+_STRAIGHT_TURN = math.radians(12.0)  # of what goes straight from key to key
+
+_Thing = TypeVar("_Thing")
+
+
+def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutter: Shutter) -> SceneDescription:
+    """The scene in the middle of a frame's shutter, with the keys of what moves meanwhile.
+
+    read: gives the scene at a moment, as an object of its own. Where the shutter does not say how many keys, they are doubled
+    until nothing turns much from one to the next. Raises what `read` does.
+    """
+    if shutter.length == 0:
+        return read(moment)
+    keys = shutter.keys or _FIRST_KEYS
+    found = [read(shutter.moment(moment, i / (keys - 1))) for i in range(keys)]
+    if not any(each.moves for each in found):
+        return found[keys // 2]
+    while True:
+        middle = found[keys // 2] if keys % 2 else read(shutter.moment(moment, 0.5))
+        moving = _together(middle, found)
+        if shutter.keys or keys == MOST_KEYS or _is_fine(moving):
+            return moving
+        keys = 2 * keys - 1
+        between = (read(shutter.moment(moment, i / (keys - 1))) for i in range(1, keys, 2))
+        found = [each for pair in zip(found, between, strict=False) for each in pair] + found[-1:]
+
+
+def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
+    """The description in the middle, with the others' as its keys."""
+    middle, found, changes = slid(middle, found)
+    instances, meshes, changed = _placed(middle, found)
+    cameras = [
+        replace(camera, keys=_keys([c.view for c in over], camera.view))
+        for camera, over in _matched(middle.cameras, [each.cameras for each in found], _name)
+        if not any(c.view.projection != camera.view.projection for c in over)
+    ]
+    spheres = [
+        replace(sphere, keys=_keys([(s.center, s.radius) for s in over], (sphere.center, sphere.radius)))
+        for sphere, over in _matched(middle.spheres, [each.spheres for each in found], _name)
+    ]
+    lights = [
+        replace(light, keys=_keys(over, light))
+        for light, over in _matched(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
+    ]
+    moving = replace(middle, instances=instances, meshes=meshes, cameras=cameras, spheres=spheres, lights=lights)
+    things: tuple[Instance | Mesh | Sphere | Light | Camera | Texture, ...] = (
+        *instances,
+        *meshes,
+        *spheres,
+        *lights,
+        *cameras,
+        *middle.textures,
+    )
+    if any(thing.keys for thing in things):
+        moving.keys = len(found)
+    still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
+    still += ["textures, but for how they lie"] * changes + changed
+    if still:
+        moving.warnings.append(_NOT_BLURRED.format(", ".join(still)))
+    return moving
+
+
+def between_files(
+    moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
+) -> None:
+    """Gives keys to the meshes of files that are numbered: straight from the file before to the frame's own, to the one after.
+
+    before, after: the scene at the same time by these files; None where there are none: then the frame's own stays.
+    """
+    here = [(instance, moving.meshes[instance.mesh]) for instance in moving.instances]
+    for number, mesh in {instance.mesh: mesh for instance, mesh in here}.items():
+        beside = [_mesh_of(number, moving, other) or mesh for other in (before, after)]
+        if all(same(other.positions, mesh.positions) for other in beside):
+            continue
+        if not all(_is_cut_alike(mesh, other) for other in beside):
+            moving.warnings.append(_NOT_BLURRED.format(_CHANGES.format(mesh.name)))
+            continue
+        moving.keys = moving.keys or shutter.keys or _FIRST_KEYS
+        shares = [i / (moving.keys - 1) for i in range(moving.keys)]
+        offsets = [shutter.moment(Moment(), share).offset for share in shares]
+        keys = [_mixed(mesh, beside[0] if offset < 0 else beside[1], min(abs(offset), 1.0)) for offset in offsets]
+        moving.meshes[number] = replace(mesh, keys=tuple(keys))
+
+
+def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | None) -> Mesh | None:
+    """The other's mesh in the place of that one; names may be the files'."""
+    if other is None or len(other.instances) != len(moving.instances):
+        return None
+    places = zip(moving.instances, other.instances, strict=True)
+    return next(other.meshes[its.mesh] for instance, its in places if instance.mesh == number)
+
+
+def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarray | None]:
+    near, part = np.float32(1.0 - share), np.float32(share)
+    normals = None
+    if mesh.normals is not None and other.normals is not None:
+        normals = near * mesh.normals + part * other.normals
+    return near * mesh.positions + part * other.positions, normals
+
+
+_NOT_BLURRED = "Shown as in the middle of the shutter, not blurred: {}."
+_CHANGES = "the mesh {}, whose triangles change"
+_STILL = {
+    "materials": ("materials",),
+    "pictures": ("images",),
+    "the environment": ("environment", "medium"),
+}
+
+
+def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
+    return any(not same(getattr(each, part), getattr(found[0], part)) for each in found[1:])
+
+
+def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
+    """The instances and the meshes with their keys, and words for what could not have any."""
+    instances, meshes, changed = [], list(middle.meshes), []
+    seen: set[int] = set()
+    for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
+        keys = _keys([i.transform for i in over], instance.transform)
+        instances.append(replace(instance, keys=keys, moves=instance.moves or len(keys) > 0))
+        if over and instance.mesh not in seen:
+            seen.add(instance.mesh)
+            mesh = meshes[instance.mesh]
+            others = [each.meshes[i.mesh] for each, i in zip(found, over, strict=True)]
+            if all(_is_cut_alike(mesh, other) for other in others):
+                shapes = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
+                meshes[instance.mesh] = replace(mesh, keys=shapes, deforms=mesh.deforms or len(shapes) > 0)
+            else:
+                changed.append(_CHANGES.format(mesh.name))
+    return instances, meshes, changed
+
+
+def _is_cut_alike(mesh: Mesh, other: Mesh) -> bool:
+    return (
+        mesh.positions.shape == other.positions.shape
+        and same(mesh.triangles, other.triangles)
+        and (mesh.normals is None) == (other.normals is None)
+    )
+
+
+def _keys(over: Sequence[Any], middle: Any) -> tuple[Any, ...]:
+    """What a thing is at each key; nothing where it is always the same."""
+    return tuple(over) if any(not same(each, middle) for each in over) else ()
+
+
+def _matched(
+    things: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
+) -> list[tuple[_Thing, list[_Thing]]]:
+    """Each thing with what it is in each of the others' lists; with nothing where one of them has it not.
+
+    By its place in the list where the names agree, else by the name and how many of it came before.
+    """
+    told = _numbered(things, name)
+    found: list[list[_Thing]] = [[] for _ in things]
+    for other in others:
+        names = _numbered(other, name)
+        by_name = dict(zip(names, other, strict=True))
+        for at, key in zip(found, told, strict=True):
+            if key in by_name:
+                at.append(by_name[key])
+    return [(thing, at if len(at) == len(others) else []) for thing, at in zip(things, found, strict=True)]
+
+
+def _numbered(things: Iterable[_Thing], name: Callable[[_Thing], Hashable]) -> list[tuple[Hashable, int]]:
+    count: Counter[Hashable] = Counter()
+    told = []
+    for thing in things:
+        told.append((name(thing), count[name(thing)]))
+        count[name(thing)] += 1
+    return told
+
+
+def _name(thing: Sphere | Light | Camera) -> str:
+    return thing.name
+
+
+def _is_fine(moving: SceneDescription) -> bool:
+    """Whether nothing turns so far from key to key that it may have turned the other way, or cuts a corner."""
+    free: list[list[np.ndarray]] = []
+    straight: list[list[np.ndarray]] = []
+    for instance in moving.instances:
+        if instance.keys:
+            (straight if goes_straight(moving, instance) else free).append([each[:3] for each in instance.keys])
+    straight += [[_in_space(key) for key in texture.keys] for texture in moving.textures if texture.keys]
+    free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
+    return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN
+
+
+def _in_space(transform: UvTransform) -> np.ndarray:
+    """As a body's place, in which a texture turns about z."""
+    a, b, c, d, e, f = transform
+    return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])
+
+
+def _turn(places: list[list[np.ndarray]]) -> float:
+    if not places:
+        return 0.0
+    whole = np.array(places, np.float64)
+    sane = np.isfinite(whole).all(axis=(1, 2, 3)) & (np.abs(np.linalg.det(whole[..., :3])) > 0).all(axis=1)
+    return turned_by(motion_keys(whole[sane])) if sane.any() else 0.0

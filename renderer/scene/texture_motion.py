@@ -1,0 +1,78 @@
+"""How textures lie while the shutter is open: their transforms as keys.
+
+Readers keep textures that are alike once. Two that lie alike at one moment and not at another are one there and two here, so that
+it is the materials' slots that are followed from moment to moment, and not the textures' numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from renderer.scene.description import Material, SceneDescription, Texture
+from renderer.scene.material import PARAMETERS
+from renderer.scene.scene_equality import same
+
+__all__ = ["slid"]
+
+_SLOTS = tuple(parameter.name for parameter in PARAMETERS if parameter.form == "texture")
+
+_Over = list[tuple[SceneDescription, int]]  # a texture at each moment: the scene's, of that number
+
+
+def slid(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[SceneDescription, list[SceneDescription], bool]:
+    """(the description in the middle, its textures with keys; the others with materials that name these textures; whether
+    anything else of textures changes, which stays as in the middle).
+    """
+    every = [middle, *found]
+    if all(same(each.textures, middle.textures) for each in found):
+        return middle, list(found), False
+    if any(len(each.materials) != len(middle.materials) for each in found):
+        return middle, list(found), True
+    shelf = _Shelf()
+    materials: list[list[Material]] = [[] for _ in every]
+    for over in zip(*(each.materials for each in every), strict=True):
+        slots = {slot: [getattr(material, slot) for material in over] for slot in _SLOTS}
+        used = {slot: numbers for slot, numbers in slots.items() if numbers[0] is not None}
+        named = {slot: shelf.number([*zip(every, numbers, strict=True)]) for slot, numbers in used.items() if None not in numbers}
+        lost = {slot: shelf.number([(middle, numbers[0])]) for slot, numbers in used.items() if None in numbers}
+        materials[0].append(replace(over[0], **named, **lost))
+        for of_moment, material in zip(materials[1:], over[1:], strict=True):
+            of_moment.append(replace(material, **named))
+    others = [replace(each, materials=own) for each, own in zip(found, materials[1:], strict=True)]
+    return replace(middle, materials=materials[0], textures=shelf.textures), others, shelf.changes
+
+
+class _Shelf:
+    """The textures with their keys; those that are alike, once."""
+
+    def __init__(self) -> None:
+        self.textures: list[Texture] = []
+        self.changes = False
+        self._numbers: dict[Texture, int] = {}
+
+    def number(self, over: _Over) -> int:
+        """Of the texture that is those at the moments, of which the first is the middle."""
+        textures = [scene.textures[number] for scene, number in over]
+        own = textures[0]
+        if any(_kind(each) != _kind(own) for each in textures):
+            self.changes = True
+            textures, over = [own], over[:1]
+        scenes = [scene for scene, _ in over]
+        layers = []
+        for i, layer in enumerate(own.layers):
+            beneath = [each.layers[i].texture for each in textures]
+            layers.append(replace(layer, texture=self.number([*zip(scenes, beneath, strict=True)])))
+        places = tuple(each.transform for each in textures[1:])
+        keys = places if any(place != own.transform for place in places) else ()
+        texture = replace(own, layers=tuple(layers), keys=keys)
+        if texture not in self._numbers:
+            self._numbers[texture] = len(self.textures)
+            self.textures.append(texture)
+        return self._numbers[texture]
+
+
+def _kind(texture: Texture) -> object:
+    """All of a texture but where it lies."""
+    layers = tuple((layer.blend, layer.strength) for layer in texture.layers)
+    return texture.image, texture.wrap_s, texture.wrap_t, texture.uv_set, texture.filter, layers

@@ -1,0 +1,83 @@
+"""What a setting is, told: to the page, in the command's help, in the documentation. It decides no sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING
+from typing import Any
+
+from renderer.setting_declaration import Declared, number_text, whole
+from renderer.settings import SETTINGS, VIEW
+from renderer.work import SHOT, WORK
+
+__all__ = ["LARGE", "described", "sentences", "values"]
+
+LARGE = 1e6  # bounds from here on are nobody's concern
+
+
+def values(each: Declared) -> str:
+    """Those that it takes, in a few words."""
+    setting = each.setting
+    if setting.choices is not None:
+        return ", ".join(filter(None, setting.choices))
+    assert setting.low is not None
+    assert setting.high is not None
+    said = []
+    if setting.high < LARGE:
+        said.append(f"{number_text(setting.low)} to {number_text(setting.high)}")
+    elif -LARGE < setting.low != setting.off:
+        said.append(f"from {number_text(setting.low)}")
+    if setting.off is not None:
+        said.append(f"{number_text(setting.off)}: {each.shown.off}")
+    return "; ".join(said)
+
+
+def sentences(each: Declared) -> str:
+    """What it does; and the names it takes, or what its switch is."""
+    if each.setting.choices is not None:
+        return f"{each.shown.help.rstrip('.')}: {values(each)}."
+    if each.setting.off is None:
+        return each.shown.help
+    taken = values(each)
+    return f"{each.shown.help} {taken[0].upper()}{taken[1:]}."
+
+
+def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
+    """All that can be asked for as JSON: for the page, and for whoever else makes a form."""
+    return {
+        "settings": [_described(each) for each in settings.values() if each.setting.of],
+        "view": [_described(each) for each in VIEW.values()],
+        "work": [_described(each) for each in WORK.values()],
+        "shot": [_described(each) for each in SHOT.values()],
+    }
+
+
+def _described(each: Declared) -> dict[str, Any]:
+    setting, shown, choices = each.setting, each.shown, each.setting.choices
+    return {
+        "name": each.name,
+        "label": shown.label,
+        "help": shown.help,
+        "type": _type(each),
+        "default": None if each.default is MISSING else each.default,
+        "minimum": whole(setting.low),
+        "maximum": whole(setting.high),
+        "off": {"value": whole(setting.off), "label": shown.off} if shown.off else None,
+        "unit": shown.unit,
+        "choices": choices and [{"name": name, "label": c.label, "help": c.help} for name, c in choices.shown.items()],
+        "group": shown.group,
+        "section": shown.section,
+        "of": setting.of,
+        "integrators": list(shown.integrators) or None,
+        "projections": list(shown.projections) or None,
+        "digest": setting.digest,
+        "option": f"--{each.option}",
+        "usual": None if shown.usual is None else [whole(bound) for bound in shown.usual],
+        "phrase": shown.phrase or ("{}" if choices else f"{shown.label.lower()} {{}}"),
+    }
+
+
+def _type(each: Declared) -> str:
+    if each.kind is tuple:
+        return "color" if each.shown.unit == "radiance" else "vector"
+    return "choice" if each.setting.choices is not None else "integer" if each.kind is int else "number"

@@ -1,0 +1,74 @@
+"""Uploads of a single file: the limit on its size, before and while it arrives."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
+
+from service.access.visit import Visit
+from service.errors import Invalid
+from service.farm import Farm
+from service.http.problems import Problem
+from service.http.security import is_beyond
+from service.intake.multipart import Form, read_form
+from service.intake.names import safe_name
+from service.intake.uploads import gathered
+from service.store.disk_space import disk_checker, full_disk
+from service.store.staging import BlobWriter
+
+__all__ = ["UPLOAD_FORM", "check_length", "check_room", "only_file", "read_one"]
+
+LONGEST = 200  # characters of a file name
+UPLOAD_FORM = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                }
+            }
+        },
+    }
+}
+
+
+def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make it smaller") -> None:
+    """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
+    limit = farm.settings.max_upload_bytes
+    if is_beyond(request.headers.get("content-length", ""), limit):
+        sentence = f"The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm."
+        raise Problem(413, sentence, headers={"Connection": "close"})
+
+
+async def check_room(request: Request, farm: Farm, visit: Visit) -> None:
+    """Rejects an upload that would exceed the sender's quota, before reading it. Raises NoRoom."""
+    length = request.headers.get("content-length", "")
+    size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
+    await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)
+
+
+async def read_one(request: Request, farm: Farm, what: str) -> Form:
+    """Parses an upload of one file, whose bytes are written to disk; the caller discards the form. Raises FarmError."""
+    check_length(request, farm, what)
+    limit = farm.settings.max_upload_bytes
+    check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
+    with full_disk():
+        chunks = gathered(request.stream())
+        return await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
+
+
+def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
+    """The base name and the bytes of the only file in a form. what: a clause on what was expected. Raises Invalid."""
+    if len(form.files) != 1 or form.files[0][1].size == 0:
+        raise Invalid(f"The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.")
+    name, writer = form.files[0]
+    plain = PurePosixPath(safe_name(name)).name
+    if PurePosixPath(plain).suffix.lower() not in suffixes:
+        raise Invalid(f"{plain} is {what}; give one of {', '.join(suffixes)}, best an .exr or .hdr.")
+    stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix
+    return stem[: LONGEST - len(suffix)] + suffix, writer

@@ -1,0 +1,71 @@
+"""What a service does with requests while another one runs the farm: it forwards them, and says that it stands by."""
+
+from __future__ import annotations
+
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse, PlainTextResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from service.errors import NotOwner, Unavailable
+from service.http.client_address import PASSED_ON
+from service.http.forward import Forward
+from service.http.problems import Problem
+from service.http.security import SAFE_METHODS, refuse
+from service.process_lifecycle import Life
+from service.settings import Settings
+
+__all__ = ["StandingBy"]
+
+AGAIN = {"Retry-After": "1"}
+
+
+class StandingBy:
+    """ASGI middleware between the door and the gate: behind it there is a farm."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._forward = Forward(settings)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let through what is asked of the farm, where this service is the farm."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            await self._forward.close()
+            return
+        life: Life = scope["app"].state.life
+        if not life.stands_by:
+            try:
+                await life.confirm()
+            except NotOwner:
+                pass  # it stood still, and has just found out
+            except Unavailable as error:
+                await refuse(Problem(503, str(error), AGAIN), scope, receive, send)
+                return
+            else:
+                await self._app(scope, receive, send)
+                return
+        try:
+            await self._answer(life, scope, receive, send)
+        except Unavailable as error:
+            if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
+                await self._app(scope, receive, send)  # it waited for an owner that is none any more
+            else:
+                await refuse(Problem(503, f"{life.why} {error}", AGAIN), scope, receive, send)
+
+    async def _answer(self, life: Life, scope: Scope, receive: Receive, send: Send) -> None:
+        path = scope["path"] if scope["type"] == "http" else ""
+        owner = life.owner_url if PASSED_ON not in Headers(scope=scope) else ""
+        if path == "/healthz" and life.is_alive:
+            await JSONResponse({"status": "stands by"})(scope, receive, send)
+        elif path == "/metrics":
+            await PlainTextResponse("rayfarm_owner 0\n")(scope, receive, send)
+        elif not owner:
+            await refuse(Problem(503, life.why, AGAIN), scope, receive, send)
+        elif path == "/readyz":
+            if not await self._forward.is_ready(owner, life.taken):
+                raise Unavailable("That one is not ready.")
+            await JSONResponse({"status": "stands by"})(scope, receive, send)
+        elif scope["type"] == "http":
+            await self._forward.request(owner, life.taken, scope, receive, send)
+        else:
+            await self._forward.socket(owner, life.taken, scope, receive, send)

@@ -1,0 +1,234 @@
+"""Copies everything that a farm must not lose while the farm runs; restore.py makes a data folder of the copy.
+
+The order makes the copy consistent. First comes the database, by SQLite's online backup. Then what it refers to: blobs never
+change and are named by their hash; films only gain samples, so each, copied in one read transaction, has at least what the
+database says. If something was deleted meanwhile, it is missing, and the database is copied once more. Whatever a film still
+lacks is rendered again when the copy is started as a farm (service/maintenance/scrub.py).
+
+manifest.json   what is in it, with sizes and hashes; written last, so a copy without it is incomplete
+rayfarm.sqlite  scenes, jobs, frames
+films/  blobs/  as in the data folder
+snapshots/  logs-of-jobs/  likewise; nothing depends on these, and they are as they were when they were copied
+token, owner-token, secrets.json   so that workers and programs are admitted as before
+webhook-secret                     so that receivers of webhooks still recognise the farm
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import sqlite3
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from sqlalchemy import select
+
+from renderer import __version__
+from service.errors import FarmError, Invalid, NotFound
+from service.locations import sqlite_url
+from service.maintenance.target import Target
+from service.scheduling.records import Records
+from service.store.blobs import CHUNK
+from service.store.database import connect
+from service.store.models import Frame
+
+__all__ = ["MANIFEST", "Manifest", "Report", "back_up"]
+
+MANIFEST = "manifest.json"
+DATABASE = "rayfarm.sqlite"
+SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret")
+BESIDE = ("snapshots", "logs-of-jobs")
+ROUNDS = 3
+PATIENCE_S = 30.0
+
+Progress = Callable[[int, int, str], None]  # bytes that are copied, of how many, and what is being copied
+
+
+@dataclass
+class Manifest:
+    """What a backup holds. files: path -> bytes and SHA-256; stamps: of films, by which one that is unchanged is known."""
+
+    version: str = __version__
+    made: float = 0.0
+    files: dict[str, tuple[int, str]] = field(default_factory=dict)
+    stamps: dict[str, list[int]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, text: bytes | str) -> Manifest:
+        """Read one. Raises Invalid."""
+        try:
+            data = json.loads(text)
+            files = {str(path): (int(size), str(sha256)) for path, (size, sha256) in data["files"].items()}
+            stamps = {str(path): [int(n) for n in stamp] for path, stamp in data["stamps"].items()}
+            return cls(str(data["version"]), float(data["made"]), files, stamps)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise Invalid(f"{MANIFEST} of the backup cannot be read ({error}).") from None
+
+    def to_json(self) -> bytes:
+        """As a file."""
+        return json.dumps(asdict(self), indent=1).encode()
+
+
+@dataclass
+class Report:
+    """What was copied. lacking: what the farm itself has lost, in sentences."""
+
+    films: int = 0
+    blobs: int = 0
+    bytes: int = 0
+    unchanged: int = 0
+    lacking: list[str] = field(default_factory=list)
+
+
+def back_up(data: Path, target: Target, progress: Progress = lambda done, total, what: None) -> Report:
+    """Copy the farm of a data folder, which may be running. Raises Invalid, NotFound and OSError."""
+    if not (data / DATABASE).is_file():
+        raise NotFound(f"{data} holds no farm: there is no {DATABASE} in it. Name a data folder with --data.")
+    before, manifest = target.manifest(MANIFEST), Manifest(made=time.time())
+    known = Manifest.of(before) if before else Manifest()
+    run = _Run(data, target, known, manifest, progress)
+    for round in range(ROUNDS):
+        with run.database() as (blobs, films):
+            missing = run.copy(blobs, films)
+        if not missing or round == ROUNDS - 1:
+            break
+    run.report.lacking = missing
+    run.copy_beside()
+    for name in SECRETS:
+        if (data / name).is_file():
+            run.keep(name, data / name)
+    target.write(MANIFEST, manifest.to_json())
+    target.prune(set(manifest.files) | {MANIFEST})
+    return run.report
+
+
+class _Run:
+    def __init__(self, data: Path, target: Target, known: Manifest, manifest: Manifest, progress: Progress) -> None:
+        self.data, self.target, self.known, self.manifest, self.progress = data, target, known, manifest, progress
+        self.report = Report()
+        self._done = 0
+
+    @contextmanager
+    def database(self) -> Iterator[tuple[set[str], set[str]]]:
+        """Take the database; gives the hashes of its blobs and its jobs with films, and keeps the copy at the end."""
+        with self.target.scratch() as folder:
+            copy = folder / DATABASE
+            _snapshot(self.data / DATABASE, copy)
+            engine, sessions = connect(sqlite_url(copy))  # and brought to this release's tables
+            try:
+                blobs = Records(sessions, 0).blobs()
+                with sessions() as session:
+                    films = set(session.scalars(select(Frame.job).where(Frame.samples > 0).distinct()))
+            finally:
+                engine.dispose()
+            yield blobs, films
+            self.keep(DATABASE, copy)
+
+    def copy(self, blobs: set[str], films: set[str]) -> list[str]:
+        """Copy what the database refers to; returns what is not there, in words."""
+        paths = {sha256: self.data / "blobs" / sha256[:2] / sha256 for sha256 in sorted(blobs)}
+        sources = {job: self.data / "films" / f"{job}.sqlite" for job in sorted(films)}
+        total = sum(_size(path) for path in (*paths.values(), *sources.values()))
+        self._done, missing = 0, []
+        self.report.films = self.report.blobs = self.report.unchanged = 0
+        for sha256, path in paths.items():
+            try:
+                self._blob(sha256, path)
+                self.report.blobs += 1
+            except FileNotFoundError:
+                missing.append(f"the upload or compiled scene {sha256[:12]} is not there")
+            except Invalid as error:
+                missing.append(str(error))
+            self._advance(_size(path), total, "uploads and compiled scenes")
+        for job, path in sources.items():
+            try:
+                self._film(job, path)
+                self.report.films += 1
+            except (FileNotFoundError, sqlite3.DatabaseError, FarmError) as error:
+                why = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read ({error})"
+                missing.append(f"the film of job {job} {why}; a restored farm renders it again")
+            self._advance(_size(path), total, "films")
+        return missing
+
+    def copy_beside(self) -> None:
+        """Copy what lies beside the record: each file as it is now, where it is still there."""
+        for folder in BESIDE:
+            for path in sorted((self.data / folder).rglob("[!.]*")):
+                with suppress(FileNotFoundError), self.target.scratch() as scratch:
+                    if path.is_file():
+                        shutil.copyfile(path, scratch / "copy")  # what grows meanwhile has one size and one hash
+                        self.keep(path.relative_to(self.data).as_posix(), scratch / "copy")
+
+    def keep(self, name: str, path: Path) -> None:
+        """Put a file into the copy under a name."""
+        size, sha256 = _hash(path)
+        self.target.put(name, path)
+        self.manifest.files[name] = (size, sha256)
+        self.report.bytes += size
+
+    def _blob(self, sha256: str, path: Path) -> None:
+        name = f"blobs/{sha256[:2]}/{sha256}"
+        if self.target.has(name, _must_be(path)):
+            self.report.unchanged += 1
+        else:
+            if _hash(path)[1] != sha256:
+                raise Invalid(f"the upload or compiled scene {sha256[:12]} is not what was stored: the disk has damaged it")
+            self.target.put(name, path)
+            self.report.bytes += path.stat().st_size
+        self.manifest.files[name] = (path.stat().st_size, sha256)
+
+    def _film(self, job: str, path: Path) -> None:
+        name = f"films/{job}.sqlite"
+        stamp = _stamp(path)  # taken before it is copied: what is written meanwhile makes it another
+        if self.known.stamps.get(name) == stamp and name in self.known.files and self.target.has(name, self.known.files[name][0]):
+            self.manifest.files[name] = self.known.files[name]
+            self.report.unchanged += 1
+        else:
+            with self.target.scratch() as folder:
+                copy = folder / path.name
+                _snapshot(path, copy)
+                self.keep(name, copy)
+        self.manifest.stamps[name] = stamp
+
+    def _advance(self, size: int, total: int, what: str) -> None:
+        self._done += size
+        self.progress(self._done, max(total, self._done, 1), what)
+
+
+def _snapshot(source: Path, copy: Path) -> None:
+    """Copy a database that others write, in one read transaction: in WAL mode they go on meanwhile."""
+    _must_be(source)
+    uri = f"{source.resolve().as_uri()}?mode=rw"
+    with closing(sqlite3.connect(uri, uri=True, timeout=PATIENCE_S)) as a, closing(sqlite3.connect(copy)) as b:
+        a.backup(b, pages=-1)
+        b.execute("PRAGMA journal_mode=DELETE")  # one file, with nothing beside it
+
+
+def _must_be(path: Path) -> int:
+    return path.stat().st_size
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
+def _stamp(path: Path) -> list[int]:
+    stamp = [path.stat().st_size, path.stat().st_mtime_ns]
+    log = path.with_name(path.name + "-wal")
+    return [*stamp, log.stat().st_size, log.stat().st_mtime_ns] if log.exists() else stamp
+
+
+def _hash(path: Path) -> tuple[int, str]:
+    found, size = hashlib.sha256(), 0
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK):
+            found.update(chunk)
+            size += len(chunk)
+    return size, found.hexdigest()

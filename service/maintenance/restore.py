@@ -1,0 +1,135 @@
+"""Makes a data folder from a backup. Every byte is checked against the manifest's hashes before the folder gets its name."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import sqlite3
+import tarfile
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from service.errors import Conflict, Invalid, NotFound
+from service.maintenance.backup import MANIFEST, Manifest, Progress
+from service.maintenance.target import ARCHIVES
+from service.store.atomic_files import PRIVATE, make_private
+from service.store.blobs import CHUNK
+
+__all__ = ["restore"]
+
+# What a backup has; a file of any other name would be somebody's attempt to write elsewhere.
+NAMES = re.compile(
+    r"rayfarm\.sqlite|(owner-)?token|webhook-secret|secrets\.json|manifest\.json"
+    r"|films/[\w-]{1,80}\.sqlite|blobs/[0-9a-f]{2}/[0-9a-f]{64}"
+    r"|snapshots/[\w-]{1,80}/\d{1,12}\.film|logs-of-jobs/[\w-]{1,80}(\.[a-z]{1,8}){0,2}"
+)
+
+
+Opener = Callable[[], BinaryIO]
+
+
+def restore(source: Path, data: Path, progress: Progress = lambda done, total, what: None) -> Manifest:
+    """Make a data folder, which must be new or empty. Raises NotFound, Conflict, Invalid and OSError.
+
+    Nothing is left of one that could not be made as a whole.
+    """
+    if data.exists() and (not data.is_dir() or any(data.iterdir())):
+        raise Conflict(f"{data} is not empty. Name a new folder with --data: a farm is never restored over another.")
+    part = data.with_name(f".{data.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    make_private(part)
+    try:
+        with _opened(source) as (total, files):
+            hashes, text = _copy(files, part, total, progress)
+        if text is None:
+            raise Invalid(f"{source} is no complete backup: it has no {MANIFEST}. Was it cut off? Make it again.")
+        manifest = Manifest.of(text)
+        for name, (_, sha256) in manifest.files.items():
+            if name not in hashes:
+                raise Invalid(f"{source} is damaged: it lacks {name}. Take another backup.")
+            if hashes[name] != sha256:
+                raise Invalid(f"{source} is damaged: {name} is not what was backed up. Take another backup.")
+        for name in hashes.keys() - manifest.files.keys():
+            (part / name).unlink()
+        _forget_who_was_in(part / "rayfarm.sqlite")
+        with suppress(FileNotFoundError):
+            data.rmdir()
+        part.rename(data)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return manifest
+
+
+def _forget_who_was_in(database: Path) -> None:
+    """Sessions and links that were ended since the backup let nobody in again: people log in anew."""
+    if not database.exists():
+        return
+    with closing(sqlite3.connect(database)) as connection, suppress(sqlite3.DatabaseError):  # of a release without logins
+        connection.execute("DELETE FROM keys WHERE kind IN ('session', 'link')")
+        connection.commit()
+
+
+def _copy(
+    files: Iterator[tuple[str, int, Opener]], folder: Path, total: int, progress: Progress
+) -> tuple[dict[str, str], bytes | None]:
+    """Copy files into a folder; returns their SHA-256 by name, and the manifest."""
+    hashes: dict[str, str] = {}
+    manifest: bytes | None = None
+    done = 0
+    for name, size, opened in files:
+        if not NAMES.fullmatch(name):
+            raise Invalid(f"The backup has a file {name[:100]!r}, which no backup has. It is not restored.")
+        if name == MANIFEST:
+            with opened() as file:
+                manifest = file.read()
+        else:
+            hashes[name] = _write(opened, folder / name)
+        done += size
+        progress(done, max(total, done, 1), name.partition("/")[0])
+    return hashes, manifest
+
+
+def _write(opened: Opener, path: Path) -> str:
+    make_private(path.parent)
+    found = hashlib.sha256()
+    with opened() as source, path.open("wb") as file:
+        path.chmod(PRIVATE)
+        while chunk := source.read(CHUNK):
+            found.update(chunk)
+            file.write(chunk)
+    return found.hexdigest()
+
+
+@contextmanager
+def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener]]]]:
+    """A backup's bytes, and its files: name, size, and how each is opened."""
+    if source.is_dir():
+        paths = [path for path in sorted(source.rglob("*")) if path.is_file() and ".part" not in path.parts]
+        files = ((path.relative_to(source).as_posix(), path.stat().st_size, lambda path=path: path.open("rb")) for path in paths)
+        yield sum(path.stat().st_size for path in paths), files
+        return
+    if not source.is_file():
+        raise NotFound(f"There is no backup {source}.")
+    if not source.name.endswith(ARCHIVES):
+        raise Invalid(f"{source} is no backup: that is a folder, or a file that ends with {', '.join(ARCHIVES)}.")
+    try:
+        with tarfile.open(source) as tar:
+            yield source.stat().st_size, _members(tar)
+    except (tarfile.TarError, EOFError) as error:
+        raise Invalid(f"{source} is damaged or was cut off ({error}). Take another backup.") from error
+
+
+def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, Opener]]:
+    for member in tar:
+        if not member.isfile():
+            raise Invalid(f"The backup has {member.name[:100]!r}, which is no file. It is not restored.")
+
+        def opened(member: tarfile.TarInfo = member) -> BinaryIO:
+            file = tar.extractfile(member)
+            assert file is not None
+            return cast(BinaryIO, file)
+
+        yield member.name, member.size, opened

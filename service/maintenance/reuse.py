@@ -1,0 +1,217 @@
+"""What was rendered once is not rendered again: a job starts from the samples in the films of earlier jobs of the same picture.
+
+A film is exact sums of numbered samples, so a job of 256 samples that starts from another's 64 ends with the same bits as one
+that rendered them all. The film is copied, so nothing that happens to the earlier job affects the later one. A shot is copied
+frame by frame, each from the job that has the most samples of it; a frame that is complete is not even prepared.
+
+Whatever would change the bits is not taken: samples by another kind of workers than those connected now (other kernels, another
+processor), more samples than were asked for, and, for a job that ends by noise, tiles that would have ended sooner. A job that
+asks for a rendering time asks for work, and takes nothing; nor does a shot that shares out its samples by its frames' noise.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections import defaultdict
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+
+from renderer.frames import frame_number, frames_text
+from renderer.settings import MAX_SPP, RenderSettings
+from service.errors import FarmError
+from service.scheduling.jobs.history import History
+from service.scheduling.jobs.plan import FIRST_CHECK
+from service.scheduling.jobs.shot_changes import NOISIEST
+from service.scheduling.snapshot import Board
+from service.shot import Shot
+from service.store.database import Sessions
+from service.store.disk_space import need_room
+from service.store.film_store import FilmStore
+from service.store.models import Frame, Job
+
+__all__ = ["Begun", "Reuse"]
+
+LOOKED_AT = 32  # of the latest jobs of a picture
+RESTS = ("finished", "cancelled")
+PATIENCE_S = 20.0  # somebody waits for the answer: frames that are not copied by then are rendered
+
+Begun = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: what its row says of what it begins with
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A job that another may take from. samples: of its frames that have any, by key, all pixels together."""
+
+    job: Job
+    samples: Mapping[int, int]
+
+    @property
+    def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
+        """What somebody may have changed meanwhile."""
+        job = self.job
+        return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
+
+
+class Reuse:
+    """May be called from any thread."""
+
+    def __init__(self, sessions: Sessions, films: FilmStore, board: Board, data: Path, min_free_bytes: int) -> None:
+        """data: the folder whose disk has the films, of which so many bytes stay free."""
+        self._sessions = sessions
+        self._films = films
+        self._board = board
+        self._data = data
+        self._min_free_bytes = min_free_bytes
+
+    def begin(self, job: Job, keys: Collection[int] = (0,)) -> Begun:
+        """Give a job that is about to be written down a film to begin with, and have its row say so.
+
+        keys: its frames. Returns those that begin with something; none where there is nothing that it may take, or its settings
+        are not known yet. Whoever does not write the job down deletes the film.
+        """
+        shot = Shot.of(job.shot)
+        is_laid_out = shot is not None and shot.order == NOISIEST
+        if job.picture is None or job.settings is None or job.tile_size is None or job.seconds is not None or is_laid_out:
+            return {}
+        sources = self._sources(job, set(keys))
+        while sources:
+            try:
+                taken = self._take(job, sources)
+            except FarmError as error:
+                log.info("nothing is taken for job %s: %s", job.id, error)
+                return {}
+            if not taken:
+                return {}
+            changed = [id for id in {id for id, _ in taken.values()} if not self._is_as_it_was(sources[id])]
+            if not changed:
+                return self._note(job, sources, taken)
+            self._films.delete(job.id)  # some went on meanwhile, and may have got samples of another end
+            sources = {id: source for id, source in sources.items() if id not in changed}
+        return {}
+
+    def _take(self, job: Job, sources: Mapping[str, _Source]) -> dict[int, tuple[str, int]]:
+        """Copy of each frame what the job has that has most of it: whose it is, and how many samples. Raises FarmError."""
+        assert job.settings is not None and job.tile_size is not None
+        found: dict[int, tuple[str, int]] = {}
+        refused: set[str] = set()
+        fitting: set[str] = set()  # for whose films there is room
+        until = time.monotonic() + PATIENCE_S
+        with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
+            for key in sorted({key for source in sources.values() for key in source.samples}):
+                if found and time.monotonic() > until:
+                    log.info(
+                        "job %s renders from frame %g on what others have: copying takes too long", job.id, frame_number(key)
+                    )
+                    break
+                having = [id for id in sources if key in sources[id].samples and id not in refused]
+                for id in sorted(having, key=lambda id: -sources[id].samples[key]):
+                    try:
+                        if id not in fitting:
+                            need_room(self._data, self._min_free_bytes + self._films.size(id))
+                            fitting.add(id)
+                        had = take(id, [key], job.spp or MAX_SPP)
+                    except FarmError as error:
+                        log.info("nothing more is taken from job %s: %s", id, error)
+                        refused.add(id)
+                        continue
+                    if key in had:
+                        found[key] = id, had[key]
+                        break
+        return found
+
+    def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
+        """Jobs from which this one may take, by id, those with most samples first. All are of one kind of workers."""
+        kinds = {report.kind for report in self._board.roster.reports.values()}
+        with self._sessions() as session:
+            jobs = session.scalars(
+                select(Job).where(Job.picture == job.picture, Job.state.in_(RESTS)).order_by(Job.created.desc()).limit(LOOKED_AT)
+            )
+            able = [
+                each
+                for each in jobs
+                if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_part(each, job)
+            ]
+            samples: dict[str, dict[int, int]] = {each.id: {} for each in able}
+            # These columns alone: of a long shot the rest of the rows is megabytes.
+            query = select(Frame.job, Frame.number, Frame.samples).where(Frame.job.in_(list(samples)), Frame.samples > 0)
+            for id, number, count in session.execute(query.where(Frame.number.between(min(keys), max(keys)))):
+                if number in keys:
+                    samples[id][number] = count
+        found = [_Source(each, samples[each.id]) for each in able if samples[each.id]]
+        found.sort(key=lambda each: -sum(each.samples.values()))
+        return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
+
+    def _is_as_it_was(self, source: _Source) -> bool:
+        """Whether a job has the end still that it had; not where it is deleted."""
+        with self._sessions() as session:
+            job = session.get(Job, source.job.id)
+        return job is not None and _Source(job, {}).end == source.end
+
+    def _note(self, job: Job, sources: Mapping[str, _Source], taken: Mapping[int, tuple[str, int]]) -> Begun:
+        settings = job.settings or {}
+        samples_of: dict[str, int] = defaultdict(int)
+        for id, samples in taken.values():
+            samples_of[id] += samples
+        main = sources[max(samples_of, key=lambda id: samples_of[id])].job
+        samples = sum(samples_of.values())
+        pixels = settings["width"] * settings["height"]
+        spp = samples / (pixels * len(taken))
+        job.kind = main.kind
+        job.taken = {"job": main.id, "spp": round(spp, 3), "samples": samples}
+        if job.shot is not None:
+            job.taken["frames"] = frames_text([frame_number(key) for key in sorted(taken)])
+        history = History(events=[[round(time.time(), 2), "taken", main.id]])
+        with self._sessions() as session:
+            of_source = History.of(session.scalar(select(Job.history).where(Job.id == main.id)))
+        last: list[Any] = of_source.points[-1] if of_source.points else []
+        noise: float | None = last[2] if last and last[1] == samples else None
+        if noise is not None:
+            history.points.append([0.0, float(samples), noise])
+        job.history = history.to_json()
+        log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(taken), main.id)
+        if job.shot is None:
+            return {key: {"samples": samples, "noise": noise} for key, (_, samples) in taken.items()}
+        rows = self._rows(taken)
+        return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
+
+    def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
+        """The rows of the frames that were taken, by key."""
+        found: dict[int, Frame] = {}
+        with self._sessions() as session:
+            for id in {id for id, _ in taken.values()}:
+                keys = [key for key, (source, _) in taken.items() if source == id]
+                query = select(Frame).where(Frame.job == id, Frame.number.between(min(keys), max(keys)), Frame.samples > 0)
+                found |= {row.number: row for row in session.scalars(query) if taken.get(row.number, ("",))[0] == id}
+        return found
+
+
+def _is_part(source: Job, job: Job) -> bool:
+    """Whether all that a job has rendered is part of what another of its picture asks for."""
+    if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
+        return False  # which is seen without a look at its film
+    if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK:
+        return True
+    # A tile that has gone on for a coarser end goes on for a finer one too: both look at the same numbers of samples.
+    return source.seconds is None and source.noise is not None and source.noise >= job.noise
+
+
+def _frame(job: Job, source: Job, frame: Frame | None, samples: int, pixels: int) -> dict[str, Any]:
+    """The columns of a shot's frame that starts with so many samples of another's. One that has all of them is finished."""
+    if job.noise is None:
+        is_whole = samples == (job.spp or 0) * pixels
+    else:
+        alike = (source.noise, source.spp, source.seconds, frame and frame.spp) == (job.noise, job.spp, None, None)
+        is_whole = alike and frame is not None and frame.state == "finished" and samples == frame.samples
+    if is_whole and frame is not None and frame.settings is not None:
+        had = {"bad_samples": frame.bad_samples, "noise": frame.noise, "settings": frame.settings}
+        return {"samples": samples, "target": samples, "progress": 1.0, "state": "finished", **had}
+    target = max((job.spp or 0) * pixels, samples)
+    return {"samples": samples, "target": target, "progress": min(samples / target, 0.9999)}

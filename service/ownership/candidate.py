@@ -1,0 +1,170 @@
+"""A service that wants to own the farm: it takes a free farm at once, and otherwise stands by.
+
+An owner is dead if it has released the farm, if the lock it held on the folder is free, or if its process is gone from this
+machine. An owner that hangs shows none of these. It is asked for a sign of life through the database, and after `lease_s` seconds
+without an answer the farm is taken over; later writes of the old owner are refused (ownership.py).
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+import socket
+import sqlite3
+import time
+from collections.abc import Callable
+
+from sqlalchemy import inspect
+from sqlalchemy.exc import DatabaseError
+
+from service.errors import CannotStart, Unavailable
+from service.ownership import rows
+from service.ownership.folder_lock import FolderLock
+from service.ownership.ownership import LOOK_EVERY_S, Ownership
+from service.ownership.process import end, is_gone, is_stopped, this_process
+from service.ownership.silence import Silence
+from service.settings import Settings
+from service.store.database import Sessions, faults, open_database
+from service.store.models import Owner
+from service.store.reserve import Reserve
+from service.store.upgrade import refuse_newer, upgrade
+
+__all__ = ["Candidate", "own"]
+
+PATIENCE_S = 1.0  # timeout for a locked database, in seconds
+
+log = logging.getLogger(__name__)
+
+
+class Candidate:
+    """Attempts to own the farm. Not thread-safe. Raises CannotStart for settings or a database that this service cannot use."""
+
+    def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
+        settings.make_folders()
+        self._settings = settings
+        self._clock = clock
+        self._lock = FolderLock(settings.data)
+        self._reserve = Reserve(settings.data / "reserve")
+        self._engine = open_database(settings.database)
+        self._sessions = Sessions(self._engine, PATIENCE_S)
+        place = f"{socket.gethostname()}:{settings.port}"
+        self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance(), this_process())
+        self._silence = Silence(settings.lease_s, clock)
+        self._has_table = False
+        self._looks_at = 0.0  # the row is not read again before this time
+        self._stuck_since: float | None = None
+        self.known: Owner | None = None  # the row as last read
+
+    def attempt(self) -> Ownership | None:
+        """Takes the farm if it is free or its owner is dead; returns None otherwise. Cheap enough to call often.
+
+        Raises Unavailable and CannotStart.
+        """
+        has_lock = self._lock.attempt()
+        if self._clock() < self._looks_at and not (has_lock and self._may_be_dead()):
+            self._lock.release()
+            return None
+        self._looks_at = self._clock() + LOOK_EVERY_S
+        try:
+            # On a full disk the reserve lets a restarted service record its ownership, without which nothing could be deleted.
+            # With the folder's lock, no other service uses the reserve.
+            epoch = self._reserve.spend_on(lambda: self._asked_for_epoch(True)) if has_lock else self._asked_for_epoch(False)
+        except BaseException as error:
+            self._lock.release()
+            if isinstance(error, DatabaseError) and _is_damage(error):
+                raise CannotStart(
+                    f"The database is damaged ({error.orig}). `rayfarm doctor --data {self._settings.data}` says more; "
+                    "`rayfarm restore` makes a new folder of a backup."
+                ) from error
+            raise
+        if epoch is None:
+            self._lock.release()
+            return None
+        return Ownership(self._engine, self._sessions, self._lock, epoch, self._settings.lease_s, self._clock)
+
+    def close(self) -> None:
+        """Stops standing by, and closes the database."""
+        self._lock.release()
+        self._engine.dispose()
+
+    def _may_be_dead(self) -> bool:
+        """Whether holding the folder's lock shows that the owner is dead; True before the row was first read."""
+        return self.known is None or self.known.locked
+
+    def _asked_for_epoch(self, has_lock: bool) -> int | None:
+        with faults():
+            return self._epoch(has_lock)
+
+    def _epoch(self, has_lock: bool) -> int | None:
+        if not self._is_made():
+            if not has_lock:
+                return None  # the owner's release uses only the folder's lock
+            upgrade(self._engine)
+        row = self.known = rows.look(self._sessions)
+        if row is not None and not self._is_free(row, has_lock):
+            return None
+        refuse_newer(self._engine)
+        epoch = rows.take(self._sessions, row, self._me, has_lock)
+        if epoch is not None:
+            if row is not None and row.owner is not None:
+                log.warning("takes over from %s, which has ended or does not answer", row.place)
+            upgrade(self._engine)
+        return epoch
+
+    def _is_made(self) -> bool:
+        self._has_table = self._has_table or inspect(self._engine).has_table(Owner.__tablename__)
+        return self._has_table
+
+    def _is_free(self, row: Owner, has_lock: bool) -> bool:
+        # A database inside the folder may be a copy, whose row then describes the original farm.
+        is_of_this_folder = row.folder == self._me.folder or not self._settings.database_url
+        if row.owner is None or (has_lock and row.locked and is_of_this_folder) or is_gone(row.process):
+            return True
+        if self._silence.is_broken(row):
+            if not is_of_this_folder and self._silence.has_answered(row):
+                raise CannotStart(
+                    f"Another service ({row.place}) works with this database, and its films lie in another folder. Give "
+                    "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL)."
+                )
+            self._ask(row)
+        return self._silence.is_too_long
+
+    def _ask(self, row: Owner) -> None:
+        try:
+            self._silence.asked(row.epoch, rows.ask(self._sessions, self._me.place))
+        except Unavailable:
+            self._free_the_database(row)
+            raise
+        self._stuck_since = None
+
+    def _free_the_database(self, row: Owner) -> None:
+        """Kills an owner that is stopped while it holds SQLite's write lock."""
+        now = self._clock()
+        self._stuck_since = self._stuck_since if self._stuck_since is not None else now
+        if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
+            log.warning("ended %s, which stands still and holds the database", row.place)
+
+
+def _is_damage(error: DatabaseError) -> bool:
+    """Whether the database file is corrupt; other errors are bugs."""
+    return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
+
+
+def own(settings: Settings, patience_s: float) -> Ownership:
+    """Takes the farm, for a service that does not stand by. Raises CannotStart if another service owns it.
+
+    patience_s: how long to wait for an earlier service to end, in seconds.
+    """
+    candidate = Candidate(settings)
+    deadline = time.monotonic() + patience_s
+    try:
+        while (found := candidate.attempt()) is None:
+            if time.monotonic() > deadline:
+                raise CannotStart(
+                    f"Another service works on {settings.data}. Stop it, or set RAYFARM_DATA to a folder of its own."
+                )
+            time.sleep(0.1)
+    except BaseException:
+        candidate.close()
+        raise
+    return found

@@ -1,0 +1,164 @@
+"""Ownership of the farm: this service has the latest epoch, and all its writes are checked against it.
+
+Time decides when another service may take over, but never whether a write is allowed. That is decided in the writing transaction
+itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py). A service
+that was suspended for an hour in the middle of a merge can write nothing when it resumes.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from sqlalchemy import Engine, select, text
+from sqlalchemy.orm import Session
+
+from service.errors import FarmError, NotOwner, Unavailable
+from service.ownership import rows
+from service.ownership.folder_lock import FolderLock
+from service.store.database import Sessions, close_database
+from service.store.models import Owner
+
+__all__ = ["Ownership"]
+
+LOOK_EVERY_S = 0.5
+DOUBT_AFTER = 0.6  # share of the lease after which ownership must be confirmed again
+LATER_S = 1.0  # seconds before a database that did not respond is queried again
+STUCK_S = 5000  # ms; PostgreSQL ends a transaction that a suspended service left idle for this long
+# KEY SHARE: the owner's transactions block neither each other nor requests and answers, but block a takeover.
+OF_POSTGRES = text(
+    "SELECT epoch, set_config('idle_in_transaction_session_timeout', :stuck, true) FROM owners WHERE what = :what FOR KEY SHARE"
+)
+
+log = logging.getLogger(__name__)
+
+
+class Ownership:
+    """Held from `Candidate.attempt` until `stop`, or until it is lost. Thread-safe."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        sessions: Sessions,
+        lock: FolderLock,
+        epoch: int,
+        lease_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Starts with confirmed ownership. sessions: database sessions without a fence."""
+        self.engine = engine
+        self.epoch = epoch
+        self.sessions = sessions.fenced(self.fence)
+        self._bare = sessions
+        self._folder = lock
+        self._doubt_s = DOUBT_AFTER * lease_s
+        self._clock = clock
+        self._confirmed = clock()
+        self._asked_in_vain = -LATER_S
+        self._heard = False  # whether another service has asked for a sign of life
+        self._said_locked = lock.is_held
+        self._lost = threading.Event()
+        self._stop = threading.Event()
+        self._lock = threading.Lock()
+        self._told = threading.Lock()  # taken once, so that `on_lost` is called once
+        self._on_lost: Callable[[], None] = lambda: None
+        self._moves: Callable[[], bool] = lambda: True
+        self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
+
+    def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
+        """Starts answering candidates.
+
+        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes progress; if
+        not, candidates get no answer, so that one can take over.
+        """
+        self._on_lost, self._moves = on_lost, moves
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stops answering, releases the farm, and closes the database."""
+        self._stop.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()
+        try:
+            if not self.is_lost:
+                rows.give_up(self._bare, self.epoch)
+        except FarmError as error:
+            log.info("the next service has to wait, as it cannot be told that this one has ended: %s", error)
+        close_database(self.engine)
+        self._folder.release()
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether another service has taken over."""
+        return self._lost.is_set()
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether another service may have taken over since the last check."""
+        return self.is_lost or self._clock() - self._confirmed > self._doubt_s
+
+    def fence(self, session: Session) -> None:
+        """Lets a transaction continue only if this service is the owner. Raises NotOwner."""
+        if session.get_bind().dialect.name == "postgresql":
+            found = session.execute(OF_POSTGRES, {"what": rows.FARM, "stuck": str(STUCK_S)}).scalar()
+        else:
+            found = session.scalar(select(Owner.epoch).where(Owner.what == rows.FARM))
+        if found != self.epoch:
+            self._lose()
+            raise NotOwner
+
+    def guard(self) -> None:
+        """Checks ownership before an action; costs nothing if it was confirmed recently.
+
+        Raises NotOwner, or Unavailable if another service may own the farm and the database does not respond.
+        """
+        if self.is_lost:
+            raise NotOwner
+        if not self.is_doubtful:
+            return
+        with self._lock:
+            if not self.is_lost and self.is_doubtful and self._clock() - self._asked_in_vain > LATER_S:
+                try:
+                    self.confirm()
+                except FarmError as error:
+                    self._asked_in_vain = self._clock()
+                    log.debug("whether this service still owns the farm is not known: %s", error)
+        if self.is_lost:
+            raise NotOwner
+        if self.is_doubtful and self._heard:
+            raise Unavailable("The database does not say whether this service still owns the farm.")
+
+    def confirm(self) -> None:
+        """Reads the row, and answers a candidate's request. Raises Unavailable."""
+        began = self._clock()
+        row = rows.look(self._bare)
+        if row is None or row.epoch != self.epoch:
+            self._lose()
+            return
+        self._heard = self._heard or row.asked != row.answered
+        has_lock = self._folder.attempt()
+        answered = row.asked if self._moves() else row.answered
+        if (answered, has_lock) != (row.answered, self._said_locked):
+            if not rows.answer(self._bare, self.epoch, answered, has_lock):
+                self._lose()
+                return
+            self._said_locked = has_lock
+        self._confirmed = began
+
+    def _lose(self) -> None:
+        self._lost.set()
+        self._stop.set()
+        if self._told.acquire(blocking=False):
+            log.warning("another service has taken over: this one writes nothing any more")
+            threading.Thread(target=self._on_lost, name="lost", daemon=True).start()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_EVERY_S):
+            try:
+                self.confirm()
+            except FarmError as error:
+                log.debug("whether this service still owns the farm is not known: %s", error)
+            except Exception:
+                log.exception("a fault in looking who owns the farm")

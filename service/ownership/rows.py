@@ -1,0 +1,88 @@
+"""The database row of the farm's owner. Each function is one transaction; raises Unavailable if the database does not respond."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select, update
+from sqlalchemy.exc import IntegrityError
+
+from service.store.database import Sessions
+from service.store.models import Owner
+
+__all__ = ["FARM", "Claimant", "answer", "ask", "give_up", "look", "take"]
+
+FARM = "farm"
+
+
+@dataclass(frozen=True)
+class Claimant:
+    """One run of a service that claims ownership.
+
+    place: machine and port, for display. url: for other services. folder: id of its data folder. process:
+    service/ownership/process.py
+    """
+
+    id: str
+    place: str
+    url: str
+    folder: str
+    process: dict[str, Any] | None
+
+
+def look(sessions: Sessions) -> Owner | None:
+    """Returns the owner's row; None if the farm never had an owner."""
+    with sessions() as session:
+        return session.get(Owner, FARM)
+
+
+def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
+    """Takes ownership; returns the new epoch, or None if another service was faster.
+
+    seen: the row that was found to be free; None if there was none. has_lock: whether the folder's lock is held too.
+    """
+    try:
+        with sessions.begin() as session:
+            # FOR UPDATE: waits for all transactions of the owner in progress; later ones see the new epoch.
+            row = session.get(Owner, FARM, with_for_update=True)
+            if (row and row.epoch) != (seen and seen.epoch):
+                return None
+            if row is None:
+                row = Owner(what=FARM, epoch=0, takeovers=0, asked=0, answered=0)
+                session.add(row)
+            row.takeovers += row.owner is not None
+            # At least the clock's value: after restoring an older database, films with a later epoch must not stay foreign
+            # forever.
+            row.epoch = max(row.epoch + 1, int(time.time()))
+            row.owner, row.place, row.url, row.folder = claimant.id, claimant.place, claimant.url, claimant.folder
+            row.process, row.locked, row.since = claimant.process, has_lock, time.time()
+            row.answered = row.asked
+            return row.epoch
+    except IntegrityError:  # there was no row, and another service inserted it at the same time
+        return None
+
+
+def ask(sessions: Sessions, place: str) -> int:
+    """Requests a sign of life from the owner; returns the number that it has to answer with. place: of the requesting service."""
+    with sessions.begin() as session:
+        session.execute(
+            update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
+        )
+        return session.scalar(select(Owner.asked).where(Owner.what == FARM)) or 0
+
+
+def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
+    """Records the owner's answer to a candidate; returns False if this service is no longer the owner."""
+    with sessions.begin() as session:
+        changed = session.execute(
+            update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
+        )
+        return bool(changed.rowcount)  # type: ignore[attr-defined]
+
+
+def give_up(sessions: Sessions, epoch: int) -> None:
+    """Marks the farm as free."""
+    with sessions.begin() as session:
+        session.execute(update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(owner=None, process=None))

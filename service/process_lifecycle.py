@@ -1,0 +1,183 @@
+"""Lifecycle of a service process: it owns the farm, or stands by until it can; if it loses the farm, it stands by again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+from collections.abc import Callable
+
+from renderer import __version__
+from renderer.printable import printable
+from service.errors import CannotStart, FarmError, NotOwner
+from service.farm import Farm
+from service.ownership.candidate import Candidate
+from service.ownership.ownership import Ownership
+from service.settings import Settings
+from worker.telemetry import tracing
+from worker.telemetry.log_lines import by_json
+
+__all__ = ["REFUSES_TO_START", "Life"]
+
+TRY_EVERY_S = 0.1
+REFUSES_TO_START = 3  # uvicorn's exit code for a failed start
+FAULT = 1
+
+log = logging.getLogger(__name__)
+
+
+class Life:
+    """The lifecycle. Must be used on one event loop."""
+
+    def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
+        """Stores the parameters.
+
+        take_over: called with each Farm that this service starts, before it answers requests with it.
+        """
+        self._settings = settings
+        self._take_over = take_over
+        self._candidate: Candidate | None = None
+        self._farm: Farm | None = None
+        self._lost = asyncio.Event()
+        self.taken = asyncio.Event()  # set while this service owns the farm
+        self._task: asyncio.Task[None] | None = None
+        self._has_printed = False
+        self._trouble = ""  # why it is unknown whether this service must take over
+
+    async def begin(self) -> None:
+        """Takes the farm, or starts standing by. Raises CannotStart."""
+        self._candidate = Candidate(self._settings)
+        try:
+            owning = self._candidate.attempt()
+        except CannotStart:
+            raise
+        except FarmError as error:  # the database is unreachable, or locked by a suspended service
+            owning, self._trouble = None, str(error)
+        if owning is not None:
+            self._own(owning)
+        else:
+            log.warning("%s", self.why)
+        self._task = asyncio.create_task(self._go_on())
+
+    async def end(self) -> None:
+        """Stops the farm or standing by, in order."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+        if self._farm is not None:
+            await asyncio.to_thread(self._farm.stop)
+        elif self._candidate is not None:
+            self._candidate.close()
+
+    @property
+    def stands_by(self) -> bool:
+        """Whether another service owns the farm now, as far as is known."""
+        return self._farm is None or self._farm.owning.is_lost
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the background task runs and, if this service owns the farm, its engine."""
+        goes_on = self._task is not None and not self._task.done()
+        return goes_on and (self._farm is None or self._farm.engine.is_alive)
+
+    @property
+    def why(self) -> str:
+        """The message to clients while this service stands by."""
+        known = self._candidate.known if self._candidate is not None else None
+        if known is None and self._trouble:
+            return f"This service has not begun: {self._trouble}"
+        owner = f" ({known.place})" if known is not None and known.owner is not None else ""
+        return f"This service stands by: another one{owner} works as the farm. It takes over when that one ends or hangs."
+
+    @property
+    def owner_url(self) -> str:
+        """URL of the service that owns the farm; empty if it is unknown."""
+        known = self._candidate.known if self._candidate is not None else None
+        return known.url if known is not None and known.owner is not None else ""
+
+    async def confirm(self) -> None:
+        """Checks that this service still owns the farm, e.g. after it was suspended. Raises NotOwner or Unavailable."""
+        farm = self._farm
+        if farm is None:
+            raise NotOwner
+        if farm.owning.is_doubtful:
+            await asyncio.to_thread(farm.owning.guard)
+
+    def close_streams(self) -> None:
+        """Ends event streams, before the server stops. Safe in a signal handler."""
+        if self._farm is not None:
+            self._farm.broadcast.close()
+
+    def _own(self, owning: Ownership) -> None:
+        """Starts the farm. Raises CannotStart; then this service stands by again."""
+        self._lost.clear()
+        loop = asyncio.get_running_loop()
+        try:
+            farm = Farm(self._settings, owning)
+        except BaseException:
+            owning.stop()
+            self._candidate = Candidate(self._settings)
+            raise
+        tracing.begin("rayfarm-service", farm.instance, __version__)
+
+        def lose() -> None:
+            loop.call_soon_threadsafe(self._lost.set)
+
+        farm.start(loop, lose)
+        self._take_over(farm)
+        self._farm, self._candidate = farm, None
+        self.taken.set()
+        if self._settings.print_link and farm.access.needs_login and not self._has_printed:
+            self._print_link(farm)
+
+    def _print_link(self, farm: Farm) -> None:
+        self._has_printed = True
+        link = f"{self._settings.page_url}/#/login?code={farm.access.owner_link()}"
+        said = f"Log in, once, within a day: {link}"
+        log.warning(said) if by_json() else print(printable(said))
+
+    async def _go_on(self) -> None:
+        try:
+            await self._change_hands()
+        except Exception:
+            log.critical("the service cannot go on, and ends", exc_info=True)
+            os._exit(FAULT)
+
+    async def _change_hands(self) -> None:
+        while True:
+            if self._farm is None:
+                await self._stand_by()
+            await self._lost.wait()
+            self.taken.clear()
+            farm, self._farm = self._farm, None
+            assert farm is not None
+            farm.broadcast.close()
+            await asyncio.to_thread(farm.stop)
+            self._candidate = Candidate(self._settings)
+
+    async def _stand_by(self) -> None:
+        """Waits until this service owns the farm, and starts it. If it can never own it, ends the process."""
+        said = ""
+        while True:
+            assert self._candidate is not None
+            try:
+                owning = await asyncio.to_thread(self._candidate.attempt)
+                self._trouble = ""
+                if owning is not None:
+                    self._own(owning)
+                    return
+            except CannotStart as error:
+                log.critical("%s", error)
+                os._exit(REFUSES_TO_START)  # the server offers no other way to end with an exit code
+            except Exception as error:
+                self._trouble = str(error)
+                if str(error) != said:
+                    said = str(error)
+                    log.warning(
+                        "stands by; the owner of the farm cannot be determined: %s",
+                        error,
+                        exc_info=not isinstance(error, FarmError),
+                    )
+            await asyncio.sleep(TRY_EVERY_S)

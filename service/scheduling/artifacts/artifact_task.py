@@ -1,0 +1,264 @@
+"""Results that clients request and a worker makes: denoised frames, motion vectors, thumbnails of environments.
+
+A request that a machine cannot serve goes to another worker (unfit_machines.py).
+
+A result is outdated as soon as its film grows. A request made while one is in progress receives that result, and the next
+request starts a new one. The results are blobs without a database reference, and are made again after a restart.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Generic, TypeVar
+
+from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.events import BlobsReleased, Events
+from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.leases import Lease
+from service.scheduling.faults.redis_errors import away
+from service.scheduling.fleet.workers import Workers
+from service.store.blobs import BlobStore, is_sha256
+from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
+
+__all__ = ["Aside", "MadeAside"]
+
+PATIENCE_S_PER_PIXEL = 1e-5
+UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
+SENT_AT_MOST = 3
+Key = tuple[str, int]  # job, frame
+
+Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
+
+
+@dataclass(frozen=True)
+class MadeAside:
+    """The result of a request: its blob (defined by the request in worker.protocol.contract), film version and sample count."""
+
+    sha256: str
+    version: str = ""
+    samples: int = 0
+
+
+@dataclass
+class _Wanted(Generic[Wish]):
+    wish: Wish
+    answer: Future[MadeAside] = field(default_factory=Future)
+    lease: Lease | None = None
+    sent: int = 0
+
+
+class Aside(ABC, Generic[Wish]):
+    """Base class of results made on request.
+
+    Any thread may request one; the engine's thread hands out the work and handles the answers. A separate thread queries the blob
+    store, which may be slow.
+    """
+
+    _patience_s = 60.0
+    _doing: str  # what reports of workers call the job whose frame they have in hand
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._blobs = blobs
+        self._events = events
+        self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
+        self._lock = threading.Lock()
+        self._wanted: dict[Key, _Wanted[Wish]] = {}
+        self._unfit = Unfit()
+        self._made: dict[Key, MadeAside] = {}
+
+    @abstractmethod
+    def _kind(self) -> str | None:
+        """The kind of workers that can make the result; None if there is none."""
+
+    @abstractmethod
+    def _able(self) -> list[WorkerReport]:
+        """The ready workers that can make the result."""
+
+    @abstractmethod
+    def _send(self, wish: Wish, queue: str) -> None:
+        """Sends a request, whose `work` is its lease's id. Raises QueueError."""
+
+    def _queue(self, kind: str) -> str:
+        """The queue for workers of a kind."""
+        return prepare_queue(kind)
+
+    @abstractmethod
+    def _is_size(self, size: int, wish: Wish) -> bool:
+        """Whether a result of the request may have this size, in bytes."""
+
+    @abstractmethod
+    def _nobody(self) -> Unavailable:
+        """Returns the error that says why no worker can make the result."""
+
+    @property
+    @abstractmethod
+    def _name(self) -> str:
+        """The name of the result in error messages."""
+
+    def want(self, wish: Wish, version: str = "") -> Future[MadeAside]:
+        """Returns a future of the result for this version of the film or a newer one, or of the request already in progress.
+
+        wish: the request; its `work` is filled in later. The future raises FarmError if the result cannot be made. Raises
+        Unavailable if no worker can make it.
+        """
+        job, frame = wish.job, wish.frame
+        made = self._made.get((job, frame))
+        # Asked without the lock, for which the engine's thread would wait: the store may be far away.
+        if made is not None and made.version == version and self._blobs.exists(made.sha256):
+            done: Future[MadeAside] = Future()
+            done.set_result(made)
+            return done
+        with self._lock:
+            wanted = self._wanted.get((job, frame))
+            if wanted is None:
+                if self._kind() is None:
+                    raise self._nobody()
+                wanted = self._wanted[job, frame] = _Wanted(wish)
+            return wanted.answer
+
+    def fill(self) -> None:
+        """Hands out the requests that are not in progress. Raises QueueError."""
+        for key, wanted in self._waiting():
+            kind = self._kind()
+            if kind is None:
+                self._fail(key, self._nobody())
+                continue
+            queue = self._queue(kind)
+            owner = _owner(key)
+            if owner in self._unfit:
+                place = self._unfit.next(owner, self._able())
+                if place is None:
+                    self._fail(key, Failed(self._unfit.sentence(owner, f"make the {self._name}")))
+                    continue
+                kind, queue = place.kind, place.queue
+            patience = self._patience_s + PATIENCE_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
+            lease = Lease(key[0], kind, None, patience)
+            try:
+                self._send(replace(wanted.wish, work=lease.id), queue)
+            except QueueError as error:
+                self._fail(key, away(error))
+                raise
+            wanted.lease = lease
+            wanted.sent += 1
+
+    def heard(self, work: str, made: MadeAside | None, error: str = "", unfit: Fault | None = None) -> None:
+        """Handles a worker's answer: the result, or None with an error message.
+
+        unfit: the fault of that worker's machine; the request then goes to another worker.
+        """
+        with self._lock:
+            key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
+            if key is not None and (lease := self._wanted[key].lease) is not None:
+                lease.has_arrived = True
+        if key is None:
+            return  # too late, or of an earlier life of the service
+        if made is None and unfit is not None:
+            with self._lock:
+                if (wanted := self._wanted.get(key)) is not None:
+                    self._unfit.add(_owner(key), unfit)
+                    wanted.lease, wanted.sent = None, 0
+        elif made is None:
+            self._fail(key, self._failed(error))
+        else:
+            self._later(self._keep, key, work, made)
+
+    def _keep(self, key: Key, work: str, made: MadeAside) -> None:
+        with self._lock:
+            wanted = self._wanted.get(key)
+        is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)
+        with self._lock:
+            if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
+                return  # given up meanwhile, or its job is deleted
+            del self._wanted[key]
+            self._unfit.forget(_owner(key))
+            old = self._made.get(key)
+            if is_there:
+                self._made[key] = made
+        if not is_there:
+            wanted.answer.set_exception(self._failed(""))
+            return
+        wanted.answer.set_result(made)
+        if old is not None and old.sha256 != made.sha256:
+            self._delete(old.sha256)
+
+    def review(self) -> None:
+        """Releases requests lost with their worker and fails overdue ones; called once a second."""
+        with self._lock:
+            self._look_for_lost()
+            late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
+        for key in late:
+            self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
+
+    def _look_for_lost(self) -> None:
+        """Clears the leases of requests that no worker reports any more.
+
+        A killed worker loses its current work, which the broker would redeliver only much later.
+        """
+        if not self._wanted:
+            return
+        doing = [(report.name, each) for report in self._workers.roster.reports.values() for each in report.current]
+        held = {(str(each.get(self._doing)), str(each.get("frame"))): name for name, each in doing}
+        for (job, frame), wanted in self._wanted.items():
+            lease = wanted.lease
+            if lease is None or lease.has_arrived:
+                continue
+            holder = held.get((job, str(frame)))
+            lease.holder = holder or lease.holder
+            lease.unseen = 0 if holder or not lease.holder else lease.unseen + 1
+            if lease.unseen >= UNSEEN_ALLOWED and wanted.sent < SENT_AT_MOST:
+                wanted.lease = None
+
+    def forget(self, job: str) -> None:
+        """Fails the open requests of a deleted job and releases its results."""
+        with self._lock:
+            gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
+            waiting = [key for key in self._wanted if key[0] == job]
+        for key in waiting:
+            self._fail(key, NotFound(f"The job was deleted while a worker made its {self._name}."))
+        for made in gone:
+            self._later(self._delete, made.sha256)
+
+    def close(self) -> None:
+        """Stops the thread that queries the blob store."""
+        self._aside.shutdown(wait=False, cancel_futures=True)
+
+    def _later(self, function: Callable[..., None], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the service ends
+            self._aside.submit(function, *arguments)
+
+    def _failed(self, why: str) -> FarmError:
+        return Failed(f"The {self._name} could not be made: {(why or 'its file is missing, or of another size').rstrip('.')}.")
+
+    def _is_there(self, sha256: str, wish: Wish) -> bool:
+        try:
+            size = self._blobs.size(sha256)
+        except FarmError:
+            return False  # the store is away: as good as missing
+        return size is not None and self._is_size(size, wish)
+
+    def _delete(self, sha256: str) -> None:
+        self._events.publish(BlobsReleased(Counter([sha256])))  # named by a worker, so other references may exist
+
+    def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
+        with self._lock:
+            return [(key, wanted) for key, wanted in self._wanted.items() if wanted.lease is None]
+
+    def _fail(self, key: Key, error: FarmError) -> None:
+        with self._lock:
+            wanted = self._wanted.pop(key, None)
+            self._unfit.forget(_owner(key))
+        if wanted is not None:
+            wanted.answer.set_exception(error)
+
+
+def _owner(key: Key) -> str:
+    return f"{key[0]} {key[1]}"

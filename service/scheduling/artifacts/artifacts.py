@@ -1,0 +1,79 @@
+"""Facade of all errands for the engine, the message handler and the lifecycle of jobs."""
+
+from __future__ import annotations
+
+from service.events import Events
+from service.scheduling.artifacts.artifact_task import MadeAside
+from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.environments import Environments
+from service.scheduling.artifacts.frame_preparation import Moments
+from service.scheduling.artifacts.scene_preparation import Preparing
+from service.scheduling.artifacts.unfit_machines import Fault
+from service.scheduling.artifacts.vectors import Vectors
+from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.incoming.messages import (
+    DenoiseDone,
+    DenoiseFailed,
+    EnvironmentFailed,
+    EnvironmentShown,
+    Message,
+    VectorsFailed,
+    VectorsMade,
+)
+from service.settings import Settings
+from service.store.blobs import BlobStore
+
+__all__ = ["Errands"]
+
+
+class Errands:
+    """All errands: preparation of scenes and frames, and results made on request."""
+
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
+        self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
+        self.moments = Moments(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
+        self.denoising = Denoising(dispatcher, workers, blobs, events)
+        self.vectors = Vectors(dispatcher, workers, blobs, events)
+        self.environments = Environments(dispatcher, workers, blobs, events)
+        self._aside = (self.denoising, self.vectors, self.environments)
+
+    def fill_aside(self) -> None:
+        """Hands out the open requests of clients. Raises QueueError."""
+        for each in self._aside:
+            each.fill()
+
+    def review_aside(self) -> None:
+        """Checks for lost and overdue requests of clients; called once a second."""
+        for each in self._aside:
+            each.review()
+
+    def heard_aside(self, message: Message) -> None:
+        """Handles an answer to a client's request. Other messages are ignored."""
+        match message:
+            case DenoiseDone():
+                self.denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
+            case DenoiseFailed():
+                self.denoising.heard(message.work, None, message.error, _fault(message))
+            case VectorsMade():
+                self.vectors.heard(message.work, MadeAside(message.sha256))
+            case VectorsFailed():
+                self.vectors.heard(message.work, None, message.error, _fault(message))
+            case EnvironmentShown():
+                self.environments.heard(message.work, MadeAside(message.sha256))
+            case EnvironmentFailed():
+                self.environments.heard(message.work, None, message.error, _fault(message))
+
+    def forget(self, job: str) -> None:
+        """Forgets the requests and results of a deleted job."""
+        self.denoising.forget(job)
+        self.vectors.forget(job)
+
+    def close(self) -> None:
+        """Stops the threads that query the blob store."""
+        for each in self._aside:
+            each.close()
+
+
+def _fault(message: DenoiseFailed | VectorsFailed | EnvironmentFailed) -> Fault | None:
+    return Fault(message.worker, message.error, passing=False) if message.unfit else None

@@ -1,0 +1,40 @@
+"""Denoised frames, made by a worker on request and kept until the film changes."""
+
+from __future__ import annotations
+
+from service.errors import Unavailable
+from service.scheduling.artifacts.artifact_task import Aside
+from worker.protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
+
+__all__ = ["Denoising"]
+
+
+class Denoising(Aside[DenoiseFrame]):
+    """Requests for denoised frames of the film's current version."""
+
+    _name = "denoised picture"
+    _doing = "denoise"
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.denoising_kind()
+
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.denoises]
+
+    def _queue(self, kind: str) -> str:
+        return denoise_queue(kind)
+
+    def _send(self, wish: DenoiseFrame, queue: str) -> None:
+        self._dispatcher.send_denoise(wish, queue)
+
+    def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
+        return size == 3 * 4 * wish.width * wish.height
+
+    def _nobody(self) -> Unavailable:
+        if not self._workers.roster.ready():
+            return Unavailable(
+                "Denoising needs a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+            )
+        return Unavailable(
+            "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
+        )

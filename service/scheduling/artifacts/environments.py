@@ -1,0 +1,44 @@
+"""Thumbnails of uploaded environments, made by a worker during the upload; making one validates the image."""
+
+from __future__ import annotations
+
+from service.errors import FarmError, Invalid, Unavailable
+from service.scheduling.artifacts.artifact_task import Aside
+from worker.protocol.contract import ShowEnvironment, WorkerReport
+
+__all__ = ["Environments"]
+
+MOST_BYTES = 1 << 20  # of a small picture
+
+
+class Environments(Aside[ShowEnvironment]):
+    """Requests for thumbnails of environments. The request's `job` field identifies the image's content."""
+
+    _name = "environment's picture"
+    _doing = "environment"
+    _patience_s = 150.0
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.lighting_kind()
+
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.views]
+
+    def _send(self, wish: ShowEnvironment, queue: str) -> None:
+        self._dispatcher.send_environment(wish, queue)
+
+    def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
+        return 0 < size <= MOST_BYTES
+
+    def _nobody(self) -> Unavailable:
+        if self._workers.roster.best_kind() is not None:
+            return Unavailable(
+                "The workers are of an older release, which knows no environments. Update them, then upload it again."
+            )
+        return Unavailable(
+            "Checking an environment needs a worker, and none is ready. Start one, or resume one that is paused, then "
+            "upload it again."
+        )
+
+    def _failed(self, why: str) -> FarmError:
+        return Invalid(f"{why.rstrip('.')}.") if why else super()._failed(why)

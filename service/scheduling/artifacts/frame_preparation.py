@@ -1,0 +1,246 @@
+"""Preparation of frames of shots: each is compiled shortly before it is needed, within a limit of storage.
+
+Every frame of an animation has its own compiled scene, which can be made again and is deleted when the frame is finished. When
+storage is short, the frame needed last loses its compiled scene first; a shot rendered breadth first compiles it again later.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from functools import cache
+
+from renderer.settings import OPTIONAL
+from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
+from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_frame import ActiveFrame
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.frame_bytes import alone, held, more
+from worker.protocol.contract import FrameInfo, PrepareFrames, prepare_queue
+
+__all__ = ["Moments"]
+
+LOSSES_ALLOWED = 3
+AHEAD = 4  # frames, at least
+MOST_AT_ONCE = 32
+MOST_WITHOUT_ROOM = 500  # of frames that take none: only the camera moves
+AIM_S = 1.0  # that handing out frames together takes
+SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
+
+FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the scene, as PrepareFrames takes it
+
+
+class Moments:
+    """Tracks the frames to prepare and the leases on them. Used only by the engine's thread."""
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
+        """Creates an empty tracker.
+
+        deadline_s: patience of a lease. room: bytes for the compiled frames of all jobs together.
+        """
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._deadline_s = deadline_s
+        self._room = room
+        self.leases = Leases()
+        self._frames: dict[str, set[int]] = {}  # of a lease: those that are not answered
+        self._seconds: dict[str, float] = {}  # of a job: that its frames take each
+        self._sizes: dict[str, int] = {}  # and the bytes that the latest took beside what it shares
+        self._losses: Counter[tuple[str, int]] = Counter()
+        self._unfit = Unfit()
+        self._unfit_kind: dict[str, str] = {}  # of a job: the kind of the workers that are
+
+    def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
+        """Hands out the frames needed next. Raises QueueError.
+
+        jobs: in the order in which they are served, with the kind of workers that render each. busy: (job, frame) with
+        outstanding batches. Returns the jobs of which a compiled frame was dropped.
+        """
+        cleared = []
+        shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
+        left = self._room - self._taken([job for job, _ in shots])
+        for job, kind in shots:
+            if kind is None or len(self.leases.of(job.id)) >= max(1, self._workers.roster.slots(kind) // 2):
+                continue
+            place = self._place(job.id, kind)
+            if place is None:
+                continue
+            chosen, size = self._chosen(job, kind), self._sizes.get(job.id)
+            if size is None:
+                chosen = chosen[:1]
+            if chosen and size and left < size:
+                room = self._make_room(job, kind, chosen[0], busy)
+                if room is None:
+                    continue
+                left += room
+                cleared.append(job)
+            if chosen and size:
+                chosen = chosen[: max(1, left // size)]
+                left -= len(chosen) * size
+            if chosen:
+                self._send(job, place, chosen, auto(job))
+        return cleared
+
+    def forget(self, job: str) -> None:
+        """Drops all state of a job that ended or whose frames are planned again."""
+        self._seconds.pop(job, None)
+        self._sizes.pop(job, None)
+        self._unfit.forget(job)
+        self._unfit_kind.pop(job, None)
+        for key in [key for key in self._losses if key[0] == job]:
+            del self._losses[key]
+        for lease in self.leases.of(job):
+            self._end(lease)
+
+    def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
+        """Handles a worker's answer for a frame. info: None if the frame failed."""
+        if info is not None:
+            before = self._seconds.get(job.id, info.seconds)
+            self._seconds[job.id] = before + (info.seconds - before) / 2
+            if info.compiled is None:
+                self._sizes[job.id] = 0
+            elif not info.compiled.parts or held([job]):  # else it is not known what others share of it
+                self._sizes[job.id] = more(job, asdict(info.compiled))
+        lease = self.leases.get(work)
+        if lease is None:
+            return
+        lease.holder, lease.unseen, lease.answered_by = worker, 0, None
+        left = self._frames[work]
+        if frame in left:
+            left.discard(frame)
+            self._is_prepared(job, [frame])
+        if not left:
+            self._end(lease)
+
+    def returned(self, job: ActiveJob, work: str, unfit: Fault | None = None) -> None:
+        """Releases the unanswered frames that a worker returned.
+
+        unfit: the fault of that worker's machine; the frames then go to another worker.
+        """
+        lease = self.leases.get(work)
+        if lease is not None:
+            self._is_prepared(job, self._end(lease))
+            if unfit is not None:
+                self._unfit.add(job.id, unfit)
+                self._unfit_kind[job.id] = lease.kind
+
+    def impossible(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
+        """Returns the jobs whose frames no connected worker can prepare because of machine faults, each with an error message."""
+        found = []
+        for id, kind in self._unfit_kind.items():
+            able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
+            if id in jobs and able and not self.leases.of(id) and self._unfit.next(id, able) is None:
+                found.append((jobs[id], self._unfit.sentence(id, "prepare this shot")))
+        return found
+
+    def _place(self, job: str, kind: str) -> Place | None:
+        """Returns where to prepare a job's next frames; None if no worker is left."""
+        if job not in self._unfit:
+            return Place("", kind, prepare_queue(kind))
+        ready = self._workers.roster.ready()
+        return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
+
+    def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
+        """Drops lost leases and returns the frames that were lost too often; called once a second.
+
+        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
+        """
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
+        in_hand = {str(doing["work"]) for doing in self._workers.roster.current() if "work" in doing}
+        end = cache(results.end)
+        hopeless = []
+        there = {report.name for report in self._workers.roster.ready()}
+        for lease in self.leases:
+            job = jobs.get(lease.owner)
+            if job is None:
+                self._end(lease)
+                continue
+            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+                self._dispatcher.take_back(lease.queue, {lease.id})
+                self._is_prepared(job, self._end(lease))
+                continue
+            lease.is_held = lease.id in in_hand
+            lease.seen(lease.is_held or lease.id in waiting, end)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+                continue
+            lost = self._end(lease)
+            self._is_prepared(job, lost)
+            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the one that somebody was at
+                self._losses[job.id, frame] += 1
+                if self._losses[job.id, frame] >= LOSSES_ALLOWED and frame in job.frames:
+                    hopeless.append((job, job.frames[frame]))
+        return hopeless
+
+    def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
+        """Returns the frames to hand out in one message; empty if enough frames are ready."""
+        turns, seconds = job.agenda.turns, self._seconds.get(job.id)
+        most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
+        together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
+        ahead = max(AHEAD, 2 * self._workers.roster.slots(kind), 2 * together)
+        lacking = turns.lacking(kind, together)
+        if not lacking:
+            return []
+        in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing())
+        ready = in_hand + turns.ready_before(kind, job.agenda.turn(lacking[0]), ahead)
+        return lacking[: min(together, ahead - ready)] if ready < ahead else []
+
+    def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
+        """Drops the compiled scene of the idle frame needed last and returns the bytes freed.
+
+        Only frames needed later than `wanted` or not needed now are dropped. Returns 0 if nothing can be dropped but the job has
+        no other work; None if the frame has to wait.
+        """
+        turn = job.agenda.turn(wanted)
+        idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
+        later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
+        if later:
+            victim = max(later, key=job.agenda.turn)
+            gone = alone(job, victim)
+            victim.compiled.clear()
+            job.touch(victim)
+            return gone
+        return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
+
+    def _taken(self, jobs: list[ActiveJob]) -> int:
+        """Returns the bytes of compiled frames, including the expected bytes of frames in preparation."""
+        awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
+        return awaited + sum(held(jobs).values())
+
+    def _send(self, job: ActiveJob, place: Place, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
+        assert job.shot is not None
+        lease = Lease(job.id, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
+        work = PrepareFrames(
+            work=lease.id,
+            job=job.id,
+            scene=job.scene,
+            frames=[frame.key for frame in frames],
+            base=job.compiled[place.kind],
+            base_auto=auto,
+            fps=job.shot.fps,
+            clip=job.shot.clip,
+            camera=job.request.get("camera"),
+            view=job.request.get("view"),
+            turntable=job.shot.turntable,
+            shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+        )
+        self._dispatcher.send_frames(work, place.queue)
+        self.leases.add(lease)
+        self._frames[lease.id] = {frame.key for frame in frames}
+        for frame in frames:
+            frame.is_preparing = True
+            job.touch(frame)
+
+    def _end(self, lease: Lease) -> set[int]:
+        self.leases.end(lease.id)
+        return self._frames.pop(lease.id, set())
+
+    def _is_prepared(self, job: ActiveJob, keys: Iterable[int]) -> None:
+        for key in keys:
+            if (frame := job.frames.get(key)) is not None:
+                frame.is_preparing = False
+                job.touch(frame)

@@ -1,0 +1,183 @@
+"""Scenes on their way from files to what a kernel reads: requested, monitored, and requested again if lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+
+from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
+from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.incoming.results import Results
+from worker.protocol.blends import WAITS, blender_queue
+from worker.protocol.contract import WorkerReport, prepare_queue
+
+__all__ = ["Preparing", "Progress"]
+
+LOSSES_ALLOWED = 3
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of preparing a scene: the current step's name, and the fraction done in [0, 1]."""
+
+    step: str
+    fraction: float
+
+
+NO_BLENDER = Progress(WAITS, 0.0)
+
+
+class Preparing:
+    """The scenes to prepare, each for one kind of workers; None: the kind with most slots."""
+
+    def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._deadline_s = deadline_s
+        self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
+        self._by_blender: set[str] = set()
+        self._unfit = Unfit()
+        self.leases = Leases()
+        self.progress: dict[str, Progress] = {}
+
+    def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
+        """Requests that a scene be prepared. by_blender: only by a worker that has Blender."""
+        self._wanted.setdefault((scene, kind), 0)
+        if by_blender:
+            self._by_blender.add(scene)
+
+    def forget(self, scene: str) -> None:
+        """Drops all requests for a scene that is deleted, prepared or failed."""
+        for key in [key for key in self._wanted if key[0] == scene]:
+            del self._wanted[key]
+        self._by_blender.discard(scene)
+        self._unfit.forget(scene)
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            self.leases.end(lease.id)
+
+    def forget_kind(self, scene: str, kind: str) -> None:
+        """Drops the requests for a scene that is now prepared for this kind; those for other kinds remain."""
+        self._wanted.pop((scene, kind), None)
+        self._wanted.pop((scene, None), None)
+        self._by_blender.discard(scene)
+        self._unfit.forget(scene)
+        self.progress.pop(scene, None)
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+
+    def fill(self) -> None:
+        """Hands out the requests that have no lease. Raises QueueError."""
+        for scene, wanted_kind in list(self._wanted):
+            roster, by_blender = self._workers.roster, scene in self._by_blender
+            kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
+            out = self.leases.of(scene)
+            if any(wanted_kind in (None, lease.kind) for lease in out):
+                continue
+            if by_blender and kind is None and roster.ready():
+                self.progress[scene] = NO_BLENDER
+            if kind is None or not roster.slots(kind):
+                continue
+            place = Place("", kind, blender_queue(kind) if by_blender else prepare_queue(kind))
+            if scene in self._unfit:
+                other = self._unfit.next(scene, self._able(scene, wanted_kind, roster.ready()))
+                if other is None:
+                    continue
+                place = other
+            lease = Lease(scene, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
+            self._dispatcher.send_prepare(scene, lease.queue, lease.id)
+            self.leases.add(lease)
+            if self.progress.get(scene) == NO_BLENDER:
+                del self.progress[scene]
+
+    def impossible(self) -> list[tuple[str, str | None, str]]:
+        """Returns (scene, kind, error message) for requests that no connected worker can serve because of machine faults."""
+        found = []
+        for scene, kind in self._wanted:
+            if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
+                continue
+            able = self._able(scene, kind, self._workers.roster.reports.values())
+            if able and self._unfit.next(scene, able) is None:
+                found.append((scene, kind, self._unfit.sentence(scene, "prepare this scene")))
+        return found
+
+    def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
+        """Returns the workers that may prepare a scene for a kind."""
+        by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
+        return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
+
+    def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
+        """Notes that a worker is preparing a scene, and its progress if given."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.holder = worker
+                lease.unseen, lease.answered_by = 0, None
+        if progress is not None:
+            self.progress[scene] = progress
+
+    def arrived(self, scene: str, kind: str) -> None:
+        """Marks an answer as read. It is stored once the database accepts it, and its lease is not lost until then."""
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                lease.has_arrived = True
+
+    def returned(self, scene: str, kind: str, why: str, unfit: Fault | None = None) -> None:
+        """Ends the lease of a scene that a worker could not prepare through no fault of the scene; it is handed out again.
+
+        unfit: the fault of that worker's machine; the scene then goes to another worker.
+        """
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+                if unfit is not None:
+                    self._unfit.add(scene, unfit)
+                    why = str(unfit)
+                self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
+
+    def unusable(self, scene: str, kind: str) -> bool:
+        """Ends the lease of an unusable answer, so that the scene is handed out again.
+
+        Returns whether that happened too often.
+        """
+        for lease in self.leases.of(scene):
+            if lease.kind == kind:
+                self.leases.end(lease.id)
+                for key in [(scene, kind), (scene, None)]:
+                    if key in self._wanted:
+                        self._wanted[key] += 1
+                        return self._wanted[key] >= LOSSES_ALLOWED
+        return False
+
+    def review(self, results: Results) -> list[tuple[str, str | None]]:
+        """Drops lost leases and returns the (scene, kind) that were lost too often; called once a second.
+
+        A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
+        """
+        waiting = {id for queue in {lease.queue for lease in self.leases} for id in self._dispatcher.waiting(queue)}
+        in_hand = {str(doing["scene"]) for doing in self._workers.roster.current() if "scene" in doing}
+        end = cache(results.end)
+        hopeless = []
+        there = {report.name for report in self._workers.roster.ready()}
+        for lease in self.leases:
+            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+                self._dispatcher.take_back(lease.queue, {lease.id})
+                self.leases.end(lease.id)
+                continue
+            if lease.has_arrived and not lease.is_overdue:
+                continue
+            lease.is_held = lease.owner in in_hand
+            lease.seen(lease.is_held or lease.id in waiting, end)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+                continue
+            self.leases.end(lease.id)
+            for key in [(lease.owner, lease.kind), (lease.owner, None)]:
+                if key in self._wanted:
+                    self._wanted[key] += lease.holder is not None
+                    if self._wanted[key] >= LOSSES_ALLOWED:
+                        hopeless.append(key)
+        return hopeless

@@ -1,0 +1,36 @@
+"""Motion vectors of frames, made by a worker on request from the scene's files; they depend only on the request."""
+
+from __future__ import annotations
+
+from service.errors import Unavailable
+from service.scheduling.artifacts.artifact_task import Aside
+from worker.protocol.contract import FrameVectors, WorkerReport
+
+__all__ = ["Vectors"]
+
+
+class Vectors(Aside[FrameVectors]):
+    """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
+
+    _name = "motion vectors"
+    _doing = "vectors"
+    _patience_s = 600.0  # the scene is read and compiled for them
+
+    def _kind(self) -> str | None:
+        return self._workers.roster.pointing_kind()
+
+    def _able(self) -> list[WorkerReport]:
+        return [report for report in self._workers.roster.ready() if report.vectors]
+
+    def _send(self, wish: FrameVectors, queue: str) -> None:
+        self._dispatcher.send_vectors(wish, queue)
+
+    def _is_size(self, size: int, wish: FrameVectors) -> bool:
+        return size == 4 * 4 * wish.width * wish.height
+
+    def _nobody(self) -> Unavailable:
+        if not self._workers.roster.ready():
+            return Unavailable(
+                "Motion vectors need a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+            )
+        return Unavailable("The connected workers are of an older release, which makes no motion vectors. Start newer ones.")

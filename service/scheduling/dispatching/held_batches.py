@@ -1,0 +1,53 @@
+"""The batches that workers report to hold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from service.scheduling.dispatching.leases import Lease
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["Held"]
+
+
+class Held:
+    """The batches in one snapshot of the workers' reports."""
+
+    def __init__(self, roster: Roster) -> None:
+        self._by_message: dict[Any, str] = {}
+        self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
+        self._at_work: set[Any] = set()  # leases
+        self._at_sites = {batch for site in roster.sites.values() for batch in site.in_hand}
+        for report in roster.reports.values():
+            self._by_message.update(dict.fromkeys(report.in_hand, report.name))
+            for doing in report.current:
+                message = doing.get("message", doing.get("batch"))
+                if isinstance(batch := doing.get("batch"), str):
+                    self._at_work.add(batch)
+                if isinstance(message, str):
+                    self._by_message[message] = report.name
+                elif "job" in doing:
+                    self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
+
+    def by(self, lease: Lease, job: ActiveJob) -> str | None:
+        """Returns the worker that reports to hold a lease; None if none does."""
+        if lease.batch is None:
+            return None
+        tile, first, count, frame = lease.batch
+        held = self._by_message.get(lease.message)
+        if held is not None or not self._by_range:
+            return held
+        return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
+
+    def is_at_work(self, lease: Lease) -> bool:
+        """Whether a slot reports that it is rendering a lease."""
+        return lease.id in self._at_work
+
+    def is_at_site(self, lease: Lease) -> bool:
+        """Whether a lease's sums are at a site and wait there for those of other batches."""
+        return lease.id in self._at_sites
+
+
+def _key(*about: Any) -> str:
+    return repr(about)  # whatever a report says, it can be compared

@@ -1,0 +1,101 @@
+"""Detection of lost and late batches.
+
+A batch is lost when its worker has died, when several looks in a row found no holder although all results were read, or when it
+takes far too long. An overloaded machine is none of these: its reports are late or absent for a while, and messages wait long in
+the queue or the stream. Treating that as loss would render everything again and increase the overload. So a worker that has
+stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get work in its place, and its
+batches are duplicated like those of stragglers once other slots are idle.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from enum import Enum
+from functools import cache
+
+from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.held_batches import Held
+from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_job import ActiveJob
+
+__all__ = ["Fate", "Missing"]
+
+STRAGGLER_S = 3.0
+
+
+class Fate(Enum):
+    """The verdict on an outstanding batch. The values are used in the log."""
+
+    DEAD = "its worker is gone"
+    OVERDUE = "it took too long"
+    UNSEEN = "nobody has it"
+    LATE = "late"
+
+    @property
+    def is_to_blame(self) -> bool:
+        """Whether the batch itself may have caused its loss."""
+        return self in (Fate.DEAD, Fate.OVERDUE)
+
+
+class Missing:
+    """Finds lost and late leases. Used only by the engine's thread."""
+
+    def __init__(self, leases: Leases, workers: Workers, dispatcher: Dispatcher) -> None:
+        self._leases = leases
+        self._workers = workers
+        self._dispatcher = dispatcher
+
+    def look(self, jobs: Mapping[str, ActiveJob], results: Results, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
+        """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
+
+        A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; messages take
+        as long in the other direction, during which no worker reports them.
+        """
+        allowed = UNSEEN_ALLOWED + travel_s
+        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._dispatcher.waiting(queue)}
+        roster = self._workers.roster
+        held = Held(roster)
+        living = self._workers.away()
+        end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.are_late())
+        out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
+        now = time.monotonic()
+        for lease in out:
+            holder = held.by(lease, jobs[lease.owner])
+            is_at_site, waits = held.is_at_site(lease), lease.message in waiting
+            lease.seen(holder is not None or is_at_site or waits, end, allowed)
+            lease.waited = now if waits else lease.waited
+            lease.holder = holder or lease.holder
+            lease.held_since = lease.held_since or (now if holder else None)
+            lease.is_held = holder is not None
+        for lease in out:
+            is_gone = lease.unseen > 0 and lease.holder is not None and lease.holder not in roster.reports
+            is_at_work = held.is_at_work(lease)
+            lease.has_begun |= is_at_work
+            waits_here = lease.has_begun and lease.is_held and not is_at_work
+            is_rendered = lease.is_joint and (waits_here or held.is_at_site(lease))
+            self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
+            fate = self._fate(lease, is_gone, is_late, allowed)
+            may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
+            if fate is Fate.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
+                yield lease, fate
+
+    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> Fate | None:
+        """Returns the verdict on a lease; None if it is neither lost nor late.
+
+        is_gone: whether its holder does not report itself. is_late: whether some worker's report is overdue, so that it may hold
+        the lease unreported. allowed: number of looks in a row at which the lease may be unseen.
+        """
+        if lease.is_away:
+            return None if lease.doubled else Fate.LATE
+        if is_gone:
+            return Fate.DEAD
+        if lease.is_overdue and (lease.is_held or not is_late()):
+            return Fate.OVERDUE
+        if lease.unseen >= allowed and not is_late():
+            return Fate.UNSEEN
+        since = lease.held_since or lease.issued
+        is_straggler = lease.is_held and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
+        return Fate.LATE if is_straggler and not lease.doubled else None

@@ -1,0 +1,408 @@
+"""The scheduler: hands out batches by priority and fair shares, a short window ahead of the workers, and again if lost."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import count
+
+import redis
+
+from renderer.frames import frame_number, frame_text
+from service.scheduling.dispatching.batch_groups import Handful, Hands, joint_work_of, together, work_of
+from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.job_queue import LineUp
+from service.scheduling.dispatching.leases import Lease, Leases
+from service.scheduling.dispatching.lost_batches import Fate, Missing
+from service.scheduling.dispatching.pacing import Pace
+from service.scheduling.dispatching.sites import Place, Sites
+from service.scheduling.faults.bulkhead import Bulkheads, Step
+from service.scheduling.faults.suspicion import Suspicion
+from service.scheduling.fleet.workers import Workers
+from service.scheduling.incoming.results import Results
+from service.scheduling.jobs.active_job import ActiveJob
+from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, LOSSES_ALLOWED, Trouble
+from service.scheduling.jobs.noise_budget import Looks
+from service.scheduling.jobs.plan import Range
+from service.scheduling.jobs.reproduce import reproduce
+from service.scheduling.jobs.shares import Line, Shares
+from service.settings import Settings
+from worker.telemetry.log_lines import ids
+
+__all__ = ["Scheduler", "named"]
+
+PATIENCE_WITH_FEW_S = 5.0
+UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
+CLOCKS_S = 60.0  # by which a worker's clock may be wrong in what it says of a batch
+REST_S = 1.0  # before the only worker is given again what it has handed back
+
+log = logging.getLogger(__name__)
+
+Start = Callable[[ActiveJob, str], bool]
+
+
+@dataclass
+class Pool:
+    """Capacity of the workers that serve a queue: slots, and the number of further messages that they may get."""
+
+    slots: int
+    room: int
+
+
+class Scheduler:
+    """Decides what is rendered next. Used only by the engine's thread."""
+
+    def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
+        self._settings = settings
+        self._pace = pace
+        self.verify = settings.verify  # the share of batches that is rendered twice, unless a job says otherwise
+        self._dispatcher = dispatcher
+        self._workers = workers
+        self._bulkheads = bulkheads
+        self.leases = Leases()
+        self._missing = Missing(self.leases, workers, dispatcher)
+        self.jobs: dict[str, ActiveJob] = {}
+        self.line_up = LineUp(workers, self.jobs)
+        self.shares = Shares()
+        self.sites = Sites(workers, self.leases, dispatcher, pace)
+        self._places: list[Place] = []  # of this filling
+        self.suspicion = Suspicion()
+        self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust/trust.py
+        self.looks = Looks()
+        self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
+        self._sent: list[Lease] = []  # of this filling
+        self._turn = count(1)
+        self.lost = 0  # batches that were handed out again
+        self.doubled = 0  # of stragglers, that a second worker tries too
+
+    def fill(self, start: Start) -> None:
+        """Hands out batches until the window of every kind of workers is full. Raises QueueError.
+
+        start(job, kind): starts a job on workers of a kind; False if the job is not ready.
+        """
+        for kind in sorted({report.kind for report in self._workers.roster.ready()}):
+            slots = self._workers.roster.slots(kind)
+            room = self._pace.room(self._window(slots, kind) - self.leases.turns(kind))
+            turns = self.line_up.by_priority(kind) if room > 0 else {}
+            if not turns:
+                continue
+            self._sent.clear()
+            self._places = self.sites.places(kind, self._settings.window_per_slot)
+            try:
+                with self._dispatcher.at_once():
+                    held = self.leases.held()
+                    shares_held = self.held_by_shares(held)
+                    pools: dict[str, Pool] = {}
+                    for priority in sorted(turns, reverse=True):
+                        line = self.shares.line(kind, turns[priority], held, shares_held)
+                        room -= self._serve(line, kind, slots, room, start, pools)
+                        if room <= 0:
+                            break
+            except QueueError:
+                self._take_as_not_sent()
+                raise
+
+    def _take_as_not_sent(self) -> None:
+        """Ends the leases of a failed send, so that their batches are handed out again.
+
+        Some may have been sent after all; the film accepts each batch only once.
+        """
+        for lease in self._sent:
+            job = self.jobs.get(lease.owner)
+            if self.leases.end(lease.id) is not None and job is not None and lease.batch is not None:
+                self.shares.correct(lease.kind, job.share, -lease.charged_s)
+                job.lose(lease.batch)
+
+    def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
+        """Hands out work for up to `room` slots to jobs of one priority; returns the number of slots taken.
+
+        pools: capacities of the queues with requirements, filled on demand.
+        """
+        handed_out = 0
+        while handed_out < room and (job := line.next()) is not None:
+            if not self._bulkheads.may_render(job.id) or time.monotonic() < job.rests_until or job.done:
+                continue
+            pool = Pool(slots, room) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
+            if pool.room <= 0:
+                continue
+            if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
+                continue  # of many slots, one sample each: they would cost more than they are worth
+            sent = len(self._sent)
+            hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
+            self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+            if new := self._sent[sent:]:
+                taken = len({lease.turn for lease in new})
+                handed_out += taken
+                pool.room -= taken
+                line.gave(job, taken, sum(lease.charged_s for lease in new))
+        return handed_out
+
+    def _window(self, slots: int, kind: str) -> int:
+        return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.takes_joint(kind))
+
+    def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
+        """Returns the capacity of the workers that serve a queue with requirements, computed once per call of `fill`."""
+        if queue not in known:
+            slots = self._workers.roster.serving(queue).get(kind, 0)
+            window = self._window(slots, kind) if slots else 0
+            known[queue] = Pool(slots, window - self.leases.waiting_in(queue))
+        return known[queue]
+
+    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
+        """Hands out the next batches of a job for at most `most` slots, if it has any for this kind. Raises QueueError."""
+        if not start(job, kind):
+            return
+        roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
+        several, joint = roster.takes_several(kind), roster.takes_joint(kind)
+        of_a_tile = self._pace.of_a_tile(slots, joint)
+        place = self._place_for(job) if joint and of_a_tile > 1 else None
+        if place is not None:
+            of_a_tile, most = self._pace.of_a_site(place.slots), min(most, place.room)
+        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, of_a_tile, most))
+        if place is not None:
+            hold_s = self._pace.site_hold_s(batch_s)
+            handfuls = [message for handful in handfuls for message in place.shared_out(handful, hold_s)]
+        try:
+            while handfuls:
+                self._send(job, kind, handfuls[0])
+                handfuls.pop(0)
+        except BaseException:
+            for batch in (batch for handful in handfuls for batch in handful.batches):
+                job.lose(batch)
+            raise
+
+    def _place_for(self, job: ActiveJob) -> Place | None:
+        """Returns the site with most room; None if there is none, or if each worker's sums must stay separate."""
+        if job.needs is not None or job.verify:
+            return None
+        return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
+
+    def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
+        """Sends batches in one message. Raises QueueError; then none is handed out."""
+        batches, leases = handful.batches, list[Lease]()
+        expected = 0.0
+        for batch in batches:
+            expected += job.expected_s(batch)
+            trouble = job.trouble.get(batch)
+            patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
+            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
+            leases[-1].queue = handful.queue or job.queue(kind)
+            leases[-1].charged_s = job.expected_s(batch) or self._settings.batch_seconds
+            leases[-1].message = leases[0].id
+        if handful.is_joint:
+            hold_s = self._pace.hold_s(expected / len(batches))
+            self._dispatcher.send_joint(joint_work_of(job, leases, batches, hold_s, handful.run), leases[0].queue)
+        elif len(leases) == 1:
+            self._dispatcher.send_batch(work_of(job, leases[0], batches[0]), leases[0].queue)
+        else:
+            works = [work_of(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
+            self._dispatcher.send_batches(works, leases[0].queue, leases[0].id)
+        self._sent += leases
+        for lease in leases:
+            self.leases.add(lease)
+        job.history.log.given(len(batches))
+        job.served = next(self._turn)
+
+    def arrived(self, owner: str, lease: str) -> None:
+        """Marks a batch whose sums were read.
+
+        They are stored once the film accepts them, and the lease is not lost until then.
+        """
+        known = self.leases.get(lease)
+        if known is not None and known.owner == owner:
+            self.leases.arrived(known)
+
+    def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
+        """Ends the lease of a batch that the film took or dropped as a duplicate. batch: None if the job does not want it."""
+        ended = self._end(job, lease)
+        if ended is not None:  # whatever it says: it was not longer at it than it had it
+            seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
+            self._pace.travelled(ended.travelled_s(seconds))
+        if ended is not None and ended.batch is not None and ended.batch != batch:
+            job.lose(ended.batch)
+        if ended is not None and batch is not None:
+            self.shares.correct(ended.kind, job.share, seconds - ended.charged_s)
+        if batch is None:
+            return
+        job.history.rendered_by(worker)
+        tile = job.film.tiles[batch.tile]
+        job.history.log.back(worker, batch.count * tile.w * tile.h, seconds)
+        trouble = job.trouble.pop(batch, None)
+        failed_on = trouble.workers if trouble else []
+        self.suspicion.succeeded(worker, failed_on)
+        job.came_back(batch, seconds)
+        for other in set(failed_on):
+            self._set_aside_if_alone(other)
+
+    def failed(
+        self,
+        job: ActiveJob,
+        lease: str,
+        batch: Range,
+        worker: str,
+        error: str,
+        reproduce: str | None,
+        trace: str = "",
+        is_suspect: bool = True,
+    ) -> Trouble | None:
+        """Handles a batch that a worker failed to render.
+
+        It is handed out again, or the trouble that stops the job is returned. is_suspect: whether it counts against the worker.
+        """
+        ended = self._end(job, lease)
+        if ended is None:
+            return None  # handed out again meanwhile, or of an earlier life of the service
+        batch = ended.batch or batch  # which was handed out, whatever is said
+        trouble = job.trouble.setdefault(batch, Trouble())
+        trouble.workers.append(worker)
+        trouble.error, trouble.reproduce = error, reproduce
+        job.history.log.say(f"{worker} could not render {named(batch)}: {error}", trace)
+        able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
+        enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
+        # A worker that fails at once may have it again and again before another gets it.
+        is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
+        if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
+            return trouble
+        job.history.happened("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
+        job.lose(batch)
+        if is_suspect:
+            self.suspicion.failed(worker, (job.id, batch))
+            self._set_aside_if_alone(worker)
+        return None
+
+    def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+        """Hands out again a batch that a worker returned because of its own trouble; the job is not at fault."""
+        ended = self._end(job, lease)
+        if ended is None:
+            return
+        batch = ended.batch or batch
+        if job.handed_back != why:
+            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
+            job.history.log.say(f"{named(batch)} is handed out again: {why}")
+        job.handed_back = why
+        job.lose(batch)
+        self.suspicion.failed(worker, (job.id, batch))
+        self._set_aside_if_alone(worker)
+        if not self._others(worker):
+            job.rests_until = time.monotonic() + REST_S
+
+    def _end(self, job: ActiveJob, lease: str) -> Lease | None:
+        """Ends a lease of a job and returns it; None if it has already ended or belongs to another job."""
+        known = self.leases.get(lease)
+        return self.leases.end(lease) if known is not None and known.owner == job.id else None
+
+    def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
+        """Take back what waits of a job, or of one of its frames; what a worker has in hand comes back by itself, and is lost
+        for the plan."""
+        mine = [
+            lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
+        ]
+        for queue in {lease.queue for lease in mine}:
+            try:
+                taken = self._dispatcher.take_back(queue, {lease.message for lease in mine})
+                mine += [lease for lease in self.leases.of(job.id) if lease.message in taken and lease not in mine]
+            except redis.RedisError as error:
+                log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
+        for lease in mine:
+            self.leases.end(lease.id)
+            if lease.batch is not None:
+                job.lose(lease.batch)
+
+    def review(self, results: Results) -> None:
+        """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
+        job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        """
+        self.sites.review(self.jobs)
+        idle = cache(self._has_idle_slots)
+        rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
+        for lease, fate in self._missing.look(self.jobs, results, self._pace.travel_s):
+            job = self.jobs.get(lease.owner)
+            if lease.batch is None or job is None or self.leases.get(lease.id) is None:
+                continue  # with another of its job or frame
+            if fate is not Fate.LATE:
+                self._lost(job, lease, lease.batch, fate)
+            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:  # it has nothing else for them to do
+                lease.doubled = True
+                self.doubled += 1
+                job.lose(lease.batch)
+
+    def _set_aside_if_alone(self, worker: str) -> None:
+        """Pause a worker whose batches fail while others render theirs, unless nobody else is left."""
+        others = self._others(worker)
+        failures = self.suspicion.of(worker, others)
+        if others and failures >= FAILURES_ALLOWED:
+            log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
+            why = (
+                f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
+            )
+            self.set_aside(worker, why)
+
+    def set_aside(self, worker: str, why: str) -> None:
+        """Let a worker do nothing until somebody lets it go on."""
+        with suppress(redis.RedisError):  # it fails again, and is set aside then
+            self._workers.pause(worker, why)
+            self._workers.look(now=True)
+
+    def _others(self, worker: str) -> list[str]:
+        """The ready workers beside this one that may render the same; none where it is not ready itself."""
+        kinds = {report.name: report.kind for report in self._workers.roster.ready()}
+        return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
+
+    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, fate: Fate) -> None:
+        self.leases.end(lease.id)
+        self.lost += 1
+        trouble = job.trouble.setdefault(batch, Trouble())
+        trouble.losses += fate.is_to_blame
+        job.history.happened("lost", lease.holder or "")
+        said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
+        log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
+        job.history.log.say(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
+        job.lose(batch)
+        if trouble.losses >= LOSSES_ALLOWED:
+            where = job.film.tiles[batch.tile][:2]
+            sentence = (
+                f"The samples {batch.first} to {batch.first + batch.count - 1} of the tile at {where} did not come back "
+                f"{trouble.losses} times. Look into the workers' logs; setting the job to running tries again."
+            )
+            self.give_up(job, batch, sentence)
+
+    def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
+        """A batch cannot be rendered: that ends a still, and of a shot the frame. command: a worker's, that shows it again."""
+        if job.shot is None:
+            self._bulkheads.condemn(job.id, error, command)
+            return
+        frame = job.frames[batch.frame]
+        self.withdraw(job, frame.key)
+        if not frame.is_over:
+            again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail(frame, error + again))
+
+    def _has_idle_slots(self, kind: str) -> bool:
+        return self._workers.roster.slots(kind) > self.leases.turns(kind)
+
+    def connected(self) -> set[str]:
+        """The names of the workers that report themselves."""
+        return set(self._workers.roster.reports)
+
+    def held_by_shares(self, held: Counter[str]) -> Counter[str]:
+        """How many messages with batches of each share's jobs are out. held: of each job."""
+        found: Counter[str] = Counter()
+        for id, messages in held.items():
+            if (job := self.jobs.get(id)) is not None:
+                found[job.share] += messages
+        return found
+
+    def busy(self) -> set[tuple[str, int]]:
+        """The frames of jobs of which batches are out."""
+        return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
+
+
+def named(batch: Range) -> str:
+    """A batch, as lines call it."""
+    frame = frame_text(frame_number(batch.frame))
+    return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

@@ -1,0 +1,176 @@
+"""Shaders and mixes of them in terms of one principled BSDF."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from blender.rayfarm_addon.scene.model import Scene
+from blender.rayfarm_addon.scene.nodes import constant, followed
+from blender.rayfarm_addon.scene.shader_mix import look_of
+from blender.rayfarm_addon.scene.surfaces import Surfaces
+from tests.blender.fake_nodes import Node, at, linked
+
+OUT = ("BSDF",)
+
+
+def diffuse(*color: float) -> Node:
+    return Node("BSDF_DIFFUSE", {"Color": (*color, 1.0), "Roughness": 0.0, "Normal": None}, OUT)
+
+
+def glossy(*color: float, roughness: float = 0.2) -> Node:
+    return Node("BSDF_GLOSSY", {"Color": (*color, 1.0), "Roughness": roughness, "Normal": None}, OUT)
+
+
+def clear() -> Node:
+    return Node("BSDF_TRANSPARENT", {"Color": (1.0, 1.0, 1.0, 1.0)}, OUT)
+
+
+def mixed(first: Node, second: Node, share: float | Node = 0.5) -> Node:
+    mix = Node("MIX_SHADER", {"Fac": share if isinstance(share, float) else 0.5, "a": None, "b": None}, ("Shader",))
+    linked(second, linked(first, mix, 1), 2)
+    return mix if isinstance(share, float) else linked(share, mix, 0)
+
+
+def looked(node: Node) -> tuple[Any, list[str]]:
+    told: list[str] = []
+    look = look_of(followed(at(node))[0], told.append)
+    assert look is not None
+    return lambda name: constant(look.input(name)), told
+
+
+def material(node: Node) -> tuple[dict[str, Any], list[str]]:
+    """glTF's JSON of it, as the add-on writes it."""
+    output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
+    linked(node, output, "Surface")
+    tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[])
+    source = SimpleNamespace(name="m", name_full="m", pass_index=0, use_nodes=True, node_tree=tree)
+    scene = Scene()
+    return scene.materials[Surfaces(scene, set()).add(source)].gltf, scene.warnings
+
+
+def test_a_mix_is_what_lies_between() -> None:
+    told, said = looked(mixed(glossy(1.0, 0.0, 0.0, roughness=0.2), glossy(0.0, 0.0, 1.0, roughness=0.6), 0.25))
+    assert told("Metallic") == 1.0
+    assert told("Roughness") == pytest.approx(0.3)
+    assert told("Base Color") == pytest.approx([0.75, 0, 0.25])
+    assert said == ["of two roughnesses that are mixed, one between is shown"]
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
+    matt, metal = diffuse(0.6, 0.0, 0.0), glossy(0.0, 0.9, 0.0, roughness=0.3)
+    told, said = looked(mixed(matt, metal, 0.25) if is_first else mixed(metal, matt, 0.75))
+    assert told("Roughness") == 0.3
+    assert told("Base Color")[:3] == pytest.approx([0.6, 0, 0])
+    assert told("Specular Tint")[:3] == pytest.approx([0.0, 0.9, 0.0])
+    assert ((told("IOR") - 1) / (told("IOR") + 1)) ** 2 == pytest.approx(0.25)
+    assert told("Metallic") is None
+    assert said == []
+
+
+def test_a_mix_with_what_is_clear_is_alpha() -> None:
+    for share, node in ((0.3, mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.3)), (0.7, mixed(diffuse(0.2, 0.7, 0.2), clear(), 0.3))):
+        told, _ = looked(node)
+        assert told("Alpha") == pytest.approx(share)
+        assert told("Base Color") == pytest.approx([0.2, 0.7, 0.2])
+        found, warnings = material(node)
+        assert found["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.2, 0.7, 0.2, share])
+        assert found["alphaMode"] == "BLEND"
+        assert warnings == []
+    told, _ = looked(mixed(mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.5), diffuse(0.2, 0.7, 0.2), 0.5))
+    assert told("Alpha") == pytest.approx(0.75)
+
+
+def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
+    node = mixed(
+        diffuse(0.1, 0.3, 0.6), glossy(1.0, 1.0, 1.0, roughness=0.1), Node("FRESNEL", {"IOR": 1.6, "Normal": None}, ("Fac",))
+    )
+    found, warnings = material(node)
+    assert found["pbrMetallicRoughness"] == {
+        "baseColorFactor": pytest.approx([0.1, 0.3, 0.6, 1.0]),
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.1,
+    }
+    assert found["extensions"]["KHR_materials_ior"]["ior"] == pytest.approx(1.6)
+    assert warnings == []
+
+
+def test_glass_that_casts_no_shadow_is_glass() -> None:
+    """The trick by which shadow rays pass glass: a mix by what kind of ray it is."""
+    glass = Node("BSDF_GLASS", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": 1.5, "Normal": None}, OUT)
+    ray = Node("LIGHT_PATH", {}, ("Is Camera Ray", "Is Shadow Ray"))
+    mix = mixed(glass, clear())
+    found, warnings = material(linked(ray, mix, 0, "Is Shadow Ray"))
+    assert found["extensions"]["KHR_materials_transmission"]["transmissionFactor"] == 1.0
+    assert "alphaMode" not in found
+    assert warnings == ["Material m: of shaders that are for different rays the camera's is shown to all."]
+
+
+def test_light_through_a_leaf() -> None:
+    leaf = Node("BSDF_TRANSLUCENT", {"Color": (0.4, 0.7, 0.1, 1.0), "Normal": None}, OUT)
+    found, _ = material(mixed(diffuse(0.2, 0.5, 0.1), leaf, 0.4))
+    assert found["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.2, 0.5, 0.1, 1.0])
+    through = found["extensions"]["KHR_materials_diffuse_transmission"]
+    assert through["diffuseTransmissionFactor"] == pytest.approx(0.4)
+    assert through["diffuseTransmissionColorFactor"] == pytest.approx([0.4, 0.7, 0.1])
+
+
+def test_what_shines_and_is_added() -> None:
+    add = Node("ADD_SHADER", {"a": None, "b": None}, ("Shader",))
+    shining = Node("EMISSION", {"Color": (0.2, 0.4, 1.0, 1.0), "Strength": 3.0}, OUT)
+    found, warnings = material(linked(shining, linked(diffuse(0.7, 0.7, 0.7), add, 0), 1))
+    assert found["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.7, 0.7, 0.7, 1.0])
+    light = [c * found["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] for c in found["emissiveFactor"]]
+    assert light == pytest.approx([0.6, 1.2, 3.0])
+    assert warnings == []
+
+
+def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
+    """Cycles: alpha is roughness^2 times, and across over, 1 - anisotropy; of a negative one the other way round."""
+    for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
+        node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
+        told, _ = looked(node)
+        assert 1 - 0.9 * told("Anisotropic") == pytest.approx(0.5**2)
+        assert told("Anisotropic Rotation") == pytest.approx(turned)
+
+
+def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
+    numbers = {"IOR": (0.2, 0.9, 1.5), "Extinction": (3.9, 2.4, 1.9), "Roughness": 0.2}
+    told, said = looked(Node("BSDF_METALLIC", numbers, OUT, fresnel_type="PHYSICAL_CONDUCTOR"))
+    wanted = [((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k) for n, k in zip(numbers["IOR"], numbers["Extinction"], strict=True)]
+    assert told("Base Color") == pytest.approx(wanted)
+    assert said == []
+
+
+def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
+    color = {"Base Color": (0.81, 0.64, 0.25, 1.0)}
+    for weight, wanted in ((1.0, [0.9, 0.8, 0.5]), (0.0, [0.81, 0.64, 0.25])):
+        told, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": weight}, OUT))
+        assert told("Base Color") == pytest.approx(wanted)
+        assert said == []
+    _, said = looked(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": 0.5}, OUT))
+    assert said == ["what it lets through is of its base colour, and darker than in Cycles"]
+
+
+def test_a_tinted_transparency_is_a_pane() -> None:
+    told, said = looked(Node("BSDF_TRANSPARENT", {"Color": (0.8, 0.5, 0.3, 1.0)}, OUT))
+    assert (told("Transmission Weight"), told("IOR"), told("Roughness")) == (1.0, 1.0, 0.0)
+    assert told("Base Color") == [0.8, 0.5, 0.3]
+    assert said == []
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"Coat Weight": 1.0, "Coat IOR": 2.0}, "its coat refracts as 1.5"),
+        ({"Sheen Weight": 0.5}, "its sheen is glTF's, which is brighter towards the rim than Cycles'"),
+        ({"Metallic": 1.0, "Specular Tint": (0.5, 1, 1, 1)}, "the tint of its metal's edge (specular tint) is not taken over"),
+        ({"IOR": 0.8}, "its index of refraction is below 1, and taken as 1"),
+        ({"Base Color": (2.0, 1, 1, 1)}, "its base colour is cut at 1"),
+    ],
+)
+def test_what_is_otherwise_than_in_cycles_is_named(values: dict[str, Any], sentence: str) -> None:
+    assert looked(Node("BSDF_PRINCIPLED", values, OUT))[1] == [sentence]

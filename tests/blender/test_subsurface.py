@@ -1,0 +1,217 @@
+"""What Blender's nodes say of the inside of things: volumes by Cycles' formulas, subsurface scattering by its radii."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from blender.rayfarm_addon.scene import subsurface
+from blender.rayfarm_addon.scene.model import Scene
+from blender.rayfarm_addon.scene.nodes import followed
+from blender.rayfarm_addon.scene.surfaces import Surfaces
+from blender.rayfarm_addon.scene.volumes import Medium, medium_of
+from blender.rayfarm_addon.scene.world import read_world
+from tests.blender.fake_nodes import Node, at, linked
+
+VOLUME, BSDF = ("Volume",), ("BSDF",)
+MEDIUM, SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
+
+
+def scatter(density: float = 2.0, g: float = 0.25, phase: str = "HENYEY_GREENSTEIN", color: Any = (0.8, 0.4, 0.2, 1.0)) -> Node:
+    return Node("VOLUME_SCATTER", {"Color": color, "Density": density, "Anisotropy": g}, VOLUME, phase=phase)
+
+
+def absorption(density: float = 3.0) -> Node:
+    return Node("VOLUME_ABSORPTION", {"Color": (0.9, 0.5, 0.0, 1.0), "Density": density}, VOLUME)
+
+
+def principled(**more: Any) -> Node:
+    said = {"Color": (0.5, 0.25, 1.0, 1.0), "Density": 4.0, "Anisotropy": -0.5, "Absorption Color": (0.25, 0.0, 0.0, 1.0)}
+    said |= {"Emission Strength": 0.0, "Blackbody Intensity": 0.0, **more}
+    return Node("PRINCIPLED_VOLUME", said, VOLUME)
+
+
+def read(node: Node) -> tuple[Medium | None, list[str]]:
+    told: list[str] = []
+    return medium_of(followed(at(node))[0], told.append), told
+
+
+def close(found: Medium | None, sigma_a: Any, sigma_s: Any, g: float) -> None:
+    assert found is not None
+    assert (*found.sigma_a, *found.sigma_s, found.g) == pytest.approx((*sigma_a, *sigma_s, g))
+
+
+@pytest.mark.parametrize(
+    ("node", "sigma_a", "sigma_s", "g"),
+    [
+        (scatter(), (0, 0, 0), (1.6, 0.8, 0.4), 0.25),
+        (scatter(-1.0), (0, 0, 0), (0, 0, 0), 0.25),
+        (absorption(), (0.3, 1.5, 3), (0, 0, 0), 0),
+        # Cycles: the more the colour scatters, the less is absorbed, and the root of the absorption's colour.
+        (principled(), (4 * 0.5 * 0.5, 4 * 0.75, 0), (2, 1, 4), -0.5),
+        (
+            Node(
+                "VOLUME_COEFFICIENTS",
+                {"Absorption Coefficients": (1.0, 2.0, 3.0), "Scatter Coefficients": (4.0, 5.0, 6.0), "Anisotropy": 0.5},
+                VOLUME,
+            ),
+            (1, 2, 3),
+            (4, 5, 6),
+            0.5,
+        ),
+    ],
+)
+def test_the_coefficients_of_a_volume(node: Node, sigma_a: Any, sigma_s: Any, g: float) -> None:
+    found, told = read(node)
+    close(found, sigma_a, sigma_s, g)
+    assert told == []
+
+
+def test_volumes_that_are_added_and_mixed() -> None:
+    both = linked(absorption(), linked(scatter(), Node("ADD_SHADER", {"a": None, "b": None}, ("Shader",)), 0), 1)
+    close(read(both)[0], (0.3, 1.5, 3), (1.6, 0.8, 0.4), 0.25)
+    half = Node("MIX_SHADER", {"Fac": 0.25, "a": None, "b": None}, ("Shader",))
+    found, told = read(linked(scatter(g=0.8), linked(scatter(), half, 1), 2))
+    close(found, (0, 0, 0), (1.6, 0.8, 0.4), 0.75 * 0.25 + 0.25 * 0.8)
+    assert told == []
+    thinned = Node("MIX_SHADER", {"Fac": 0.25, "a": None, "b": None}, ("Shader",))
+    close(read(linked(scatter(), thinned, 2))[0], (0, 0, 0), (0.4, 0.2, 0.1), 0.25)
+
+
+@pytest.mark.parametrize(
+    ("node", "sentence"),
+    [
+        (linked(Node("TEX_NOISE", {}, ("Fac",)), scatter(), "Density"), "its volume's density varies in Blender"),
+        (scatter(phase="RAYLEIGH"), "not Rayleigh's way"),
+        (principled(**{"Emission Strength": 1.0}), "its volume's own light is left out"),
+        (Node("EMISSION", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Emission",)), "of its volume, light of its own"),
+        (Node("SCRIPT", {}, VOLUME), "of its volume, Script is left out"),
+    ],
+)
+def test_what_of_a_volume_is_not_taken_over_is_named(node: Node, sentence: str) -> None:
+    assert any(sentence in each for each in read(node)[1])
+
+
+def material(surface: Node | None = None, volume: Node | None = None) -> tuple[dict[str, Any], list[str]]:
+    """glTF's JSON of it, as the add-on writes it."""
+    output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
+    for node, name in ((surface, "Surface"), (volume, "Volume")):
+        if node is not None:
+            linked(node, output, name)
+    tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[])
+    source = SimpleNamespace(name="m", name_full="m", pass_index=0, use_nodes=True, node_tree=tree)
+    scene = Scene()
+    return scene.materials[Surfaces(scene, set()).add(source)].gltf, scene.warnings
+
+
+def glass(weight: float = 1.0) -> Node:
+    return Node("BSDF_PRINCIPLED", {"Base Color": (1.0, 1.0, 1.0, 1.0), "Transmission Weight": weight, "IOR": 1.4}, BSDF)
+
+
+def clear() -> Node:
+    return Node("BSDF_TRANSPARENT", {"Color": (1.0, 1.0, 1.0, 1.0)}, BSDF)
+
+
+@pytest.mark.parametrize(("surface", "is_bare"), [(None, True), (clear(), True), (glass(), False)])
+def test_a_volume_fills_what_lets_light_in(surface: Node | None, is_bare: bool) -> None:
+    said, warnings = material(surface, scatter())
+    assert said["extensions"][MEDIUM] == {
+        "sigmaA": [0, 0, 0],
+        "sigmaS": pytest.approx([1.6, 0.8, 0.4]),
+        "g": 0.25,
+        "isInterface": is_bare,
+    }
+    assert warnings == []
+
+
+def test_a_volume_within_what_is_opaque_is_named() -> None:
+    said, warnings = material(glass(0.0), scatter())
+    assert MEDIUM not in said["extensions"]
+    assert warnings == ["Material m: its volume is left out, as its surface lets no light in."]
+    said, warnings = material(None, Node("SCRIPT", {}, VOLUME))
+    assert said["extensions"][MEDIUM]["isInterface"]
+    assert warnings == ["Material m: of its volume, Script is left out."]
+
+
+def beneath(weight: float = 0.5, method: str = "RANDOM_WALK", **more: Any) -> Node:
+    said = {"Base Color": (0.8, 0.5, 0.2, 1.0), "Subsurface Weight": weight, "Subsurface Radius": (1.0, 0.2, 0.1)}
+    said |= {"Subsurface Scale": 0.5, "Subsurface Anisotropy": 0.3, "Subsurface IOR": 1.4, **more}
+    return Node("BSDF_PRINCIPLED", said, BSDF, subsurface_method=method)
+
+
+def test_a_radius_is_four_pi_mean_free_paths() -> None:
+    said, warnings = material(beneath())
+    found = said["extensions"][SUBSURFACE]
+    assert found["subsurfaceRadius"] == pytest.approx([(1 - 0.3) * c * 0.5 / (4 * math.pi) for c in (1.0, 0.2, 0.1)])
+    assert (found["subsurfaceFactor"], found["subsurfaceAnisotropy"]) == (0.5, 0.3)
+    assert warnings == []
+    assert SUBSURFACE not in material(beneath(0.0))[0].get("extensions", {})
+
+
+def test_skins_radius_is_what_light_diffuses_by() -> None:
+    """Jensen et al. 2001: the albedo whose half space looks as the colour does."""
+    found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
+    inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
+    for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):
+        albedo = 1 - (path / (1 - 0.3) / radius) ** 2 / 3
+        root = math.sqrt(3 * (1 - albedo))
+        seen = albedo / 2 * (1 + math.exp(-4 / 3 * (1 + inner) / (1 - inner) * root)) * math.exp(-root)
+        assert seen == pytest.approx(color, abs=1e-4)
+        assert subsurface.albedo_of(color, 1.4) == pytest.approx(albedo)
+
+
+def test_the_node_of_subsurface_scattering_alone() -> None:
+    said = {
+        "Color": (0.8, 0.5, 0.2, 1.0),
+        "Scale": 0.1,
+        "Radius": (1.0, 0.5, 0.25),
+        "IOR": 1.4,
+        "Anisotropy": 0.0,
+        "Normal": None,
+    }
+    found, warnings = material(Node("SUBSURFACE_SCATTERING", said, ("BSSRDF",), falloff="RANDOM_WALK"))
+    assert found["extensions"][SUBSURFACE]["subsurfaceRadius"] == pytest.approx([c / (4 * math.pi) for c in (0.1, 0.05, 0.025)])
+    assert found["pbrMetallicRoughness"]["baseColorFactor"][:3] == [0.8, 0.5, 0.2]
+    assert found["extensions"]["KHR_materials_specular"]["specularFactor"] == 0.0
+    assert warnings == []
+
+
+def test_hair_has_its_colour() -> None:
+    """Chiang et al. 2016: what is dyed so that it looks like a colour does look like it."""
+    said = {"Color": (0.1, 0.1, 0.1, 1.0), "Melanin": 0.0, "Melanin Redness": 0.5, "Tint": (0.6, 0.3, 0.1, 1.0)}
+    said |= {"Radial Roughness": 0.3, "Absorption Coefficient": (0.0, 0.0, 0.0)}
+
+    def seen(**changed: Any) -> Any:
+        node = Node("BSDF_HAIR_PRINCIPLED", {**said, **changed}, BSDF, parametrization=kind)
+        return material(node)[0]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+
+    kind = "MELANIN"
+    assert seen() == pytest.approx([0.6, 0.3, 0.1])
+    brown = seen(Melanin=0.8, Tint=(1.0, 1.0, 1.0, 1.0))
+    assert 0.2 > brown[0] > brown[1] > brown[2] > 0
+    kind = "ABSORPTION"
+    assert seen() == [1, 1, 1]
+    kind = "COLOR"
+    assert seen() == [0.1, 0.1, 0.1]
+
+
+def test_what_feeds_a_radius_is_named() -> None:
+    node = linked(Node("TEX_NOISE", {}, ("Color",)), beneath(), "Subsurface Radius")
+    said, warnings = material(node)
+    assert said["extensions"][SUBSURFACE]["subsurfaceRadius"][0] == pytest.approx((1 - 0.3) * 0.5 / (4 * math.pi))
+    assert any("subsurface radius is not taken over" in each for each in warnings)
+
+
+def test_what_fills_the_world_hides_what_is_infinitely_far_away() -> None:
+    output = Node("OUTPUT_WORLD", {"Surface": None, "Volume": None}, ())
+    linked(scatter(0.1), output, "Volume")
+    linked(Node("BACKGROUND", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Background",)), output, "Surface")
+    tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[output])
+    scene = Scene()
+    found = read_world(scene, SimpleNamespace(use_nodes=True, node_tree=tree, color=(1.0, 1.0, 1.0)))
+    assert found.color == [0, 0, 0]
+    assert found.medium == {"sigma_a": [0, 0, 0], "sigma_s": pytest.approx([0.08, 0.04, 0.02]), "g": 0.25}
+    assert scene.warnings == []

@@ -1,0 +1,49 @@
+"""Denoised frames wait for their neighbours, and no longer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rayfarm.temporal_denoise import Steadying
+from tests.renderer.test_temporal_denoise import frame as made
+
+
+def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()) -> tuple[list[float], list[str], dict]:
+    """Which frames are rendered, what happens in which order, and the pictures."""
+    steadying, log, pictures = Steadying(frames, missing), [], {}
+    for frame in steadying.plan:
+        if frame not in fails:
+            log.append(f"{frame:g}")
+            if steadying.has_neighbours(frame):
+                steadying.take(frame, STILLS[frame], lambda picture, frame=frame: pictures.update({frame: picture}))
+        for number, write in steadying.settle(frame):
+            write()
+            log.append(f"w{number:g}")
+        assert len(steadying._held) <= 5
+    assert not steadying._held and not steadying._waiting
+    return steadying.plan, log, pictures
+
+
+STILLS = {n: made() for n in range(20)}
+
+
+def test_each_is_written_when_two_more_are_rendered() -> None:
+    _, log, pictures = run([0, 1, 2, 3, 4, 5], [0, 1, 2, 3, 4, 5])
+    assert log == ["0", "1", "2", "w0", "3", "w1", "4", "w2", "5", "w3", "w4", "w5"]
+    assert set(pictures) == {0, 1, 2, 3, 4, 5}
+
+
+def test_what_was_there_already_changes_nothing() -> None:
+    whole = run(list(range(10)), list(range(10)))[2]
+    plan, _, again = run(list(range(10)), [4, 9])
+    assert plan == [2, 3, 4, 5, 6, 7, 8, 9]
+    assert set(again) == {4, 9}
+    for number in again:
+        np.testing.assert_array_equal(again[number], whole[number])
+    assert run([3, 2, 1, 0], [0, 1, 2, 3])[0] == [0, 1, 2, 3]
+
+
+def test_a_frame_that_fails_parts_its_neighbours_and_what_is_alone_does_not_wait() -> None:
+    _, log, _ = run([0, 1, 2, 3, 4], [0, 1, 2, 3, 4], fails=(2,))
+    assert log == ["0", "1", "w0", "3", "w1", "4", "w3", "w4"]
+    assert not Steadying([0, 5, 10], [0, 5, 10]).has_neighbours(5)

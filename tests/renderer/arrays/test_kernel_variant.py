@@ -1,0 +1,116 @@
+"""Kernel editions: each scene gets the plainest one that has all features it needs, and all render the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer import render
+from renderer.arrays.kernel_variant import edition_of, only
+from renderer.arrays.scene_features import EDITIONS
+from renderer.film import mean
+from renderer.render import edition_for, render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Image, Instance, Light, Material, SceneDescription, Sphere, Texture
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import gray, icosphere, square
+
+PLAIN = (
+    Material(base_color=gray(0.5)),
+    Material(kind="mirror"),
+    Material(kind="glass", roughness=0.0),
+    Material(kind="metallic_roughness", metallic=0.5, roughness=0.3),
+    Material(kind="conductor", roughness=0.3, eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6)),
+)
+NEEDS_MORE = {
+    "a texture": Material(base_color_texture=0),
+    "alpha": Material(opacity=0.5, alpha_mode="blend"),
+    "a brushed metal": Material(kind="conductor", roughness=0.3, anisotropy=0.5),
+    "layers": Material(kind="metallic_roughness", clearcoat=1.0),
+    "coloured glass": Material(kind="glass", roughness=0.0, attenuation_color=(0.5, 0.9, 0.9), attenuation_distance=1.0),
+    "a prism": Material(kind="glass", roughness=0.0, dispersion=1.0),
+    "a highlight of Blinn's": Material(kind="blinn_phong"),
+    "a metal of Beckmann's facets": Material(kind="conductor", roughness=0.3, distribution="beckmann"),
+    "plastic": Material(kind="plastic", roughness=0.3),
+    "an interface of nothing": Material(kind="interface"),
+}
+
+
+def described(*materials: Material) -> SceneDescription:
+    """A floor of the first material, a ball of each, and an emissive one."""
+    materials = (*materials, Material(base_color=gray(0.0), emission=gray(5.0)))
+    return SceneDescription(
+        meshes=[square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)],
+        instances=[Instance(0)],
+        spheres=[Sphere((i - 1.0, 0.5, 0.0), 0.4, i) for i in range(len(materials))],
+        materials=list(materials),
+        images=[Image("white", np.ones((2, 2, 3), np.float32), srgb=False)],
+        textures=[Texture(0)],
+    )
+
+
+def test_what_is_common_is_plain() -> None:
+    assert edition_of(compile_scene(described(*PLAIN))) == "plain"
+
+
+@pytest.mark.parametrize("name", NEEDS_MORE)
+def test_what_asks_for_more_gets_it(name: str) -> None:
+    assert edition_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
+
+
+def test_lights_without_a_body_and_copies_ask_for_more() -> None:
+    scene = described(PLAIN[0])
+    scene.lights.append(Light("point", position=(0, 3, 0)))
+    assert edition_of(compile_scene(scene)) == "full"
+    scene = described(PLAIN[0])
+    scene.meshes.append(icosphere(4))
+    for i in range(20):
+        place = np.eye(4)
+        place[0, 3] = 3.0 * i
+        scene.instances.append(Instance(1, place))
+    compiled = compile_scene(scene)
+    assert len(compiled.to_world) == 20
+    assert edition_of(compiled) == "full"
+
+
+@pytest.mark.parametrize("more", [{"integrator": "whitted"}, {"integrator": "ao"}, {"sampling": "bsdf"}])
+def test_rare_kernels_have_one_edition(more: dict[str, str]) -> None:
+    scene = compile_scene(described(*PLAIN))
+    settings = RenderSettings(8, 8, View((0, 0, 5), (0, 0, 0)))
+    assert edition_for(settings, scene) == "plain"
+    assert edition_for(replace(settings, **more), scene) == "full"
+
+
+def test_a_kernel_is_told_what_the_scene_has() -> None:
+    scene = compile_scene(described(*PLAIN))
+    for name, has in EDITIONS.items():
+        given = only(scene, name)
+        assert given.has == has
+        assert (given.bvh.instances is None) == (has.instances is None)
+
+
+@pytest.mark.parametrize("others", [["full"], pytest.param(["moving", "media", "moving-media"], marks=pytest.mark.long)])
+def test_the_editions_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
+    """Equal except in last bits, where the compiler fused other operations, and in the rare paths that these change."""
+    scene = compile_scene(described(*PLAIN))
+    settings = RenderSettings(48, 32, View((0.5, 2.5, 5.0), (0.8, 0.3, 0.0), fov=45), max_depth=6)
+    pictures = []
+    for name in ("plain", *others):
+        monkeypatch.setattr(render, "edition_of", lambda *_, name=name: name)
+        pictures.append(mean(render_frame(scene, settings, 8), settings.film_exponent))
+    plain, *rest = pictures
+    assert plain.mean() > 0.05
+    for other in rest:
+        same = np.isclose(plain, other, rtol=1e-3, atol=1e-4).all(axis=-1)
+        assert same.mean() > 0.99
+
+
+def test_what_moves_while_the_shutter_is_open_asks_for_more() -> None:
+    scene = compile_scene(described(*PLAIN))
+    view, further = View((0, 0, 5), (0, 0, 0)), View((1, 0, 5), (0, 0, 0))
+    settings = RenderSettings(8, 8, view, shutter=0.5)
+    assert edition_for(settings, scene) == "plain"
+    assert edition_for(replace(settings, views=(view, further)), scene) == "moving"
+    assert edition_for(replace(settings, views=(view, further), integrator="ao"), scene) == "moving"

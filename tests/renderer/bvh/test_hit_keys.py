@@ -1,0 +1,88 @@
+"""The sort keys for a node's children and for a packet's nearest hit, compared with sorting."""
+
+import numpy as np
+
+from renderer.bvh.hit_keys import beyond, exceeding, key_limit, least, nearest, ranked
+from renderer.bvh.simd import bits, less, load
+from renderer.jit import entry
+
+LANES = 8
+ZERO = np.uintp(0)
+
+
+@entry
+def _visit(distances, limits, order, count):
+    """Returns the lanes below each row's limit, nearest first."""
+    for i in range(len(distances)):
+        distance = load(distances[i], ZERO)
+        keys = ranked(less(distance, load(limits[i], ZERO)), distance)
+        key = least(keys)
+        while key <= key_limit(limits[i, 0]):
+            order[i, count[i]] = key & (LANES - 1)
+            count[i] += 1
+            keys = beyond(keys, key)
+            key = least(keys)
+
+
+@entry
+def _nearest(distances, limits, found, lane):
+    for i in range(len(distances)):
+        distance = load(distances[i], ZERO)
+        mask = less(distance, load(limits[i], ZERO))
+        if bits(mask) != np.uint32(0):
+            found[i], lane[i] = nearest(mask, distance)
+
+
+@entry
+def _exceed(numbers, number, found):
+    for i in range(len(numbers)):
+        found[i] = bits(exceeding(load(numbers[i], ZERO), number[i]))
+
+
+def rows(n, seed):
+    """(distances, limits), (n, 8) f32 each, of many magnitudes, some of them equal, some infinite, some 0."""
+    rng = np.random.default_rng(seed)
+    distance = rng.uniform(0, 1, (n, LANES)) * 10.0 ** rng.integers(-6, 7, (n, 1))
+    distance[rng.random((n, LANES)) < 0.1] = np.inf
+    distance[rng.random((n, LANES)) < 0.1] = 0
+    repeated = rng.random(n) < 0.2
+    distance[repeated, 3] = distance[repeated, 6]
+    limit = np.broadcast_to(distance[np.arange(n), rng.integers(0, LANES, n)][:, None], distance.shape)
+    return np.ascontiguousarray(distance, np.float32), np.ascontiguousarray(limit, np.float32)
+
+
+def test_children_are_visited_from_near_to_far_and_each_once():
+    distances, limits = rows(5000, 1)
+    order, count = np.full((5000, LANES), -1), np.zeros(5000, np.int64)
+    _visit(distances, limits, order, count)
+    for distance, limit, lanes, n in zip(distances, limits, order, count, strict=True):
+        visited = lanes[:n]
+        assert sorted(visited) == list(np.flatnonzero(distance < limit[0]))
+        coarse = distance[visited].view(np.int32) & -LANES  # the last bits of a distance make room for the lane
+        assert (np.diff(coarse) >= 0).all()
+
+
+def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
+    distances, limits = rows(5000, 2)
+    distances[distances == 0] = 1e-30  # hits lie ahead
+    found, lane = np.full(5000, -1.0, np.float32), np.full(5000, -1)
+    _nearest(distances, limits, found, lane)
+    hit = distances < limits
+    expected = np.where(hit, distances, np.inf)
+    some = hit.any(axis=1)
+    assert some.mean() > 0.5
+    np.testing.assert_array_equal(found[some], expected.min(axis=1)[some])
+    np.testing.assert_array_equal(lane[some], expected.argmin(axis=1)[some])
+    assert (lane[~some] == -1).all()
+
+
+def test_whole_numbers_are_compared_as_such():
+    """Compared as floats, half of these would be NaN."""
+    rng = np.random.default_rng(1)
+    numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)
+    number = rng.integers(-(2**31), 2**31, 1000).astype(np.int32)
+    numbers[:, 2] = number
+    found = np.zeros(1000, np.uint32)
+    _exceed(numbers.view(np.float32), number, found)
+    expected = np.packbits(numbers > number[:, None], axis=1, bitorder="little")[:, 0]
+    assert np.array_equal(found, expected)

@@ -1,0 +1,119 @@
+"""Trees with subsets hidden from some kinds of rays, compared with trees built without these."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.bvh.build import build
+from renderer.bvh.layout import PAGE, Bvh
+from renderer.bvh.motion_bvh import keyed_tree
+from renderer.bvh.ray_masks import leave_out
+from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, Laid
+from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
+from renderer.jit import entry
+from renderer.threads import Team
+from tests.renderer.builders import kept
+
+
+@entry
+def _trace(bvh, stack, o, d, time, met, blocked):
+    for i in range(len(o)):
+        origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
+        met[i, 0] = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i]).primitive
+        met[i, 1] = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], camera_root(bvh)).primitive
+        blocked[i] = any_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], shadow_root(bvh))
+
+
+def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the hits of ordinary rays and of camera rays, and whether shadow rays are occluded."""
+    met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
+    _trace(kept(bvh), new_stack(), *rays, met, blocked)
+    return met, blocked
+
+
+def rays(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    random = np.random.default_rng(7)
+    return (
+        random.uniform(-1.5, 1.5, (count, 3)).astype(np.float32),
+        random.standard_normal((count, 3)).astype(np.float32),
+        random.random(count).astype(np.float32),
+    )
+
+
+def laid(bvh: Bvh) -> Laid:
+    nodes, packets = len(bvh.node), len(bvh.packet)
+    return Laid(bvh, (0, 0, nodes, nodes, nodes), (0, 0, packets, packets, packets), (bvh, ()))
+
+
+def world(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns random triangles and spheres."""
+    random = np.random.default_rng(seed)
+    middle = random.uniform(-1, 1, (300, 1, 3))
+    position = (middle + random.uniform(-0.2, 0.2, (300, 3, 3))).astype(np.float32).reshape(-1, 3)
+    triangle = np.arange(900, dtype=np.int32).reshape(-1, 3)
+    sphere = random.uniform(-1, 1, (40, 4)).astype(np.float32)
+    sphere[:, 3] = abs(sphere[:, 3]) * 0.1
+    for array in (position, triangle, sphere):
+        array.flags.writeable = False
+    return position, triangle, sphere
+
+
+@pytest.mark.parametrize("share", [0.01, 0.3, 1.0])
+def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
+    position, triangle, sphere = world()
+    bvh = build(position, triangle, sphere)
+    random = np.random.default_rng(1)
+    unseen, shadeless = random.random((2, 340)) < share
+    unseen[5] = shadeless[320] = True
+    grown = leave_out(laid(bvh), unseen, shadeless).bvh
+    asked = rays(3000)
+    met, blocked = trace(grown, asked)
+    assert (met[:, 0] == trace(bvh, asked)[0][:, 0]).all()  # of all others nothing is changed
+    assert (met[:, 0] != met[:, 1]).any()
+    for left_out, found in ((unseen, met[:, 1] >= 0), (shadeless, blocked)):
+        fewer = triangle[~left_out[:300]], sphere[~left_out[300:]]
+        for array in fewer:
+            array.flags.writeable = False
+        if len(fewer[0]) + len(fewer[1]):
+            expected = trace(build(position, *fewer), asked)[0][:, 0] >= 0
+            assert (found == expected).all()
+        else:
+            assert not found.any()
+
+
+def test_what_is_new_begins_at_a_page_behind_all_parts() -> None:
+    bvh = build(*world())
+    unseen = np.arange(340) == 17
+    found = leave_out(laid(bvh), unseen, ~unseen & False)
+    for places, rows, size in ((found.node, found.bvh.node, NODE_BYTES), (found.packet, found.bvh.packet, PACKET_BYTES)):
+        assert places[2] == places[3]
+        assert places[3] * size % PAGE == 0
+        assert places[4] == len(rows) > places[3]
+
+
+def test_nothing_is_left_out_of_most_trees() -> None:
+    given = laid(build(*world()))
+    none = np.zeros(340, np.bool_)
+    assert leave_out(given, none, none) is given
+
+
+def test_what_moves_is_left_out_at_every_time() -> None:
+    random = np.random.default_rng(5)
+    position, triangle, sphere = world()
+    moved = np.stack([position, position + random.uniform(-0.3, 0.3, position.shape).astype(np.float32), position])
+    balls = np.stack([sphere] * 3)
+    unseen = random.random(340) < 0.2
+    seen = np.flatnonzero(~unseen[:300])
+
+    def keyed(rows: np.ndarray, balls: np.ndarray) -> Bvh:
+        with Team(1) as team:
+            node, packet = keyed_tree(moved, rows, balls, len(rows), team)
+        return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)), keyed=np.array([0, 3], np.int32))
+
+    asked = rays(3000)
+    found = trace(leave_out(laid(keyed(triangle, balls)), unseen, unseen).bvh, asked)
+    expected = trace(keyed(triangle[seen], balls[:, ~unseen[300:]]), asked)[0][:, 0] >= 0
+    assert (found[0][:, 0] >= 0).sum() > expected.sum() > 500
+    assert ((found[0][:, 1] >= 0) == expected).all()
+    assert (found[1] == expected).all()

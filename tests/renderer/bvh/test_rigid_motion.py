@@ -1,0 +1,100 @@
+"""Moving bodies: their keys, and their interpolated transforms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from renderer.bvh.layout import KEY_COLUMNS
+from renderer.bvh.motion import ANGLE, PLACE, POINT, STRETCH, TURN, inverse_of, placed_at
+from renderer.bvh.rigid_motion import motion_keys, polar, turned_by
+from renderer.jit import entry
+
+
+@entry
+def _places(keys, time, out, back):
+    for i in range(len(time)):
+        there = placed_at(keys, 0, len(keys), time[i])
+        out[i, 0], out[i, 1], out[i, 2] = there
+        back[i, 0], back[i, 1], back[i, 2] = inverse_of(there)
+
+
+def places(keys, time):
+    """Returns (matrices with translations, their inverses) at shutter times."""
+    time = np.atleast_1d(np.asarray(time, np.float32))
+    out, back = np.empty((len(time), 3, 4)), np.empty((len(time), 3, 4))
+    _places(np.ascontiguousarray(keys), time, out, back)
+    return out, back
+
+
+def about(axis, angle):
+    """Returns a rotation matrix by Rodrigues' formula."""
+    x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def placed(matrix, offset):
+    return np.concatenate([matrix, np.reshape(offset, (3, 1))], axis=1)
+
+
+@pytest.mark.parametrize("squeeze", [1.0, 1e-3, 1e5])
+def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
+    random = np.random.default_rng(1)
+    matrix = random.normal(size=(50, 3, 3)) @ np.diag([squeeze, 1, 1])
+    turn, stretch = polar(matrix)
+    np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turn.shape), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.det(turn), 1, atol=1e-9)
+    np.testing.assert_allclose(turn @ stretch, matrix, atol=1e-9 * max(squeeze, 1))
+    np.testing.assert_array_equal(stretch, stretch.transpose(0, 2, 1))
+    values = np.linalg.eigvalsh(stretch)
+    assert ((values > 0).all(axis=1) | (values < 0).all(axis=1)).all(), "what mirrors has a stretch that does"
+
+
+@pytest.mark.long
+def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
+    """Three quarters of a turn by four keys, with mirroring and scaling."""
+    axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])
+
+    def at(share):
+        turn = about(axis, 1.5 * math.pi * share)
+        return placed(turn @ shape, through - turn @ through)
+
+    keys = motion_keys(np.array([[at(k / 3) for k in range(4)]]))[0]
+    assert turned_by(keys[None]) == pytest.approx(math.pi / 2)
+    time = np.linspace(0, 1, 41)
+    found, back = places(keys, time)
+    np.testing.assert_allclose(found, [at(float(np.float32(t))) for t in time], atol=1e-6)
+    whole = np.concatenate([found, np.broadcast_to([[[0, 0, 0, 1]]], (41, 1, 4))], axis=1)
+    np.testing.assert_allclose(back, np.linalg.inv(whole)[:, :3], atol=1e-9)
+
+
+@pytest.mark.long
+def test_what_flies_and_spins_goes_straight_where_its_middle_does():
+    def at(share):
+        return placed(about((0, 0, 1), 2 * math.pi * share), (4 * share, 0, 1))
+
+    keys = motion_keys(np.array([[at(k / 8) for k in range(9)]]))[0]
+    np.testing.assert_allclose(keys[:, POINT : POINT + 3], 0, atol=1e-6)
+    time = np.linspace(0, 1, 33)
+    np.testing.assert_allclose(places(keys, time)[0], [at(float(np.float32(t))) for t in time], atol=1e-6)
+
+
+def test_of_two_keys_the_origin_goes_straight_and_the_rest_turns():
+    first, last = placed(np.eye(3), (0, 0, 0)), placed(3 * about((0, 1, 0), 2.0), (2, 0, 0))
+    keys = motion_keys(np.array([[first, last]]))[0]
+    assert keys.shape == (2, KEY_COLUMNS)
+    assert keys[0, ANGLE] == pytest.approx(1.0)
+    (found,), _ = places(keys, 0.5)
+    np.testing.assert_allclose(found, placed(2 * about((0, 1, 0), 1.0), (1, 0, 0)), atol=1e-9)
+
+
+def test_at_its_keys_a_body_is_where_they_say():
+    random = np.random.default_rng(2)
+    given = random.normal(size=(20, 5, 3, 4))
+    for keys, expected in zip(motion_keys(given), given, strict=True):
+        found, _ = places(keys, np.linspace(0, 1, 5))
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+        turns = keys[:, TURN : TURN + 4]
+        assert ((turns[1:] * turns[:-1]).sum(axis=1) >= 0).all(), "the shorter way"
+        assert np.isfinite(keys[:, PLACE : STRETCH + 6]).all()

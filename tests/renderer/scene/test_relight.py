@@ -1,0 +1,42 @@
+"""Another light on a compiled scene: the very files that compiling it so would write, and none that the two share."""
+
+from renderer.scene.compile import compile_scene
+from renderer.scene.compiled import load
+from renderer.scene.compiled_parts import Saver, parts_of, save_changed
+from renderer.scene.frame_reuse import Kept
+from renderer.scene.load import read
+from renderer.scene.relight import CHANGED, lit
+from tests.grids import grid
+
+SCENE = """
+lights: [{type: point, position: [1, 3, 1], color: 20}]
+shapes:
+  - {type: sphere, center: [0, 0.5, 0], radius: 0.5}
+  - {type: cube}
+"""
+NO_LIGHT = SCENE.split("\n", 2)[2]
+
+
+def compiled(folder, environment, out):
+    kept = Kept()
+    out.mkdir()
+    scene = compile_scene(read(folder, "scene.yaml", environment), kept=kept)
+    return scene, Saver(out).save(scene, kept.cuts), kept.lights_power
+
+
+@grid("text", [SCENE, NO_LIGHT], ids=["lamp", "nothing"])
+def test_a_scene_under_other_light_is_the_one_that_is_compiled_so(tmp_path, text):
+    (tmp_path / "scene.yaml").write_text(text)
+    base, manifest, power = compiled(tmp_path, None, tmp_path / "base")
+    before = {part.sha256 for part in parts_of(manifest)}
+    for name in ("sky:20,30", "studio", "even-white"):
+        _, whole, _ = compiled(tmp_path, name, tmp_path / f"whole-{name}")
+        light = read(tmp_path, "scene.yaml", name)
+        out = tmp_path / f"swapped-{name}"
+        out.mkdir()
+        swapped = save_changed(manifest.read_bytes(), lit(base, light, power), CHANGED, out)
+        assert swapped.read_bytes() == whole.read_bytes()
+        made = {part.sha256 for part in parts_of(swapped)} - before
+        assert made == {path.name for path in out.iterdir()} - {swapped.name}
+        assert len(made) == 2
+        load(swapped, lambda sha256, size, out=out: next(p for p in (out / sha256, tmp_path / "base" / sha256) if p.exists()))

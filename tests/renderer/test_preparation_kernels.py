@@ -1,0 +1,65 @@
+"""Preparation of kernels: a starting worker waits for the parts that all scenes need.
+
+The rest follows with the second kernel.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from renderer import jit, render
+from renderer.render import FULL, PLAIN, kernel_name, load_preparing, warm_up
+from tests.helpers import ROOT
+
+_PROGRAM = """
+import sys
+from pathlib import Path
+from numba.core.dispatcher import Dispatcher
+from renderer.preparation_kernels import prepare_first
+from renderer.scene.compile import compile_scene
+from renderer.scene.animation import Moment
+from renderer.scene.load import Shot
+
+prepare_first()
+compile = Dispatcher.compile
+Dispatcher.compile = lambda self, types: (print(self.py_func.__name__), compile(self, types))[1]
+shot = Shot(Path(sys.argv[1]), sys.argv[2], None, None)
+compile_scene(shot.at(Moment(shot.start)))
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["cornell-box.yaml", "spheres.yaml", "smallpt.yaml"])
+def test_a_first_scene_compiles_nothing_by_itself(name: str) -> None:
+    command = [sys.executable, "-c", _PROGRAM, str(ROOT / "scenes"), name]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("has_full", [True, False])
+def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.MonkeyPatch, has_full: bool) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(jit, "is_kept", lambda name: has_full and name == kernel_name(edition=FULL))
+    monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
+    load_preparing()
+    assert done == ["all"] * has_full
+
+
+@pytest.mark.parametrize(("edition", "prepares", "wanted"), [(PLAIN, True, ["first"]), (FULL, True, ["all"]), (PLAIN, False, [])])
+def test_what_comes_with_a_kernel(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, edition: str, prepares: bool, wanted: list[str]
+) -> None:
+    done: list[str] = []
+    monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)  # where that kernel would be listed
+    monkeypatch.setattr(jit, "_ready", set())
+    monkeypatch.setattr(render, "_render", lambda *_: None)
+    monkeypatch.setattr(render, "load_preparing", lambda: None)
+    monkeypatch.setattr(render, "prepare_first", lambda: done.append("first"))
+    monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
+    with render.Helpers(edition, wanted=False) as nobody:
+        warm_up(edition=edition, helpers=nobody, prepares=prepares)
+    assert done == wanted

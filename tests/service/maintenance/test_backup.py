@@ -1,0 +1,202 @@
+"""A copy that is taken while a farm works is a farm: it goes on from there, to the same bits."""
+
+from __future__ import annotations
+
+import sqlite3
+import tarfile
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from service.errors import Conflict, Invalid, NotFound
+from service.maintenance.backup import MANIFEST, Report, back_up
+from service.maintenance.restore import restore
+from service.maintenance.target import target_at
+from service.store.models import Key
+from tests.helpers import running_redis
+from tests.service.conftest import OBJ, Databases, Service, until
+from tests.service.peer_worker import expected_digest
+from worker.protocol.contract import RenderBatch
+
+
+def back_up_to(service: Service, target: Path) -> Report:
+    return back_up(service.options["data"], target_at(target, MANIFEST))
+
+
+def files_of(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def beside(data: Path, job: str) -> dict[str, bytes]:
+    """A job's log and snapshots, as they lie on the disk."""
+    return {
+        path.relative_to(data).as_posix(): path.read_bytes()
+        for folder in ("logs-of-jobs", "snapshots")
+        for path in (data / folder).rglob("[!.]*")
+        if path.is_file() and job in path.relative_to(data).as_posix()
+    }
+
+
+@pytest.fixture(autouse=True)
+def sqlite_alone(databases: Databases) -> None:
+    if databases.given:
+        pytest.skip("a PostgreSQL is backed up by its own tools, and RAYFARM_TEST_DATABASE_URL names one")
+
+
+@pytest.mark.parametrize("name", [pytest.param("copy", marks=pytest.mark.long), "copy.tar.gz"])
+def test_a_half_done_job_is_finished_from_its_backup(
+    service: Service, redis_server: running_redis, tmp_path: Path, name: str
+) -> None:
+    some = threading.Event()
+
+    def slow(batch: RenderBatch) -> bool | None:
+        some.wait(0.05)
+        return None
+
+    with service.worker() as worker:
+        done = service.submit(service.ready_scene())
+        service.wait_for(done, "finished")
+        until(lambda: beside(service.options["data"], done) != {}, "its log is written")
+        before = beside(service.options["data"], done)
+        worker.on_batch = slow
+        half = service.submit(service.ready_scene(), spp=40, seed=3)
+        until(lambda: service.job(half)["progress"] > 0.1, "it is under way")
+        report = back_up_to(service, tmp_path / name)  # while batches come in
+        assert service.job(half)["state"] == "running", "it was taken half way"
+        some.set()
+        service.wait_for(half, "finished")
+    assert (report.films, report.lacking) == (2, [])
+    service.stop()
+
+    seen: list[tuple[int, int]] = []
+    restore(tmp_path / name, tmp_path / "again", lambda at, total, what: seen.append((at, total)))
+    assert seen[-1][0] == seen[-1][1] or name.endswith(".gz")
+    again = Service(tmp_path / "again", redis_server)
+    try:
+        assert 0 < again.job(half)["samples"] < 40 * 64 * 48
+        with again.worker() as worker:
+            again.wait_for(half, "finished")
+            assert {batch.job for batch in worker.batches} == {half}, "what was finished stays so"
+        assert again.digest(half) == expected_digest(spp=40, seed=3)
+        assert again.digest(done) == expected_digest()
+        after = beside(tmp_path / "again", done)
+        assert all(after[name].startswith(content) for name, content in before.items()), "logs and snapshots came along"
+        assert {path.stat().st_mode & 0o077 for path in (tmp_path / "again").rglob("*")} == {0}
+    finally:
+        again.stop()
+        service.start()  # which the fixture stops
+
+
+@pytest.mark.long
+def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -> None:
+    target = tmp_path / "copy"
+    (service.options["data"] / "webhook-secret").write_text("whsec_")
+    with service.worker():
+        first = service.submit(service.ready_scene())
+        service.wait_for(first, "finished")
+        back_up_to(service, target)
+        before = files_of(target)
+        gone = service.submit(service.upload(OBJ + b"# other"))
+        service.wait_for(gone, "finished")
+    second = back_up_to(service, target)
+    assert second.unchanged >= sum(name.startswith("blobs/") for name in before)
+    assert f"films/{gone}.sqlite" in files_of(target)
+    assert service.http.delete(f"/api/jobs/{gone}").status_code == 204
+    until(lambda: not (service.options["data"] / "films" / f"{gone}.sqlite").exists(), "its film is removed")
+    back_up_to(service, target)
+    assert f"films/{gone}.sqlite" not in files_of(target)
+    restore(target, tmp_path / "again")
+    assert (tmp_path / "again" / "films" / f"{first}.sqlite").exists()
+    assert (tmp_path / "again" / "webhook-secret").read_text() == "whsec_"
+
+
+def test_who_was_logged_in_logs_in_anew_and_tokens_hold(service: Service, tmp_path: Path) -> None:
+    with service.farm.sessions.begin() as session:
+        for kind in ("session", "link", "token"):
+            session.add(Key(id=kind, hash=kind, kind=kind, user="ada", name="", role="view", created=0.0))
+    back_up_to(service, tmp_path / "copy")
+    restore(tmp_path / "copy", tmp_path / "again")
+    with closing(sqlite3.connect(tmp_path / "again" / "rayfarm.sqlite")) as database:
+        assert database.execute("SELECT kind FROM keys").fetchall() == [("token",)]
+
+
+@pytest.mark.long
+def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp_path: Path) -> None:
+    with service.worker():
+        jobs = [service.submit(service.ready_scene(), seed=seed) for seed in range(2)]
+        for job in jobs:
+            service.wait_for(job, "finished")
+    service.options["film_check_days"] = 0
+    service.restart()
+    (service.options["data"] / "films" / f"{jobs[0]}.sqlite").unlink()
+    report = back_up_to(service, tmp_path / "copy.tar")
+    assert report.films == 1
+    assert [jobs[0] in sentence for sentence in report.lacking] == [True]
+    restore(tmp_path / "copy.tar", tmp_path / "again")
+    assert (tmp_path / "again" / "films" / f"{jobs[1]}.sqlite").exists()
+
+
+def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match="holds no farm"):
+        back_up(tmp_path, target_at(tmp_path / "copy", MANIFEST))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "holiday.jpg").touch()
+    for path, why in (("mine", "something else"), ("copy.zip", "neither"), ("mine/holiday.jpg", "neither")):
+        with pytest.raises(Invalid, match=why):
+            target_at(tmp_path / path, MANIFEST)
+    with pytest.raises(Conflict, match="not empty"):
+        restore(tmp_path / "copy", tmp_path / "mine")
+    with pytest.raises(NotFound):
+        restore(tmp_path / "nothing.tar", tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def small(folder: Path) -> Path:
+    """A farm of a database alone, backed up."""
+    (folder / "data").mkdir()
+    with sqlite3.connect(folder / "data" / "rayfarm.sqlite") as database:
+        database.execute("PRAGMA user_version")
+    database.close()
+    back_up(folder / "data", target_at(folder / "copy", MANIFEST))
+    return folder / "copy"
+
+
+def test_a_backup_that_was_cut_off_or_damaged_makes_no_farm(tmp_path: Path) -> None:
+    copy = small(tmp_path)
+    restore(copy, tmp_path / "good")
+    database = (copy / "rayfarm.sqlite").read_bytes()
+    (copy / "rayfarm.sqlite").write_bytes(database[:-1] + b"\1")
+    with pytest.raises(Invalid, match=r"rayfarm\.sqlite is not what was backed up"):
+        restore(copy, tmp_path / "again")
+    (copy / "rayfarm.sqlite").unlink()
+    with pytest.raises(Invalid, match=r"lacks rayfarm\.sqlite"):
+        restore(copy, tmp_path / "again")
+    (copy / MANIFEST).unlink()
+    with pytest.raises(Invalid, match="no complete backup"):
+        restore(copy, tmp_path / "again")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy", "data", "good"]
+
+
+@pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "films/../../evil.sqlite", "bin/sh", "films/a.sqlite/b"])
+def test_a_tar_file_writes_nowhere_else(tmp_path: Path, name: str) -> None:
+    with tarfile.open(tmp_path / "bad.tar", "w") as tar:
+        tar.addfile(tarfile.TarInfo(name))
+    with pytest.raises(Invalid, match="is not restored"):
+        restore(tmp_path / "bad.tar", tmp_path / "again")
+    with tarfile.open(tmp_path / "link.tar", "w") as tar:
+        link = tarfile.TarInfo("token")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        tar.addfile(link)
+    with pytest.raises(Invalid, match="no file"):
+        restore(tmp_path / "link.tar", tmp_path / "again")
+
+
+def test_one_that_was_cut_off_in_the_middle_says_so(tmp_path: Path) -> None:
+    small(tmp_path)
+    back_up(tmp_path / "data", target_at(tmp_path / "copy.tar.gz", MANIFEST))
+    whole = (tmp_path / "copy.tar.gz").read_bytes()
+    (tmp_path / "cut.tar.gz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(Invalid, match="damaged or was cut off"):
+        restore(tmp_path / "cut.tar.gz", tmp_path / "again")

@@ -1,0 +1,239 @@
+"""Two services on one database, with a simulated clock: which of them owns the farm, and that writes of the other are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from service.errors import CannotStart, NotOwner, Unavailable
+from service.ownership import rows
+from service.ownership.candidate import Candidate, own
+from service.ownership.ownership import Ownership
+from service.ownership.silence import LEAST_LOOKS
+from service.settings import Settings
+from service.store.models import Scene
+
+LEASE_S = 6.0
+
+
+class Time:
+    def __init__(self) -> None:
+        self.now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Time:
+    return Time()
+
+
+@pytest.fixture
+def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[..., Candidate]]:
+    """A factory of candidates, by default in the folder `data`."""
+    made: list[Candidate] = []
+    url = database or f"sqlite:///{tmp_path / 'farm.sqlite'}"
+
+    def make(folder: str = "data", **settings: Any) -> Candidate:
+        made.append(Candidate(Settings(data=tmp_path / folder, database_url=url, lease_s=LEASE_S, **settings), clock))
+        return made[-1]
+
+    yield make
+    for candidate in made:
+        candidate.close()
+
+
+def owned(candidate: Candidate) -> Ownership:
+    found = candidate.attempt()
+    assert found is not None
+    return found
+
+
+def elsewhere(owning: Ownership) -> None:
+    """Makes the owner's row look like that of another machine, whose process cannot be checked."""
+    with owning._bare.begin() as session:
+        session.execute(text("UPDATE owners SET process = NULL, locked = :no"), {"no": False})
+
+
+def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
+    """Stands by for `seconds`; returns the ownership if it was taken, else None."""
+    until = clock.now + seconds
+    while clock.now < until:
+        if (found := candidate.attempt()) is not None:
+            return found
+        clock.now += 0.5
+    return None
+
+
+def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
+    candidates: Callable[..., Candidate], clock: Time
+) -> None:
+    first = owned(candidates())
+    second = candidates()
+    assert second.attempt() is None
+    first.stop()
+    clock.now += 0.5
+    follower = owned(second)
+    assert follower.epoch > first.epoch
+    row = rows.look(follower.sessions)
+    assert row is not None
+    assert row.takeovers == 0, "it was given up"
+
+
+@pytest.mark.long
+def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    second = candidates()
+    for _ in range(100):
+        assert second.attempt() is None
+        first.confirm()
+        clock.now += 0.5
+    assert not first.is_lost
+
+
+def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candidate]) -> None:
+    first = owned(candidates())
+    second = candidates()
+    first._folder.release()  # as the system does when a process ends
+    follower = owned(second)
+    row = rows.look(follower.sessions)
+    assert row is not None
+    assert row.takeovers == 1
+
+
+def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    elsewhere(first)
+    first._folder.release()
+    second = candidates()
+    assert wait(second, clock, LEASE_S - 1.0) is None
+    assert not second._lock.is_held, "who stands by leaves it to the owner"
+    first.confirm()
+    assert first._folder.is_held
+    row = rows.look(first.sessions)
+    assert row is not None
+    assert row.locked
+
+
+def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
+    candidates: Callable[..., Candidate], clock: Time
+) -> None:
+    first = owned(candidates())
+    elsewhere(first)
+    second = candidates()
+    begun = clock.now
+    follower = wait(second, clock, 3 * LEASE_S)
+    assert follower is not None
+    assert LEASE_S < clock.now - begun <= LEASE_S + 1.5
+    with follower.sessions.begin() as session:
+        session.add(scene("of the new owner"))
+    with pytest.raises(NotOwner), first.sessions.begin() as session:
+        session.add(scene("of the old one"))
+    with first.sessions() as session:
+        assert session.get(Scene, "of the old one") is None
+    assert first.is_lost
+    with pytest.raises(NotOwner):
+        first.guard()
+    follower.guard()
+
+
+def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    elsewhere(first)
+    first.guard()
+    assert wait(candidates(), clock, 3 * LEASE_S) is not None
+    assert not first.is_lost, "nobody has told it"
+    assert first.is_doubtful
+    with pytest.raises(NotOwner):
+        first.guard()
+    assert first.is_lost
+
+
+def test_alone_it_goes_on_though_the_database_is_away(
+    candidates: Callable[..., Candidate], clock: Time, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = owned(candidates())
+    looked = []
+
+    def away(_: object) -> None:
+        looked.append(clock.now)
+        raise Unavailable("away")
+
+    monkeypatch.setattr(rows, "look", away)
+    clock.now += 2 * LEASE_S
+    for _ in range(5):
+        first.guard()
+    assert len(looked) == 1, "it is not waited for each time"
+    first._heard = True
+    with pytest.raises(Unavailable, match="still owns the farm"):
+        first.guard()
+
+
+def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    told: list[None] = []
+    first._on_lost = lambda: told.append(None)
+    first._folder.release()
+    second = owned(candidates())
+    for _ in range(3):
+        first.confirm()
+        with pytest.raises(NotOwner):
+            first.guard()
+    assert len(told) == 1
+    first.stop()
+    row = rows.look(second._bare)
+    assert row is not None
+    assert row.owner is not None, "what is another's is not given up"
+
+
+def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    first._moves = lambda: False
+    second = candidates()
+    for _ in range(LEAST_LOOKS + int(2 * LEASE_S) + 2):
+        if second.attempt() is not None:
+            return
+        first.confirm()
+        clock.now += 0.5
+    pytest.fail("the second never takes over")
+
+
+def test_another_folder_on_the_same_database_is_refused(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = owned(candidates())
+    second = candidates("another")
+    assert second.attempt() is None
+    first.confirm()
+    clock.now += 0.5
+    with pytest.raises(CannotStart, match="its films lie in another folder"):
+        second.attempt()
+
+
+def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidate]) -> None:
+    first = owned(candidates())
+    seen = rows.look(first._bare)
+    me = candidates()._me
+    assert rows.take(first._bare, seen, me, has_lock=False) is not None
+    assert rows.take(first._bare, seen, me, has_lock=False) is None
+
+
+def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    first = own(Settings(data=tmp_path), 0.0)
+    with pytest.raises(CannotStart, match="Another service works on"):
+        own(Settings(data=tmp_path), 0.0)
+    first.stop()
+    own(Settings(data=tmp_path), 0.0).stop()
+
+
+def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
+    with pytest.raises(CannotStart, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
+        own(Settings(data=tmp_path), 0.0)
+
+
+def scene(id: str) -> Scene:
+    return Scene(id=id, name=id, status="ready", created=0.0, main="a.obj", files=[], bytes=0)

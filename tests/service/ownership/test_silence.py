@@ -1,0 +1,52 @@
+"""An owner counts as dead only after a request, enough checks, and enough time without an answer."""
+
+from __future__ import annotations
+
+from service.ownership.silence import LEAST_LOOKS, Silence
+from service.store.models import Owner
+
+LEASE_S = 6.0
+
+
+def row(epoch: int = 5, answered: int = 0) -> Owner:
+    return Owner(what="farm", epoch=epoch, asked=1, answered=answered)
+
+
+def silent_for(seconds: float, looks: int) -> tuple[Silence, list[float]]:
+    clock = [100.0]
+    silence = Silence(LEASE_S, lambda: clock[0])
+    assert silence.is_broken(row()), "it was not asked yet"
+    silence.asked(5, 1)
+    for _ in range(looks):
+        clock[0] += seconds / looks
+        assert not silence.is_broken(row())
+    return silence, clock
+
+
+def test_it_lasts_for_the_lease_and_no_shorter() -> None:
+    assert not silent_for(LEASE_S - 0.01, 12)[0].is_too_long
+    assert silent_for(LEASE_S + 0.01, 12)[0].is_too_long
+
+
+def test_whoever_stood_still_itself_looks_some_times_more() -> None:
+    silence, _ = silent_for(1000.0, LEAST_LOOKS - 1)
+    assert not silence.is_too_long
+    silence.is_broken(row())
+    assert silence.is_too_long
+
+
+def test_an_answer_ends_it_and_it_begins_anew() -> None:
+    silence, clock = silent_for(LEASE_S - 1.0, 8)
+    assert silence.is_broken(row(answered=1))
+    assert silence.has_answered(row(answered=1))
+    silence.asked(5, 2)
+    clock[0] += LEASE_S - 1.0
+    for _ in range(LEAST_LOOKS):
+        assert not silence.is_broken(row(answered=1))
+    assert not silence.is_too_long
+
+
+def test_a_new_owner_was_not_asked_yet() -> None:
+    silence, _ = silent_for(LEASE_S + 1.0, 8)
+    assert silence.is_broken(row(epoch=6, answered=1))
+    assert not silence.has_answered(row(epoch=6, answered=1)), "that was another's answer"

@@ -1,0 +1,195 @@
+"""Denoised pictures: at any moment, made once, beside the raw one, and a sentence where nobody can make them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import httpx
+import numpy as np
+import pytest
+
+from renderer.image import rgbe9995
+from service.scheduling.artifacts.denoising import Denoising
+from service.store.bands import bands
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker
+
+
+def raw(service: Service, job: str, query: str = "") -> httpx.Response:
+    return service.http.get(f"/api/jobs/{job}/frames/0/image.rgb9e5{query}")
+
+
+def finished(service: Service) -> str:
+    job = service.submit(service.ready_scene())
+    service.wait_for(job, "finished")
+    return job
+
+
+@pytest.mark.long
+def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Service, worker: PeerWorker) -> None:
+    job = finished(service)
+    digest, before = service.digest(job), raw(service, job).content
+    answer = raw(service, job, "?denoise=true")
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["x-samples"] == str(64 * 48 * 8)
+    color = np.concatenate(list(bands(service.farm.films._films[job], 0, ["color"])))
+    expected = color / 2 + np.array([0, 0, 1], np.float32)  # the peer's formula; its albedo is black, its normals are +Z
+    np.testing.assert_array_equal(np.frombuffer(answer.content, "<u4").reshape(48, 64), rgbe9995.pack(expected))
+    for extension in ("png", "jpg", "exr", "hdr"):
+        file = service.http.get(f"/api/jobs/{job}/frames/0/image.{extension}?denoise=true")
+        assert file.status_code == 200
+        assert "-denoised." in file.headers["content-disposition"]
+    assert (service.digest(job), raw(service, job).content) == (digest, before)
+    assert worker.denoised == [job], "made once, for whatever is asked of it"
+    tagged = raw(service, job, "?denoise=true").headers["etag"]
+    assert tagged != raw(service, job).headers["etag"]
+    url = f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true"
+    assert service.http.get(url, headers={"If-None-Match": tagged}).status_code == 304
+
+
+@pytest.mark.long
+def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWorker) -> None:
+    job = finished(service)
+    first = raw(service, job, "?denoise=true")
+    service.patch(job, spp=16)
+    service.wait_for(job, "finished")
+    second = raw(service, job, "?denoise=true")
+    assert second.content != first.content
+    assert second.headers["x-samples"] == str(64 * 48 * 16)
+    assert len(worker.denoised) == 2
+    blobs = [made.sha256 for made in service.farm.engine._errands.denoising._made.values()]
+    assert len(blobs) == 1, "the old one is gone"
+
+
+@pytest.mark.long
+def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: PeerWorker) -> None:
+    job = finished(service)
+    go = threading.Event()
+    worker.on_denoise = lambda job: (go.wait(20), None)[1]
+    limits = httpx.Limits(max_connections=100)
+    with ThreadPoolExecutor(60) as pool, httpx.Client(base_url=service.url, timeout=30, limits=limits) as http:
+        # more than the service has threads
+        readers = [pool.submit(http.get, f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true") for _ in range(60)]
+        until(lambda: job in {key[0] for key in service.farm.engine._errands.denoising._wanted}, "it is asked for")
+        time.sleep(0.3)
+        begun = time.monotonic()
+        assert raw(service, job).status_code == 200
+        assert service.http.get("/api/jobs").status_code == 200
+        assert time.monotonic() - begun < 3
+        go.set()
+        assert {reader.result().content for reader in readers} == {readers[0].result().content}
+        assert {reader.result().status_code for reader in readers} == {200}
+    assert worker.denoised == [job]
+
+
+@pytest.mark.long
+def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = finished(service)
+    raw(service, job, "?denoise=true")
+    go = threading.Event()
+    monkeypatch.setattr(service.farm.blobs, "exists", lambda sha256: go.wait(20))
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        time.sleep(0.3)  # it asks the store
+        service.wait_for(service.submit(service.ready_scene(), seed=1), "finished")
+        go.set()
+        assert reader.result().status_code == 200
+
+
+@pytest.mark.long
+def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
+    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = finished(service)
+    asked, go = threading.Event(), threading.Event()
+    size = service.farm.blobs.size
+    monkeypatch.setattr(service.farm.blobs, "size", lambda sha256: asked.set() or (go.wait(20) and size(sha256)))
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        until(asked.is_set, "the worker has made it and the store is asked for it")
+        service.wait_for(service.submit(service.ready_scene(), seed=1), "finished", timeout=10)
+        assert not reader.done()
+        go.set()
+        assert reader.result().status_code == 200
+
+
+@pytest.mark.long
+def test_while_a_job_is_rendered(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=60)
+    until(lambda: service.job(job)["samples"] > 0, "it has begun")
+    answer = raw(service, job, "?denoise=true")
+    assert answer.status_code == 200
+    assert 0 < int(answer.headers["x-samples"]) < 64 * 48 * 60
+    service.wait_for(job, "finished")
+
+
+def problem(answer: httpx.Response, status: int) -> str:
+    assert answer.status_code == status, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    return str(answer.json()["detail"])
+
+
+@pytest.mark.long
+def test_nobody_who_can_is_a_sentence(service: Service) -> None:
+    with service.worker():
+        job = finished(service)
+        assert service.http.get("/api/info").json()["denoise"] is True
+    until(lambda: not service.farm.engine.snapshot.roster.reports, "the worker has left")
+    assert "none is ready" in problem(raw(service, job, "?denoise=true"), 503)
+    with service.worker(denoises=False):
+        until(lambda: bool(service.farm.engine.snapshot.roster.reports), "another has come")
+        assert "pip install" in problem(raw(service, job, "?denoise=true"), 503)
+        assert service.http.get("/api/info").json()["denoise"] is False
+        assert [worker["denoises"] for worker in service.http.get("/api/workers").json()] == [False]
+
+
+@pytest.mark.long
+def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Service, worker: PeerWorker) -> None:
+    job = finished(service)
+
+    def fail(job: str) -> None:
+        raise ValueError("the library has no memory")
+
+    worker.on_denoise = fail
+    assert "has no memory." in problem(raw(service, job, "?denoise=true"), 502)
+    worker.on_denoise = lambda job: None
+    assert raw(service, job, "?denoise=true").status_code == 200
+
+
+@pytest.mark.long
+def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Denoising, "_patience_s", 0.5)
+    job = finished(service)
+    worker.on_denoise = lambda job: time.sleep(4)
+    assert "in time" in problem(raw(service, job, "?denoise=true"), 504)
+
+
+@pytest.mark.long
+def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    worker.on_batch = lambda batch: False
+    job = service.submit(scene)
+    assert "no samples yet" in problem(raw(service, job, "?denoise=true"), 409)
+    service.patch(job, state="cancelled")
+    worker.on_batch = lambda batch: None
+    job = finished(service)
+    assert "leave aov out" in problem(raw(service, job, "?denoise=true&aov=normal"), 422)
+    worker.on_denoise = lambda job: time.sleep(1)
+    with ThreadPoolExecutor(1) as pool:
+        reader = pool.submit(raw, service, job, "?denoise=true")
+        until(lambda: bool(service.farm.engine._errands.denoising._wanted), "it is asked for")
+        service.http.delete(f"/api/jobs/{job}").raise_for_status()
+        assert "deleted" in problem(reader.result(), 404)
+
+
+@pytest.mark.long
+def test_only_workers_read_a_films_means(service: Service, worker: PeerWorker) -> None:
+    job = finished(service)
+    problem(service.http.get(f"/api/farm/films/{job}/0"), 401)
+    means = worker.http.get(f"/api/farm/films/{job}/0")
+    assert len(means.content) == 3 * 48 * 64 * 3 * 4
+    assert worker.http.get(f"/api/farm/films/{job}/1").status_code == 404
+    until(lambda: not list((service.options["data"] / "tmp").glob("means-*")), "the file that was sent is gone")

@@ -1,0 +1,65 @@
+"""When a batch that nobody has in hand is lost: not before all that may be its answer was read."""
+
+from __future__ import annotations
+
+import random
+from types import SimpleNamespace
+
+import pytest
+
+from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
+from service.scheduling.jobs.plan import Range
+
+
+def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
+    """A slot that has just taken a batch has not said so, and may have answered by the next look: only the end then counts."""
+    lease = Lease("job", "kind", Range(0, 0, 1), 30.0)
+    for look in range(1, UNSEEN_ALLOWED + 1):
+        lease.seen(False, lambda look=look: (look, 0))  # type: ignore[misc]
+        assert (lease.unseen, lease.answered_by) == (look, (look, 0))
+    lease.seen(False, lambda: (99, 0))
+    assert lease.answered_by == (UNSEEN_ALLOWED, 0), "else what comes faster than it is read would hide it for ever"
+    lease.seen(True, lambda: (100, 0))
+    assert (lease.unseen, lease.answered_by) == (0, None)
+
+
+def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
+    chance = random.Random(7)
+    leases, there = Leases(), list[Lease]()
+    for _ in range(400):
+        deed = chance.random()
+        if deed < 0.5:
+            batch = Range(0, 0, 1) if deed < 0.45 else None
+            new = Lease(chance.choice("ab"), chance.choice("kl"), batch, 30.0, is_joint=chance.random() < 0.5)
+            mates = [lease for lease in there if (lease.owner, lease.is_joint, lease.kind) == (new.owner, new.is_joint, new.kind)]
+            if mates and chance.random() < 0.7:
+                new.message = chance.choice(mates).message
+            new.queue = new.kind
+            leases.add(new)
+            there.append(new)
+        elif there and deed < 0.65:
+            leases.arrived(chance.choice(there))
+        elif there and deed < 0.75:
+            leases.looked_at(chance.choice(there), chance.random() < 0.5, chance.random() < 0.5)
+        elif there:
+            gone = there.pop(chance.randrange(len(there)))
+            assert leases.end(gone.id) is gone
+            assert leases.end(gone.id) is None
+        out = [lease for lease in there if lease.takes_a_slot]
+        for owner in "ab":
+            assert leases.held()[owner] == len({lease.turn for lease in out if lease.owner == owner})
+            assert leases.of(owner) == [lease for lease in there if lease.owner == owner]
+            assert leases.has(owner) == any(lease.owner == owner for lease in there)
+        for kind in "kl":
+            assert leases.turns(kind) == leases.waiting_in(kind) == len({lease.turn for lease in out if lease.kind == kind})
+        assert len(leases) == len(there)
+
+
+def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr("service.scheduling.dispatching.leases.time", SimpleNamespace(monotonic=lambda: now))
+    alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
+    assert alone.travelled_s(0.5) == 0.0, "it came before anybody was seen with it"
+    alone.held_since = joint.held_since = 101.0
+    now = 108.0
+    assert (alone.travelled_s(2.0), alone.travelled_s(9.0), joint.travelled_s(2.0)) == (5.0, 0.0, 0.0)

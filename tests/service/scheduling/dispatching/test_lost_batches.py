@@ -1,0 +1,187 @@
+"""What is lost, what is late, and what is neither though a machine has too much to do."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from renderer.settings import Tile
+from service.scheduling.dispatching import leases, lost_batches
+from service.scheduling.dispatching.leases import Lease, Leases
+from service.scheduling.dispatching.lost_batches import STRAGGLER_S, Fate, Missing
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.jobs.plan import Range
+from worker.protocol.contract import WorkerReport
+from worker.protocol.site import SiteReport
+
+PATIENCE_S = 30.0
+
+
+class World:
+    """What a look sees, and a clock of its own."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        for module in (leases, lost_batches):
+            monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now))
+        self.waiting: set[str] = set()
+        self.reports: dict[str, WorkerReport] = {}
+        self.sites: dict[str, SiteReport] = {}
+        self.living: set[str] = set()  # as Redis knows
+        self.late = False
+        self.read = True
+        self.leases = Leases()
+        workers: Any = SimpleNamespace(
+            are_late=lambda: self.late, away=lambda: self.living - self.reports.keys(), roster=Roster()
+        )
+        self.workers = workers
+        dispatcher: Any = SimpleNamespace(waiting=lambda queue: dict.fromkeys(self.waiting, b""))
+        self.missing = Missing(self.leases, workers, dispatcher)
+        job: Any = SimpleNamespace(id="job", film=SimpleNamespace(tiles=[Tile(0, 0, 8, 8)]))
+        self.jobs = {"job": job}
+
+    def lease(self, expected_s: float = 0.1) -> Lease:
+        lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, expected_s, issued=self.now, queue="q")
+        self.leases.add(lease)
+        return lease
+
+    def works(self, worker: str, *leases: Lease) -> None:
+        hand = [lease.message for lease in leases]
+        self.reports[worker] = WorkerReport(worker, "host", 1, 2, "cpu", "kind", "ready", 0.0, in_hand=hand)
+
+    def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, Fate]:
+        self.now += seconds
+        self.workers.roster = Roster(dict(self.reports), sites=self.sites)
+        results: Any = SimpleNamespace(end=lambda: (1, 0), has_read=lambda position: self.read)
+        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results, travel_s)}
+
+
+@pytest.fixture
+def world(monkeypatch: pytest.MonkeyPatch) -> World:
+    return World(monkeypatch)
+
+
+def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) -> None:
+    lease = world.lease()
+    world.waiting = {lease.message}
+    assert not world.look(10 * PATIENCE_S)
+    world.waiting = set()
+    assert not world.look(), "somebody has taken it, and has not said so yet"
+    world.works("slow", lease)
+    assert not world.look()
+    assert not world.look(STRAGGLER_S - 1)
+    assert world.look(2.0) == {lease.id: Fate.LATE}
+    lease.doubled = True
+    assert not world.look(3.5 * PATIENCE_S)
+    assert world.look(PATIENCE_S) == {lease.id: Fate.OVERDUE}
+
+
+def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -> None:
+    mine, others = world.lease(), world.lease()
+    world.works("starved", mine)
+    world.works("other", others)
+    world.look()
+    assert world.leases.turns("kind") == 2
+    del world.reports["starved"]
+    world.living = {"starved"}
+    assert world.look() == {mine.id: Fate.LATE}, "for slots that have nothing else to do"
+    assert world.leases.turns("kind") == world.leases.held()["job"] == 1, "others are given what it would have been given"
+    mine.doubled = others.doubled = True
+    taken = world.lease()
+    for _ in range(int(PATIENCE_S)):
+        assert not world.look(), "what it took before it could say so it may have too"
+    world.leases.end(taken.id)
+    world.works("starved", mine)
+    assert not world.look()
+    assert (mine.is_away, world.leases.turns("kind")) == (False, 2)
+    del world.reports["starved"]
+    assert not world.look()
+    assert world.leases.turns("kind") == 1
+    world.living = set()
+    assert world.look() == {mine.id: Fate.DEAD}, "its connection has ended"
+    world.leases.end(mine.id)
+    world.leases.end(others.id)
+    assert not world.leases.turns("kind")
+    assert not world.leases.held()
+
+
+def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
+    mine = world.lease()
+    world.works("killed", mine)
+    world.look()
+    del world.reports["killed"]
+    world.read = False
+    assert not world.look(), "its answer may be among those that were not read"
+    world.read = True
+    assert world.look() == {mine.id: Fate.DEAD}
+
+
+def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
+    mine = world.lease()
+    world.works("again", mine)
+    world.look()
+    del world.reports["again"]
+    world.living = {"again"}
+    world.look()
+    world.works("again")
+    mine.doubled = True
+    assert mine.id not in world.look(0.1)
+    assert world.look(0.1) == {mine.id: Fate.UNSEEN}
+    assert world.leases.turns("kind") == 1
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World, late: bool) -> None:
+    lease = world.lease()
+    world.late = late
+    found = [world.look() for _ in range(4)]
+    assert found == ([{}] * 4 if late else [{}, {}, {lease.id: Fate.UNSEEN}, {lease.id: Fate.UNSEEN}])
+
+
+def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+    """Else a machine's slots would have nothing to do while what they have done is on its way."""
+    first, second = (
+        Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
+    )
+    second.message = first.message
+    for lease in (first, second):
+        world.leases.add(lease)
+
+    def work_on(*leases: Lease) -> None:
+        doing = [{"message": lease.message, "batch": lease.id} for lease in leases]
+        known = {"in_hand": [first.message], "current": doing}
+        world.reports["m"] = WorkerReport("m", "host", 1, 2, "cpu", "kind", "ready", 0.0, **known)
+        assert not world.look()
+
+    work_on()
+    assert world.leases.turns("kind") == 2, "none of them is begun"
+    work_on(first)
+    work_on(second)
+    assert (first.is_rendered, second.is_rendered, world.leases.turns("kind")) == (True, False, 1)
+    work_on(first, second)
+    assert world.leases.turns("kind") == 2, "it was begun again, whatever was there of it"
+    work_on()
+    assert world.leases.turns("kind") == 0
+    world.leases.arrived(first)
+    assert world.leases.turns("kind") == 0
+
+
+def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+    lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True)
+    world.leases.add(lease)
+    world.works("m", lease)
+    assert not world.look()
+    assert world.leases.turns("kind") == 1
+    world.works("m")
+    world.sites = {"attic": SiteReport("attic", "host", 1, "127.0.0.1", 8010, 0.0, in_hand=[lease.id])}
+    assert not world.look()
+    assert world.leases.turns("kind") == 0
+
+
+def test_where_results_travel_for_long_so_may_what_is_handed_out(world: World) -> None:
+    lease = world.lease()
+    found = [bool(world.look(travel_s=6.0)) for _ in range(10)]
+    assert found == [False] * 8 + [True] * 2
+    world.leases.end(lease.id)

@@ -1,0 +1,39 @@
+"""What Redis answers, told as what it is."""
+
+from __future__ import annotations
+
+import pytest
+import redis
+
+from service.errors import QueueError
+from service.scheduling.faults.redis_errors import trouble_of
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (redis.ResponseError("BUSY Redis is busy running a script. You can only call SCRIPT KILL."), "busy with a script"),
+        (redis.ReadOnlyError("You can't write against a read only replica."), "replica of another"),
+        (redis.ResponseError("Command # 1 (SET a) of pipeline caused error: READONLY You can't write"), "replica of another"),
+        (redis.OutOfMemoryError("command not allowed when used memory > 'maxmemory'."), "is full"),
+        (redis.ResponseError("MISCONF Redis is configured to save RDB snapshots, but it's unable to"), "cannot save"),
+        (redis.BusyLoadingError("Redis is loading the dataset in memory"), "reading its memory"),
+        (redis.AuthenticationError("invalid username-password pair or user is disabled."), "refuses the service's password"),
+        (redis.exceptions.NoPermissionError("this user has no permissions to run the 'xadd' command"), "may not do"),
+        (redis.exceptions.NoScriptError("No matching script. Please use EVAL."), "has forgotten a script"),
+        (redis.ResponseError("WRONGTYPE Operation against a key holding the wrong kind of value"), "of another type"),
+        (redis.ConnectionError("max number of clients reached"), "as many connections"),
+        (redis.ResponseError("ERR unknown command 'XADD'"), "does not know a command"),
+        (redis.ResponseError("ERR something new"), "refuses a command"),
+        (redis.ConnectionError("Error 111 connecting to 127.0.0.1:6379. Connection refused."), "does not answer"),
+        (redis.TimeoutError("Timeout reading from socket"), "does not answer"),
+    ],
+)
+def test_what_redis_answers_is_told_as_what_it_is(error: Exception, said: str) -> None:
+    fact, remedy = trouble_of(error)
+    assert said in fact
+    assert "memory" not in remedy or said == "is full"
+    try:
+        raise QueueError(str(error)) from error
+    except QueueError as of_the_queue:
+        assert trouble_of(of_the_queue) == (fact, remedy)

@@ -1,0 +1,40 @@
+"""Looks at noise take their share of the engine's time, and no more."""
+
+from __future__ import annotations
+
+import pytest
+
+from service.scheduling.jobs import noise_budget
+from service.scheduling.jobs.noise_budget import AT_ONCE_S, SHARE, Looks
+
+
+class Clock:
+    """The wall; this thread's processor works all the time that a look lasts."""
+
+    now = 50.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    thread_time = monotonic
+
+
+def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr(noise_budget, "time", clock)
+    of = Looks()
+    clock.now += 1000.0  # no more is saved up than at the beginning
+
+    def take(look_s: float) -> int:
+        taken = 0
+        while of.may():
+            with of.one():
+                clock.now += look_s
+            taken += 1
+        return taken
+
+    assert take(0.01) == pytest.approx(AT_ONCE_S / 0.01, rel=0.1)
+    clock.now += 10.0
+    assert take(0.01) == pytest.approx(10.0 * SHARE / 0.01, rel=0.2)
+    clock.now += 0.001
+    assert not of.may()

@@ -1,0 +1,46 @@
+"""The lifecycle of a service process, with a fake ownership."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service import process_lifecycle as lives
+from service.errors import Unavailable
+from service.ownership.candidate import Candidate
+from service.process_lifecycle import Life
+from service.settings import Settings
+
+
+def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For example while the owner is suspended during a write: if the service ended, none would be left to take over."""
+    answers: list[Any] = [Unavailable("The database does not answer.")] * 2
+    owned: list[object] = []
+    was_owned = asyncio.Event()
+
+    def attempt(self: Candidate) -> object:
+        if answers:
+            raise answers.pop()
+        return "owning"
+
+    def own(self: Life, owning: object) -> None:
+        owned.append(owning)
+        was_owned.set()
+
+    async def begun() -> None:
+        life = Life(Settings(data=tmp_path), lambda farm: None)
+        await life.begin()
+        assert life.stands_by
+        assert life.is_alive
+        assert life.why == "This service has not begun: The database does not answer."
+        await asyncio.wait_for(was_owned.wait(), 20)
+        await life.end()
+
+    monkeypatch.setattr(Candidate, "attempt", attempt)
+    monkeypatch.setattr(Life, "_own", own)
+    monkeypatch.setattr(lives, "TRY_EVERY_S", 0.01)
+    asyncio.run(begun())
+    assert owned == ["owning"]

@@ -1,0 +1,51 @@
+"""Picture files are readable by any number of clients, and leave no files behind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from service.watching.picture_response import PIECE, SMALL, Made
+
+OPEN_FILES = Path("/proc/self/fd")
+LARGE = os.urandom(SMALL + 2 * PIECE + 7)
+
+
+@pytest.mark.parametrize("data", [b"", b"few", LARGE])
+def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
+    made = Made.of(data, tmp_path)
+    assert made.size == len(data)
+    one, other = made.pieces(), made.pieces()
+    first = next(one)
+    assert len(first) <= max(PIECE, SMALL)
+    assert b"".join(other) == data
+    assert first + b"".join(one) == data
+
+
+def test_the_file_has_no_name_and_goes_with_its_last_reader(tmp_path: Path) -> None:
+    open_before = set(OPEN_FILES.iterdir())
+    made = Made.of(LARGE, tmp_path)
+    assert not list(tmp_path.iterdir())
+    (file,) = set(OPEN_FILES.iterdir()) - open_before
+    pieces = made.pieces()
+    del made
+    assert b"".join(pieces) == LARGE
+    del pieces
+    assert file not in set(OPEN_FILES.iterdir())
+
+
+def test_a_disk_without_room_is_done_without(tmp_path: Path) -> None:
+    made = Made.of(LARGE, tmp_path / "not there")
+    assert b"".join(made.pieces()) == LARGE
+
+
+def test_what_goes_wrong_in_writing_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+    def fail(path: Path) -> None:
+        path.write_bytes(b"half")
+        raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="the disk is full"):
+        Made.written(fail, tmp_path, ".exr")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,178 @@
+"""Results for many viewers are made once, and kept only while they are valid."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from service.errors import FilmWaits
+from service.events import Events
+from service.store.films import Film, Part
+from service.store.tile_cache import TileCache
+from service.watching import tile_packet
+from service.watching.broadcast import Broadcast
+from service.watching.shared_results import ROUND_PIXELS, Shared
+from tests.service.peer_worker import expected_sums
+from worker.protocol.sums import pack_sums
+
+
+def run(test: Coroutine[Any, Any, None]) -> None:
+    """Runs a coroutine in a separate thread: with browser tests in the same process, its main thread already has a loop."""
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
+
+
+class Packing:
+    """Counts which tiles are packed; can block the packing of one."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.tiles: list[int] = []
+        self.go = threading.Event()
+        self.begun = threading.Event()
+        self.go.set()
+        self.fails = False
+        real = tile_packet.body
+
+        def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
+            found = real(film, frame, tile)
+            self.tiles.append(tile)
+            self.begun.set()
+            self.go.wait(20)
+            if self.fails:
+                raise FilmWaits("The film is locked.")
+            return found
+
+        monkeypatch.setattr(tile_packet, "body", body)
+
+
+@pytest.fixture
+def packing(monkeypatch: pytest.MonkeyPatch) -> Packing:
+    return Packing(monkeypatch)
+
+
+def film_in(folder: Path) -> Film:
+    film = Film(folder / "job.sqlite", 64, 32, 16, 24, TileCache(1 << 20))
+    film.load(make=True)
+    return film
+
+
+def render(film: Film, tile: int, first: int) -> None:
+    film.merge([Part(0, tile, first, 1, pack_sums(expected_sums(film.tiles[tile], first, 1, 0)))])
+
+
+def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing: Packing) -> None:
+    async def test() -> None:
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
+        broadcast.open(asyncio.get_running_loop())
+        shared = Shared(broadcast, 1 << 20)
+        for tile in (0, 1):
+            render(film, tile, 0)
+        with broadcast.listen("job"):
+            packing.go.clear()
+            asked = [asyncio.create_task(shared.tiles("job", film, 0, tiles)) for tiles in ([0, 1], [1, 0], [1, 2])]
+            await asyncio.to_thread(packing.begun.wait, 20)
+            asked[0].cancel()
+            packing.go.set()
+            second, third = await asked[1], await asked[2]
+            assert [(body.tile, body.spp) for body in second + third] == [(1, 1), (0, 1), (1, 1)], "an empty tile is left out"
+            assert sorted(packing.tiles) == [0, 1, 2], "also for the one that left"
+            render(film, 1, 1)
+            broadcast.tell_tiles("job", 0, {1})
+            await asyncio.sleep(0)
+            (after,) = await shared.tiles("job", film, 0, [1])
+            assert after.spp == 2 and after.words != second[0].words
+            assert after.words == tile_packet.body(film, 0, 1)[1]  # type: ignore[index]
+        film.close()
+
+    run(test())
+
+
+def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, packing: Packing) -> None:
+    async def test() -> None:
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
+        broadcast.open(asyncio.get_running_loop())
+        shared = Shared(broadcast, 1 << 20)
+        render(film, 0, 0)
+        with broadcast.listen("job"):
+            packing.go.clear()
+            early = asyncio.create_task(shared.tiles("job", film, 0, [0]))
+            await asyncio.to_thread(packing.begun.wait, 20)
+            render(film, 0, 1)
+            broadcast.tell_tiles("job", 0, {0})
+            await asyncio.sleep(0)
+            packing.go.set()
+            assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [2]
+            assert [body.spp for body in await early] == [1]
+            assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [2], "the late one took nothing back"
+        with broadcast.listen("job"):
+            render(film, 0, 2)  # while nobody listened, for all that is known
+            assert [body.spp for body in await shared.tiles("job", film, 0, [0])] == [3]
+        film.close()
+
+    run(test())
+
+
+def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Packing) -> None:
+    async def test() -> None:
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
+        shared = Shared(broadcast, 1 << 20)
+        render(film, 0, 0)
+        packing.fails = True
+        with broadcast.listen("job"):
+            for _ in range(2):
+                with pytest.raises(FilmWaits):
+                    await shared.tiles("job", film, 0, [0])
+            packing.fails = False
+            assert len(await shared.tiles("job", film, 0, [0])) == 1
+        film.close()
+
+    run(test())
+
+
+def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packing: Packing) -> None:
+    async def test() -> None:
+        film, broadcast = film_in(tmp_path), Broadcast(Events())
+        for tile in range(8):
+            render(film, tile, 0)
+        shared = Shared(broadcast, 2 * 4 * 16 * 16 * 4)
+        with broadcast.listen("job"):
+            await shared.tiles("job", film, 0, range(8))
+            assert shared._bytes == 4 * 16 * 16 * 4
+            await shared.tiles("job", film, 0, [7])
+            assert len(packing.tiles) == 8
+            await shared.tiles("job", film, 0, [0])
+            assert len(packing.tiles) == 9
+        large = Shared(broadcast, 1 << 30)
+        assert large.round_pixels == ROUND_PIXELS
+        with broadcast.listen("a"), broadcast.listen("a"), broadcast.listen("b"):
+            few = Shared(broadcast, 96 << 10).round_pixels
+            assert few == (48 << 10) // (3 * 16)
+        film.close()
+
+    run(test())
+
+
+def test_a_job_is_described_once_until_it_changes(tmp_path: Path) -> None:
+    async def test() -> None:
+        broadcast, made = Broadcast(Events()), []
+        broadcast.open(asyncio.get_running_loop())
+        shared = Shared(broadcast, 1 << 20)
+
+        def make() -> int:
+            made.append(0)
+            return len(made)
+
+        with broadcast.listen("job"):
+            said = await asyncio.gather(*(shared.told("job", "state", make) for _ in range(20)))
+            assert said == [1] * 20
+            broadcast.tell("job", "job")
+            await asyncio.sleep(0)
+            assert await shared.told("job", "state", make) == 2
+
+    run(test())

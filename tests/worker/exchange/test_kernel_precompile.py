@@ -1,0 +1,91 @@
+"""The kernel that is got ready before anybody asks for it: once, behind everything else, and without harm where it fails."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from renderer import jit
+from renderer.render import FULL, kernel_name
+from worker.exchange import kernel_precompile
+from worker.exchange.errors import LinkError
+from worker.exchange.link import Link
+from worker.process.apply_terms import Keeping
+from worker.protocol.terms import Terms
+
+LINK = Link("http://127.0.0.1:9", "token")
+
+
+@pytest.fixture(autouse=True)
+def token(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_TOKEN", "token")
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
+    """The commands that were started; each process only says how far it stands back."""
+    found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
+    popen = subprocess.Popen
+
+    def start(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+        assert options["env"]["RAYFARM_TOKEN"] == "token"
+        program = "import os; print(os.getpriority(os.PRIO_PROCESS, 0))"
+        found.append((command, popen([sys.executable, "-S", "-c", program], stdout=subprocess.PIPE, **options)))
+        return found[-1][1]
+
+    monkeypatch.setattr(subprocess, "Popen", start)
+    return found
+
+
+def test_it_begins_behind_everything_else(
+    started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jit, "is_kept", lambda name: False)
+    kernel_precompile.get_ready_ahead(LINK)
+    ((command, process),) = started
+    assert command[1:] == ["-m", "worker.exchange.kernel_precompile", "--service=http://127.0.0.1:9"]
+    assert process.stdout is not None
+    assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + kernel_precompile.STANDS_BACK, 19)
+    process.stdout.close()
+
+
+def test_nothing_begins_where_this_machine_has_the_kernel(
+    started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(jit, "is_kept", lambda name: asked.append(name) or True)
+    kernel_precompile.get_ready_ahead(LINK)
+    assert (started, asked) == ([], [kernel_name(edition=FULL)])
+
+
+@pytest.mark.parametrize("fetched", [True, False])
+def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched: bool) -> None:
+    handed_in: list[str] = []
+    monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
+    monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
+    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: fetched)
+    monkeypatch.setattr(kernel_precompile, "hand_in", lambda link, folder, kernel: handed_in.append(kernel))
+    assert kernel_precompile.main() == 0
+    assert handed_in == ([] if fetched else [kernel_name(edition=FULL)])
+
+
+def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    def away(*_: Any) -> None:
+        raise LinkError("nobody answers")
+
+    monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
+    monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
+    monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: False)
+    monkeypatch.setattr(kernel_precompile, "hand_in", away)
+    assert kernel_precompile.main() == 1
+    assert "nobody answers" in caplog.text
+
+
+def test_a_worker_that_shall_spare_its_machine_does_nothing_ahead() -> None:
+    assert Keeping(1).may_work_ahead()
+    for own in (Terms(hours="Mon"), Terms(idle_minutes=5.0), Terms(nice=5), Terms(memory=1 << 30)):
+        assert not Keeping(1, own=own).may_work_ahead(), own

@@ -1,0 +1,155 @@
+"""What slots share of a joint batch, with processes that end at the worst moment."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from worker.machine import joint_pieces as module
+from worker.machine.joint_pieces import Pieces, Taken
+from worker.protocol.contract import Result
+
+
+@pytest.fixture
+def pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pieces]:
+    monkeypatch.setattr(module.tempfile, "tempdir", str(tmp_path))
+    made = Pieces()
+    yield made
+    made.close()
+
+
+def result(number: int) -> Result:
+    return Result({"type": "batch", "first": number}, bytes([number]) * 9)
+
+
+def one(pieces: Pieces) -> Taken:
+    taken = pieces.take()
+    assert taken is not None
+    return taken
+
+
+def in_a_process_that_is_killed(pieces: Pieces, action: str) -> None:
+    def act() -> None:
+        taken = pieces.take()
+        if action == "put" and taken is not None:
+            pieces.put(taken, result(taken.number))
+        if action == "send":
+            next(iter(pieces.ripe()))
+        os._exit(9)
+
+    process = multiprocessing.get_context("fork").Process(target=act)
+    process.start()
+    process.join()
+
+
+def sent(pieces: Pieces, at_once: bool = False) -> list[list[int]]:
+    return [[each.event["first"] for each in results] for results in pieces.ripe(at_once)]
+
+
+def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pieces: Pieces) -> None:
+    pieces.begin("m", b"words", range(3), 60.0)
+    mine = [one(pieces) for _ in range(3)]
+    assert pieces.take() is None
+    assert [taken.about for taken in mine] == [b"words"] * 3
+    for taken in (mine[2], mine[0]):
+        pieces.put(taken, result(taken.number))
+        assert sent(pieces) == []
+        assert pieces.messages() == ["m"]
+    pieces.put(mine[1], result(1))
+    (results,) = pieces.ripe()
+    assert [(each.event["first"], each.sums) for each in results] == [(n, bytes([n]) * 9) for n in range(3)]
+    assert pieces.messages() == []
+    assert sent(pieces) == []
+
+
+def test_the_oldest_message_comes_first(pieces: Pieces) -> None:
+    for name in ("b", "a"):
+        pieces.begin(name, name.encode(), range(1), 60.0)
+    assert [one(pieces).about, one(pieces).about] == [b"b", b"a"]
+
+
+def test_sums_wait_no_longer_than_they_may(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(2), 0.5)
+    taken = one(pieces)
+    pieces.put(taken, result(taken.number))
+    assert sent(pieces) == []
+    old = time.time() - 1
+    os.utime(next(taken.folder.glob("done-*")), (old, old))
+    assert sent(pieces) == [[0]]
+    assert one(pieces).number == 1, "the other piece goes on"
+
+
+def test_a_killed_slots_piece_is_let_go_of_and_the_others_are_sent(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(2), 60.0)
+    in_a_process_that_is_killed(pieces, "take")
+    taken = one(pieces)
+    pieces.put(taken, result(taken.number))
+    assert sent(pieces) == [[1]]
+    assert pieces.messages() == []
+
+
+def test_what_a_killed_slot_was_about_to_send_is_sent_by_another(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(1), 60.0)
+    in_a_process_that_is_killed(pieces, "put")
+    in_a_process_that_is_killed(pieces, "send")
+    assert pieces.messages() == ["m"], "it is not lost"
+    assert sent(pieces) == [[0]]
+    assert pieces.messages() == []
+
+
+def test_a_message_that_comes_again_is_taken_over_but_for_what_others_have(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(4), 60.0)
+    in_a_process_that_is_killed(pieces, "take")
+    in_a_process_that_is_killed(pieces, "put")
+    mine = one(pieces)
+    assert pieces.take_over("m") == [0, 3]
+    assert pieces.take_over("another") is None
+    pieces.put(mine, result(mine.number))
+    assert sent(pieces) == [[1, 2]]
+
+
+def test_at_the_end_what_nobody_has_begun_is_taken_back_and_all_sums_are_sent(pieces: Pieces) -> None:
+    pieces.begin("m", b"words", range(3), 60.0)
+    taken = one(pieces)
+    pieces.put(taken, result(0))
+    assert pieces.withdraw() == [(b"words", [1, 2])]
+    assert sent(pieces, at_once=True) == [[0]]
+    assert pieces.take() is None
+
+
+def test_a_piece_that_comes_to_nothing_holds_nobody_up(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(2), 60.0)
+    first, second = one(pieces), one(pieces)
+    pieces.put(first, result(0))
+    pieces.let_go(second)
+    assert sent(pieces) == [[0]]
+
+
+def test_damaged_sums_are_left_out(pieces: Pieces) -> None:
+    pieces.begin("m", b"", range(2), 60.0)
+    for _ in range(2):
+        taken = one(pieces)
+        pieces.put(taken, result(taken.number))
+    (taken.folder / "done-0000").write_bytes(b"\xff")
+    assert sent(pieces) == [[1]]
+
+
+def test_an_id_that_is_a_path_is_refused(pieces: Pieces) -> None:
+    with pytest.raises(ValueError, match="no id"):
+        pieces.begin("../m", b"", range(1), 1.0)
+
+
+def test_what_a_killed_worker_left_is_removed_and_a_living_ones_stays(pieces: Pieces, tmp_path: Path) -> None:
+    left = tmp_path / f"{module.PREFIX}left"
+    left.mkdir()
+    (left / "lock").touch()
+    other = Pieces()
+    assert not left.exists()
+    assert pieces.root.exists()
+    other.close()
+    assert not other.root.exists()

@@ -1,0 +1,22 @@
+"""Views come first, and the other queues have their turn."""
+
+from __future__ import annotations
+
+from worker.process.queue_order import ViewsFirst
+from worker.protocol.contract import prepare_queue, render_queue
+from worker.protocol.view_parts import view_queue
+
+
+def test_views_come_first_and_the_others_take_turns() -> None:
+    view, render, prepare = view_queue("k"), render_queue("k"), prepare_queue("k")
+    turns = ViewsFirst()
+    turns.update([render, view, prepare])
+    assert turns.consume(3) == [view, render, prepare]
+    turns.rotate(render)
+    assert turns.consume(3) == [view, prepare, render]
+    turns.rotate(prepare)
+    assert turns.consume(3) == [view, render, prepare]
+    turns.rotate(view)
+    assert turns.consume(3) == [prepare, view, render], "a view may wait for what is prepared"
+    turns.rotate(prepare)
+    assert turns.consume(3)[0] == view

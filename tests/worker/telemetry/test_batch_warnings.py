@@ -1,0 +1,41 @@
+"""What a slot warns of while it renders a batch, and how long its steps take."""
+
+from __future__ import annotations
+
+import logging
+import time
+
+from worker.telemetry.batch_warnings import Listener, overhear, step
+
+
+def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
+    log, listener = logging.getLogger("a library"), Listener()
+    logging.getLogger().addHandler(listener)
+    try:
+        log.warning("before")
+        with overhear() as heard:
+            log.info("as ever")
+            try:
+                _ = 1 / 0
+            except ZeroDivisionError:
+                log.exception("the %s is away", "service")
+            for number in range(50):
+                log.warning("%d %s", number, "x" * 1000)
+        log.warning("behind")
+    finally:
+        logging.getLogger().removeHandler(listener)
+    said = heard.told()
+    assert said["lines"][0] == "error: the service is away (ZeroDivisionError: division by zero)"
+    assert len(said["lines"]) == 10 and max(map(len, said["lines"])) == 300
+    assert "took" not in said
+
+
+def test_steps_are_added_up() -> None:
+    with overhear() as heard:
+        for _ in range(2):
+            with step("open scene"):
+                time.sleep(0.02)
+    assert heard.told()["took"]["open scene"] >= 0.04
+    with overhear() as heard:
+        pass
+    assert heard.told() == {}

@@ -1,0 +1,70 @@
+"""What is made for readers: whatever goes wrong with it, they get an answer, and the slot is free again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from worker.exchange.errors import LinkError, WorkError
+from worker.machine.status import SlotBoard
+from worker.protocol.contract import DenoiseFrame
+from worker.work import derived_artifacts
+from worker.work.derived_artifacts import Aside
+
+WORK = DenoiseFrame("w1", "job", 4, 8, 8)
+TASK = SimpleNamespace(request=SimpleNamespace(delivery_info={}))
+
+
+@pytest.fixture
+def worker() -> Any:
+    return SimpleNamespace(name="attic", board=SlotBoard(1))
+
+
+def aside(make: Callable[..., dict[str, Any]]) -> Aside[DenoiseFrame]:
+    return Aside(DenoiseFrame.from_json, make, "made", "failed", "denoise", "denoise the picture")
+
+
+def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:
+    seen: list[Any] = []
+
+    def make(worker: Any, work: DenoiseFrame) -> dict[str, Any]:
+        seen.append(worker.board.read()[0][0])
+        return {"sha256": work.job}
+
+    event = aside(make).event(TASK, worker, asdict(WORK))
+    assert event == {"type": "made", "work": "w1", "worker": "attic", "sha256": "job"}
+    assert seen == [{"denoise": "job", "frame": 4}]
+    assert worker.board.read()[0] == [{}]
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (WorkError("The picture is too large."), "The picture is too large."),
+        (LinkError("no answer"), "attic could not denoise the picture: no answer"),
+        (OSError("no space left"), "attic has no room to denoise the picture: no space left"),
+        (ZeroDivisionError("a fault"), "attic could not denoise the picture (ZeroDivisionError: a fault)"),
+    ],
+)
+def test_whatever_goes_wrong_is_answered(worker: Any, error: Exception, sentence: str) -> None:
+    def make(*_: Any) -> dict[str, Any]:
+        raise error
+
+    event = aside(make).event(TASK, worker, asdict(WORK))
+    assert event == {"type": "failed", "work": "w1", "worker": "attic", "error": sentence}
+    assert worker.board.read()[0] == [{}]
+
+
+def test_a_message_of_another_release_is_answered(worker: Any) -> None:
+    event = aside(lambda *_: {}).event(TASK, worker, {"work": "w1", "job": 7})
+    assert (event["type"], event["work"]) == ("failed", "w1")
+
+
+def test_what_kills_its_process_is_given_up(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(derived_artifacts, "deaths_of", lambda *_: derived_artifacts.DEATHS_ALLOWED)
+    event = aside(lambda *_: {}).event(TASK, worker, asdict(WORK))
+    assert event["error"] == "the worker process died 3 times while it tried to denoise the picture"

@@ -1,0 +1,74 @@
+"""Compiles the full-featured kernel (textures and everything else) in advance, while a new worker waits or renders.
+
+Without it, the first such scene would wait half a minute. Runs as a separate process at low priority:
+`python -m worker.exchange.kernel_precompile --service URL`, with the farm's token in RAYFARM_TOKEN. A slot that needs the kernel
+meanwhile waits for it (renderer.jit.compiling).
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import subprocess
+import sys
+import threading
+
+from renderer import jit
+from renderer.render import FULL, kernel_name
+from worker.exchange.errors import WorkerError
+from worker.exchange.kernels import hand_in
+from worker.exchange.link import Link
+from worker.exchange.ready import fetched_or_compiled
+from worker.machine.children import spawn_guard
+from worker.telemetry import logs
+
+__all__ = ["get_ready_ahead"]
+
+log = logging.getLogger("worker")
+
+STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
+
+
+def get_ready_ahead(link: Link) -> None:
+    """Starts the process, unless this machine has the kernel. The process ends with this one."""
+    if jit.is_kept(kernel_name(edition=FULL)):
+        return
+    guard = spawn_guard()
+
+    def stand_back() -> None:
+        guard()
+        os.nice(STANDS_BACK)
+
+    process = subprocess.Popen(
+        [sys.executable, "-m", "worker.exchange.kernel_precompile", f"--service={link.service}"],
+        env={**os.environ, "RAYFARM_TOKEN": link.token},
+        stdin=subprocess.DEVNULL,
+        preexec_fn=stand_back,
+    )
+    threading.Thread(target=process.wait, name="a kernel got ready ahead", daemon=True).start()  # reaps the child
+
+
+def main() -> int:
+    """Compiles or fetches the kernel once and returns the exit code.
+
+    A failure is only logged, since a slot compiles on demand.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m worker.exchange.kernel_precompile", description="Gets the next kernel ready."
+    )
+    parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
+    options = parser.parse_args()
+    logs.set_up()
+    link = Link(options.service, os.environ.get("RAYFARM_TOKEN", ""))
+    try:
+        if not fetched_or_compiled(link, edition=FULL):
+            hand_in(link, jit.cache_folder(), kernel_name(edition=FULL))
+    except (WorkerError, OSError) as error:
+        log.warning("the kernel %s is not handed in: %s", kernel_name(edition=FULL), error)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""Applies the terms requested of a worker (worker/protocol/terms.py), in the parent's event loop at each heartbeat."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import mmap
+import os
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+
+from worker.machine.presence import Presence
+from worker.machine.process_tree import family
+from worker.protocol import vitals
+from worker.protocol.hours import Hours, local_now
+from worker.protocol.terms import Offer, Terms
+
+__all__ = ["Keeping", "memory_limit"]
+
+MEMORY_EVERY = 5  # beats: to add up what the processes have takes some milliseconds
+NICE = "Its nice level"
+LESS_BY = 0.9  # of the limit: from then on it takes tasks again
+
+log = logging.getLogger(__name__)
+
+_limit = mmap.mmap(-1, 8)  # shared with the slots, which are forked later
+
+
+def memory_limit() -> int:
+    """Returns the bytes that this worker may use, in any of its processes; 0: unlimited."""
+    return int(struct.unpack("q", _limit[:8])[0])
+
+
+@dataclass
+class Keeping:
+    """The terms of one worker. own: those it was started with."""
+
+    slots: int  # processes that it has
+    tags: tuple[str, ...] = ()
+    own: Terms = field(default_factory=Terms)
+    presence: Presence = field(default_factory=Presence)
+    clock: Callable[[], datetime] = local_now
+    asked: Terms = field(default_factory=Terms)
+    why: str | None = None  # it rests
+    trouble: str | None = None
+    _first_nice: int = field(default_factory=lambda: os.getpriority(os.PRIO_PROCESS, 0))
+    _beats: int = 0
+    _is_over: bool = False
+    _total: int = 0
+
+    @property
+    def terms(self) -> Terms:
+        """The terms in force."""
+        return self.asked.over(self.own)
+
+    @property
+    def slots_now(self) -> int:
+        """The number of slots it may use."""
+        return min(self.terms.slots or self.slots, self.slots)
+
+    def may_work_ahead(self) -> bool:
+        """Whether it may work ahead of requests; not while it spares the machine."""
+        own = self.own
+        return not (own.hours or own.idle_minutes or own.memory or own.nice)
+
+    def ask(self, data: bytes | None) -> None:
+        """Takes the service's requested terms; None: none. Invalid terms are ignored."""
+        try:
+            asked = Terms.from_bytes(data) if data is not None else Terms()
+        except ValueError as error:
+            if self.trouble != str(error):
+                log.warning("what is asked of this worker is left out: %s", error)
+            self.trouble = str(error)
+            return
+        if asked != self.asked:
+            log.warning("from now on: %s", asked.to_bytes().decode())
+            self.trouble = None
+        self.asked = asked
+
+    def look(self) -> None:
+        """Updates whether the worker rests, and its nice level."""
+        terms = self.terms
+        struct.pack_into("q", _limit, 0, terms.memory or 0)
+        self._be_nice(terms.nice)
+        somebody = self._at_work(
+            terms
+        )  # looked for outside its hours too: how long nobody has been there is known when they begin
+        self.why = self._outside(terms) or somebody or self._too_large(terms)
+        self._beats += 1
+
+    def offer(self) -> Offer:
+        """Returns what the worker offers to jobs with needs."""
+        terms = self.terms
+        self._total = self._total or (found.memory_total if (found := vitals.look()) else 0)
+        return Offer(
+            tags=self.tags,
+            memory=min(terms.memory or self._total, self._total or (1 << 60)),
+            slots_most=self.slots,
+            keeps=self.asked.digest,
+            hours=terms.hours or "",
+            idle_minutes=terms.idle_minutes or 0.0,
+            idle_by=self.presence.by,
+            nice=os.getpriority(os.PRIO_PROCESS, 0),
+            memory_limit=terms.memory or 0,
+            queues=() if self.why else terms.queues,
+            why=self.why,
+            trouble=self.trouble,
+        )
+
+    def _outside(self, terms: Terms) -> str | None:
+        if not terms.hours or Hours.parse(terms.hours).are_now(self.clock()):
+            return None
+        return f"Outside its hours: {terms.hours}."
+
+    def _at_work(self, terms: Terms) -> str | None:
+        if not terms.idle_minutes:
+            return None
+        left = 60 * terms.idle_minutes - self.presence.idle_s()
+        return (
+            f"Somebody works at this machine; it begins when nobody has for {terms.idle_minutes:g} minutes." if left > 0 else None
+        )
+
+    def _too_large(self, terms: Terms) -> str | None:
+        """Returns why it rests for memory: from its limit on, until well below."""
+        if not terms.memory:
+            self._is_over = False
+        elif self._beats % MEMORY_EVERY == 0 or self._is_over:
+            self._is_over = _memory_of_family() > terms.memory * (LESS_BY if self._is_over else 1.0)
+        if not self._is_over or not terms.memory:
+            return None
+        return f"It uses more memory than its limit of {terms.memory / 1e9:.3g} GB."
+
+    def _be_nice(self, nice: int | None) -> None:
+        """Sets the nice level of all processes of the worker, which later forks inherit. None: as it was started."""
+        wanted = self._first_nice if nice is None else nice
+        if os.getpriority(os.PRIO_PROCESS, 0) == wanted:
+            return
+        for pid in family():
+            try:
+                if os.getpriority(os.PRIO_PROCESS, pid) != wanted:
+                    os.setpriority(os.PRIO_PROCESS, pid, wanted)
+            except PermissionError:
+                self.trouble = f"{NICE} stays at {os.getpriority(os.PRIO_PROCESS, 0)}: only root may lower it. Start it anew."
+                return
+            except ProcessLookupError:
+                continue
+        if self.trouble and self.trouble.startswith(NICE):
+            self.trouble = None
+
+
+def _memory_of_family() -> int:
+    """Returns the bytes of all its processes; shared pages count once."""
+    total = 0
+    for pid in family():
+        with contextlib.suppress(OSError, ValueError, IndexError):
+            lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+            total += next(int(line.split()[1]) * 1024 for line in lines if line.startswith("Pss:"))
+    return total

@@ -1,0 +1,39 @@
+"""The order of a worker's queues: live views first, then pieces of joint batches that this machine has begun, then batches with
+needs that not every worker meets; the other queues take turns.
+
+Preparing gets a turn after each view, since a view may wait for it, as for a scene under another light.
+"""
+
+from __future__ import annotations
+
+from kombu.utils.scheduling import round_robin_cycle
+
+from worker.protocol.contract import prepare_queue
+from worker.protocol.joint import HELP_QUEUES
+from worker.protocol.terms import NEEDS
+from worker.protocol.view_parts import VIEW_QUEUES
+
+__all__ = ["STRATEGY", "ViewsFirst"]
+
+STRATEGY = "worker.process.queue_order:ViewsFirst"  # as kombu names it
+PREPARE_QUEUES = prepare_queue("")
+
+
+class ViewsFirst(round_robin_cycle):
+    """Kombu's round robin, except for the queues of views, pieces and needs."""
+
+    _was_view = False
+
+    def rotate(self, last_used: str) -> str:
+        """Records that a queue had its turn."""
+        self._was_view = last_used.startswith(VIEW_QUEUES)
+        super().rotate(last_used)
+        return last_used
+
+    def consume(self, n: int) -> list[str]:
+        """Returns the queues in the order in which they are read."""
+        first = (PREPARE_QUEUES, VIEW_QUEUES, HELP_QUEUES) if self._was_view else (VIEW_QUEUES, HELP_QUEUES)
+        return sorted(
+            super().consume(n),
+            key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 8 if NEEDS in queue else 9),
+        )

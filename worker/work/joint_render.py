@@ -1,0 +1,135 @@
+"""Joint rendering: the slots of a worker render pieces of one tile and send the sum of their results.
+
+Integer sums are exact, and every result costs the service about the same, so fewer results are cheaper.
+
+The slot that takes a joint batch from the queue makes its pieces available to all slots, sends them help messages, which precede
+other batches, and renders one piece itself. The slot that finishes the last piece, or finds sums whose hold time is over, sends
+the available sums.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+from dataclasses import replace
+from typing import Any
+
+import redis
+from celery import Celery
+from kombu.exceptions import BatchPublishError, OperationalError
+
+from worker.machine.joint_pieces import Taken
+from worker.process.context import WorkerContext
+from worker.protocol.contract import Result, render_queue
+from worker.protocol.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
+from worker.site.merging import joined
+from worker.telemetry.log_lines import about
+from worker.telemetry.task_context import named
+from worker.work.slot import at_work
+
+__all__ = ["ask_for_help", "hand_in", "help_out", "laid_out", "left_of"]
+
+_AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
+
+log = logging.getLogger(__name__)
+
+
+def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
+    """Makes the pieces available to all slots of this worker; False if the files cannot be written.
+
+    Pieces beyond the number of slots go back to the queue.
+    """
+    if worker.pieces is None:
+        return False
+    most = max(2, worker.slots)
+    try:
+        worker.pieces.begin(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
+    except (OSError, ValueError) as error:
+        log.warning("slots cannot share a batch, one renders it alone: %s", error)
+        return False
+    if len(joint.pieces) > most:  # other machines may have slots for them
+        try:
+            _put_back(app, worker, joint, joint.pieces[most:])
+        except _AWAY as error:
+            log.warning("pieces are lost, and will be handed out again: %s", error)
+    ask_for_help(app, worker, min(most, len(joint.pieces)) - 1)
+    return True
+
+
+def left_of(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
+    """The numbers of a dead process's pieces that no slot of this machine holds or renders."""
+    with contextlib.suppress(OSError):
+        if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
+            return left
+    return [*range(len(joint.pieces))]
+
+
+def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
+    """Sends a help request for this many slots. If Redis is unreachable, the worker's next heartbeat repeats it."""
+    options = {"queue": help_queue(worker.name), "ignore_result": True, "retry": False}
+    try:
+        with app.producer_or_acquire() as producer, producer.batch():
+            for _ in range(slots):
+                app.send_task(HELP, kwargs={"asked": {}}, producer=producer, **options)
+    except _AWAY as error:
+        log.warning("slots are not told of a batch yet: %s", error)
+
+
+def help_out(worker: WorkerContext) -> None:
+    """Renders a waiting piece, if there is one, and sends the sums that are due."""
+    if worker.pieces is None:
+        return
+    try:
+        taken = worker.pieces.take()
+        if taken is not None:
+            _render(worker, taken)
+        for results in worker.pieces.ripe():
+            _send(worker, results)
+    except OSError as error:  # lost pieces are handed out again when their lease expires
+        log.warning("sums of a batch are lost: %s", error)
+
+
+def hand_in(app: Celery, worker: WorkerContext) -> None:
+    """Sends all available sums and requeues the pieces that were not started, at a worker's shutdown."""
+    if worker.pieces is None:
+        return
+    try:
+        for words, numbers in worker.pieces.withdraw():
+            joint = JointBatch.from_json(json.loads(words))
+            _put_back(app, worker, joint, tuple(joint.pieces[number] for number in numbers))
+        for results in worker.pieces.ripe(at_once=True):
+            _send(worker, results)
+    except _AWAY as error:
+        log.warning("what is left of a batch is lost, and will be handed out again: %s", error)
+
+
+def _put_back(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
+    rest = replace(joint, pieces=pieces)
+    options: dict[str, Any] = {"ignore_result": True, "retry": False, "task_id": joint.whole.batch}
+    queue = joint.queue or render_queue(worker.kind)
+    app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=queue, **options)
+
+
+def _render(worker: WorkerContext, taken: Taken) -> None:
+    assert worker.pieces is not None
+    joint = JointBatch.from_json(json.loads(taken.about))
+    work = joint.batch(taken.number)
+    with about(**named(vars(work))), at_work(worker, work, joint.whole.batch) as do:
+        result = do()
+        if result.sums is not None:
+            if joint.run is not None:
+                result.event["run"] = list(joint.run)
+            try:
+                worker.pieces.put(taken, result)
+                return
+            except OSError as error:
+                log.warning("sums are sent by themselves, as they cannot be kept for others: %s", error)
+        worker.results.send(result)
+        worker.pieces.let_go(taken)
+
+
+def _send(worker: WorkerContext, results: list[Result]) -> None:
+    for result in joined(results):
+        if not worker.sites.send(result):
+            worker.results.send(result)
