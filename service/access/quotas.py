@@ -24,6 +24,7 @@ __all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend
 
 DAY_S = 86400.0
 SOON_S = 60.0  # seconds after which a caller with too many jobs may retry
+FRESH_S = 5.0  # age up to which a sum of bytes admits further jobs; counting them reads one size per job
 MOST = (1 << 63) - 1  # largest number that is reported or may be set
 OTHERS = "or ask who runs the farm for more"
 
@@ -58,6 +59,7 @@ class Quotas:
         self._sessions = sessions
         self._usual = usual
         self._size_of = size_of
+        self._counted: dict[tuple[Kind, str], tuple[float, int]] = {}  # time.monotonic() of the latest count, and the bytes
 
     def of(self, caller: Caller | None) -> list[Allowance]:
         """Returns the allowances that apply to a caller: the user's, and the token's if it has its own limits."""
@@ -107,8 +109,7 @@ class Quotas:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
                     continue
-                kind, name = _parts(whose)
-                used = self._bytes(kind, session, [name])[name]
+                used = self._bytes_of(*_parts(whose), session)
                 if used + more > limits.bytes or used >= limits.bytes:
                     raise NoRoom(
                         f"{_whose(whose)} uploads and films take {_in_mb(used)} of the {_in_mb(limits.bytes)} that they may"
@@ -118,7 +119,8 @@ class Quotas:
     def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
         """Raises OverQuota or NoRoom if a caller may not start a job, or render `samples` more of an existing one.
 
-        session: the transaction in which the job is recorded. is_new: whether the number of jobs counts.
+        session: the transaction in which the job is recorded. is_new: whether the number of jobs counts. A sum of bytes of up to
+        FRESH_S ago admits a job, since its film grows only later; a refusal is based on a sum of now.
         """
         for whose, limits in self._limits(caller, session):
             kind, name = _parts(whose)
@@ -137,7 +139,7 @@ class Quotas:
                         f"{OTHERS}.",
                         self._frees_after(whose, session),
                     )
-            if limits.bytes is not None:
+            if limits.bytes is not None and not self._had_room(kind, name, limits.bytes):
                 self.check_bytes(caller)
 
     def _limits(self, caller: Caller | None, session: Session) -> Iterable[tuple[str, Limits]]:
@@ -169,6 +171,17 @@ class Quotas:
         for owner, id in session.execute(_of(Job, kind, names, select(_owner(Job, kind), Job.id))):
             sizes[owner] += self._size_of(id)
         return sizes
+
+    def _bytes_of(self, kind: Kind, name: str, session: Session) -> int:
+        """Returns the bytes of one user's or token's uploads and films, counted now."""
+        used = self._bytes(kind, session, [name])[name]
+        self._counted[kind, name] = time.monotonic(), used
+        return used
+
+    def _had_room(self, kind: Kind, name: str, limit: int) -> bool:
+        """Returns whether the latest count, if it is recent, was below the limit."""
+        counted, used = self._counted.get((kind, name), (-FRESH_S, limit))
+        return used < limit and time.monotonic() - counted < FRESH_S
 
     def _frees_after(self, whose: str, session: Session) -> float:
         kind, name = _parts(whose)

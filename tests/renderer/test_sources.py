@@ -16,7 +16,7 @@ from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, files_of, kept_meaning,
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
 # What makes the hash, says where files lie, and confines processes.
-EXEMPT = {ROOT / "sources.py", ROOT / "places.py", *(ROOT / "confine").glob("*.py")}
+EXEMPT = {ROOT / "sources.py", ROOT / "cache_folders.py", *(ROOT / "confine").glob("*.py")}
 
 
 def changed(tmp_path: Path, before: str, after: str) -> bool:
