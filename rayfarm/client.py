@@ -201,9 +201,12 @@ class Client:
         """
         return self._read(Job, self._send("GET", f"/api/jobs/{_id(job)}"))
 
-    def jobs(self) -> list[Job]:
-        """The jobs, the newest first."""
-        return self._list(Job, "/api/jobs")
+    def jobs(self, **query: Any) -> list[Job]:
+        """Returns the jobs, newest first. query: search (words of names and notes, or the beginning of an id), state, scene, ...
+
+        farm.jobs(search="7f3a")
+        """
+        return self._list(Job, "/api/jobs", **query)
 
     def change(self, job: str, **fields: Any) -> Job:
         """Changes a job: state (running, paused, cancelled), priority, spp, after; of a shot extend, again, first, order, frames.
@@ -327,8 +330,8 @@ class Client:
                     raise
             time.sleep(POLL_S)
 
-    def _list(self, cls: type[T], path: str) -> list[T]:
-        answer = self._send("GET", path)
+    def _list(self, cls: type[T], path: str, **query: Any) -> list[T]:
+        answer = self._send("GET", path, params=query)
         try:
             found = read_list(cls, self._data(answer))
         except ValueError as error:

@@ -42,7 +42,10 @@ class PlainConsole(Console):
             yield segment if segment.control else Segment(printable(segment.text), segment.style)
 
 
-out = PlainConsole(highlight=False)
+# Width of tables and lines in a pipe or a file, whose readers must get ids and names uncut; $COLUMNS sets another.
+PIPE_WIDTH = 1000
+
+out = PlainConsole(highlight=False, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else PIPE_WIDTH)
 err = PlainConsole(stderr=True, highlight=False)
 
 

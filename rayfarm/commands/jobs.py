@@ -12,6 +12,7 @@ from rich.table import Table
 
 from rayfarm import options
 from rayfarm.console import out
+from rayfarm.job_lookup import find_job
 from rayfarm.login import farm_client
 
 __all__ = ["register"]
@@ -38,7 +39,7 @@ def jobs(
       rayfarm jobs 7f3a --json
     """
     with farm_client(server) as farm:
-        rows = farm.jobs() if job is None else [farm.job(job)]
+        rows = farm.jobs() if job is None else [find_job(farm, job)]
     if as_json:
         found = [asdict(row) for row in rows]
         print(json.dumps(found if job is None else found[0], indent=1))
@@ -56,7 +57,7 @@ def jobs(
         ("SPP", "right"),
         ("SCENE", "left"),
     ):
-        table.add_column(title, justify=side)  # type: ignore[arg-type]
+        table.add_column(title, justify=side, no_wrap=title == "JOB")  # type: ignore[arg-type]
     for row in rows:
         size = f"{row.width or '?'}x{row.height or '?'}"
         done = f"{100 * row.progress:.0f} %"

@@ -16,6 +16,7 @@ from typer.core import TyperCommand
 from rayfarm import options
 from rayfarm.console import PROGRAM, err
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.job_lookup import find_job
 from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from renderer.image.tonemap import CURVES
@@ -138,7 +139,7 @@ def watch(
 
 def _found(farm: Client, job: str | None) -> Job:
     if job is not None:
-        return farm.job(job)
+        return find_job(farm, job)
     jobs = farm.jobs()
     if not jobs:
         raise CommandError("There is no job to watch. `rayfarm submit SCENE` makes one.")

@@ -68,7 +68,7 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     code, out, _ = here("jobs", "--server", farm.url)
     assert code == 0
     assert any(job in line and "finished" in line and "100 %" in line for line in out.splitlines()), out
-    shown = json.loads(here("jobs", job, "--json", "--server", farm.url)[1])
+    shown = json.loads(here("jobs", job[:8], "--json", "--server", farm.url)[1])
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 

@@ -1,0 +1,51 @@
+"""Jobs by the beginning of their ids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import pytest
+
+from rayfarm.client import Client, ClientError
+from rayfarm.errors import CommandError
+from rayfarm.job_lookup import find_job
+
+
+@dataclass
+class Listed:
+    id: str
+
+
+class FarmWith:
+    """A farm whose jobs are found by their whole id, or by a search, which also finds names."""
+
+    def __init__(self, *ids: str) -> None:
+        self.ids = ids
+
+    def job(self, id: str) -> Listed:
+        if id not in self.ids:
+            raise ClientError(f"There is no job {id!r}.", 404)
+        return Listed(id)
+
+    def jobs(self, search: str) -> list[Listed]:
+        return [Listed(id) for id in self.ids if search in id]
+
+
+def find(text: str, *ids: str) -> str:
+    return find_job(cast(Client, cast(Any, FarmWith(*ids))), text).id
+
+
+def test_an_id_or_its_beginning_finds_the_job() -> None:
+    assert find("7f3a21c0", "7f3a21c0", "7f3a21c0aa") == "7f3a21c0"
+    assert find("7f3", "7f3a21c0", "9b7f3a21") == "7f3a21c0"
+
+
+def test_an_ambiguous_beginning_lists_the_candidates() -> None:
+    with pytest.raises(CommandError, match="2 jobs have ids that begin with '7f': 7f3a21c0, 7f99"):
+        find("7f", "7f3a21c0", "7f99")
+
+
+def test_an_unknown_beginning_is_the_farms_own_error() -> None:
+    with pytest.raises(ClientError, match="no job 'ab'"):
+        find("ab", "7f3a21c0")
