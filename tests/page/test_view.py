@@ -32,6 +32,20 @@ def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
+def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> None:
+    """Files store a camera's own Y axis, which tilts with its pitch; a camera with a roll keeps its axis."""
+    forward = vector(VIEW, "target") - vector(VIEW, "eye")
+    right = np.cross(forward, [0, 1, 0])
+    above = np.cross(right, forward)
+    pitched = {**VIEW, "up": list(above / np.linalg.norm(above))}
+    turned = node.call("scene/orbit", "return m.orbit(a, 1.5, 0.2);", pitched)
+    sight = vector(turned, "target") - vector(turned, "eye")
+    assert np.cross(sight, vector(turned, "up"))[1] == pytest.approx(0, abs=1e-12)
+    np.testing.assert_allclose(turned["eye"], node.call("scene/orbit", "return m.orbit(a, 1.5, 0.2);", VIEW)["eye"], atol=1e-9)
+    rolled = {**VIEW, "up": list(above / np.linalg.norm(above) + 0.3 * right / np.linalg.norm(right))}
+    assert node.call("scene/orbit", "return m.orbit(a, 1.5, 0.2);", rolled)["up"] == rolled["up"]
+
+
 def test_what_is_dragged_follows_the_hand(node: Node) -> None:
     """Half a picture's height to the right and down: the old target is seen there."""
     moved = node.call("scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)

@@ -108,7 +108,8 @@ export class FilmView {
 
   placePoster() {
     if (!this.poster) return;
-    if (this.layers[0].film?.isBlank !== false) {
+    const film = this.layers[0].film;
+    if (film?.isBlank !== false || film.isPartial) {
       this.poster.place(this.viewport, this.canvas.canvas);
       return;
     }

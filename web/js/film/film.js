@@ -27,6 +27,8 @@ export class Film {
     this.total = 0;
     /** Nothing of it has come yet. */
     this.isBlank = given === undefined;
+    /** Single tiles came, and the whole film is still being fetched: without it they would stand alone on black. */
+    this.isPartial = false;
   }
 
   /** @param {TilePacket} tile */
@@ -82,6 +84,7 @@ export class Film {
     this.samples.fill(0);
     this.total = 0;
     this.isBlank = false;
+    this.isPartial = false;
     if (!other) {
       this.words.fill(0);
       return;

@@ -68,7 +68,9 @@ export class LiveFilm {
           action: { label: t("Reload the page"), run: () => location.reload() },
         }),
     });
-    void this.fetch(job.samples > 0 || job.state === "finished");
+    const hasSamples = job.samples > 0 || job.state === "finished";
+    this.film.isPartial = hasSamples;
+    void this.fetch(hasSamples);
   }
 
   /** Fetches the whole film; where that fails, its tiles come one by one. @param {boolean} hasSamples whether there is anything */
@@ -81,6 +83,7 @@ export class LiveFilm {
       if (packet) {
         this.side = packet.side;
         this.film.take(packet);
+        this.film.isPartial = false;
         for (const listener of this.filled) listener();
       }
       this.missing.set("");
@@ -89,6 +92,7 @@ export class LiveFilm {
       this.missing.set(error instanceof ApiError && error.status === 409 ? error.message : "");
     }
     this.isFetched = true;
+    this.film.isPartial = false;
     this.live.sayHave();
   }
 

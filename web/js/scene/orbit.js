@@ -6,6 +6,11 @@
 /** A view may come this near to looking along `up`, where left and right lose their meaning. */
 const STEEPEST = (89 * Math.PI) / 180;
 
+/** Up in the world: readers turn files with other axes. @type {Vec3} */
+const WORLD_UP = [0, 1, 0];
+/** Sine of the roll below which a camera counts as upright: files store axes as float32. */
+const LEVEL = 1e-3;
+
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 /** @param {Vec3} a @param {Vec3} b @returns {Vec3} */
@@ -38,6 +43,18 @@ function axes({ eye, target, up }) {
 }
 
 /**
+ * The same view with the world's up, if its camera has no roll. A file's camera comes with its own Y axis, which tilts with the
+ * camera's pitch: turning about that tilts the horizon.
+ *
+ * @param {View} view
+ * @returns {View}
+ */
+function upright(view) {
+  const { right, above } = axes(view);
+  return Math.abs(right[1]) < LEVEL && above[1] > LEVEL ? { ...view, up: WORLD_UP } : view;
+}
+
+/**
  * A direction turned about `up` by an angle to the left, and raised by another, not beyond the steepest.
  *
  * @param {Vec3} direction
@@ -67,9 +84,10 @@ function turned(direction, up, left, raise) {
  * @returns {View}
  */
 export function orbit(view, dx, dy) {
-  const { eye, target, up } = view;
-  if (view.projection === "panorama") return { ...view, target: add(eye, turned(subtract(target, eye), up, dx, dy)) };
-  return { ...view, eye: add(target, turned(subtract(eye, target), up, -dx, dy)) };
+  const level = upright(view);
+  const { eye, target, up } = level;
+  if (view.projection === "panorama") return { ...level, target: add(eye, turned(subtract(target, eye), up, dx, dy)) };
+  return { ...level, eye: add(target, turned(subtract(eye, target), up, -dx, dy)) };
 }
 
 /**
@@ -128,7 +146,7 @@ export function alongSight({ fov, shift_x: right = 0, shift_y: up = 0 }, { width
  */
 export function fly(view, right, up, ahead) {
   const { right: side, forward } = axes(view);
-  const move = add(add(scale(side, right), scale(unit(view.up), up)), scale(forward, ahead));
+  const move = add(add(scale(side, right), scale(unit(upright(view).up), up)), scale(forward, ahead));
   return { ...view, eye: add(view.eye, move), target: add(view.target, move) };
 }
 
