@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.operations import Operations
+from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine, inspect, text
 
 from service.errors import CannotStart
@@ -19,7 +21,7 @@ from service.settings import Settings
 from service.store.database import connect
 from service.store.migrations.versions import r0001_release_0_1_0
 from service.store.models import Base, Job
-from service.store.upgrade import upgrade
+from service.store.upgrade import MIGRATIONS, standing, upgrade
 from tests.grids import grid
 from tests.service.conftest import Databases, empty_database
 
@@ -53,6 +55,17 @@ def old(tmp_path: Path) -> Path:
 def differences(engine: Engine) -> list[object]:
     with engine.connect() as connection:
         return list(compare_metadata(MigrationContext.configure(connection), Base.metadata))
+
+
+def test_file_names_give_the_revisions_that_alembic_reads(tmp_path: Path) -> None:
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    scripts = ScriptDirectory.from_config(config)
+    revisions = [script.revision for script in scripts.walk_revisions()]
+    engine = create_engine(f"sqlite:///{tmp_path / 'new.sqlite'}")
+    assert standing(engine).head == scripts.get_current_head() == revisions[0]
+    assert sorted(revisions) == sorted(path.name[1:5] for path in (MIGRATIONS / "versions").glob("r*.py"))
+    assert all(Path(script.path).name.startswith(f"r{script.revision}_") for script in scripts.walk_revisions())
 
 
 def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
