@@ -30,6 +30,8 @@ FROM base AS service
 COPY --from=service-packages /venv /venv
 COPY LICENSE ./
 COPY renderer renderer
+COPY protocol protocol
+COPY telemetry telemetry
 COPY worker worker
 COPY service service
 COPY rayfarm rayfarm
@@ -37,7 +39,7 @@ COPY scenes service/examples
 COPY blender service/blender
 COPY web service/web
 # Into this folder no container may write: what is not compiled here, each start compiles again.
-RUN python3 -m compileall -q renderer worker service rayfarm
+RUN python3 -m compileall -q renderer protocol telemetry worker service rayfarm
 COPY deploy/images/rayfarm /usr/local/bin/
 USER rayfarm
 ENV RAYFARM_DATA=/data RAYFARM_PRINT_LINK=true
@@ -69,8 +71,10 @@ COPY --from=kernels /app/renderer renderer
 COPY --from=kernels-avx2 /compiled/kernels kernels
 COPY --from=kernels-avx512 /compiled/kernels kernels
 COPY LICENSE ./
+COPY protocol protocol
+COPY telemetry telemetry
 COPY worker worker
-RUN python3 -m compileall -q worker
+RUN python3 -m compileall -q protocol telemetry worker
 USER rayfarm
 # What a worker fetches and compiles. /tmp holds scenes while they are unpacked, which may be larger than memory.
 ENV RAYFARM_CACHE=/cache RAYFARM_KERNELS=/app/kernels RAYFARM_ALIVE=/tmp/worker.alive

@@ -118,7 +118,7 @@ def install(extras=()):
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
     # pip compiles what it copies, and leaves ours where they are. Each process would, where PYTHONDONTWRITEBYTECODE is set.
-    packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "service", "worker")]
+    packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "protocol", "telemetry", "service", "worker")]
     subprocess.call([str(python), "-m", "compileall", "-q", *packages], stdout=subprocess.DEVNULL)
     # What the sources mean, which a worker's kind follows from, is kept beside them: the first start would find it out.
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}

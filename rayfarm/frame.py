@@ -146,7 +146,7 @@ def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, mo
     """Reports the samples that were left out, and the command that traces the first; more: further options of that command."""
     if not done.bad_count:
         return
-    from worker.protocol.reproduce import sample_command
+    from protocol.reproduce import sample_command
 
     command = sample_command(settings, *done.bad[0]).replace("SCENE", str(scene), 1)
     sentence = f"note: {done.bad_count} samples were not finite and are left out. To follow the first: {command}{more}"

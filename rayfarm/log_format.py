@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from rayfarm.errors import CommandError
-from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS
+from telemetry.log_lines import FORMAT_VARIABLE, FORMATS
 
 __all__ = ["LogFormat", "use_log_format"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta
 
-from worker.protocol.hours import local_now
+from protocol.hours import local_now
 
 __all__ = ["deadline_of"]
 

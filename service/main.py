@@ -33,8 +33,8 @@ from service.process_lifecycle import REFUSES_TO_START, Life
 from service.routes import registry
 from service.settings import Settings
 from service.watching.allocator import keep_one_heap
-from worker.telemetry import tracing
-from worker.telemetry.log_lines import as_json, by_json
+from telemetry import tracing
+from telemetry.log_lines import as_json, by_json
 
 __all__ = ["create_app"]
 

@@ -15,8 +15,8 @@ from service.farm import Farm
 from service.ownership.candidate import Candidate
 from service.ownership.ownership import Ownership
 from service.settings import Settings
-from worker.telemetry import tracing
-from worker.telemetry.log_lines import by_json
+from telemetry import tracing
+from telemetry.log_lines import by_json
 
 __all__ = ["REFUSES_TO_START", "Life"]
 

@@ -16,12 +16,12 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
+from protocol.redis_tls import as_told, trusting, with_password
 from renderer.variables import FILE, VariableError, value_of
 from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
 from service.locations import default_data_folder, shipped, sqlite_url
 from service.store.atomic_files import PRIVATE_FOLDER, write_once, write_whole
-from worker.exchange.redis_tls import as_told, trusting, with_password
 
 __all__ = ["OWNER_TOKEN", "Settings", "is_address"]
 

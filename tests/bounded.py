@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from renderer.child_processes import die_with_parent, share_one_heap, signal_name
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
-from worker.machine.children import die_with_parent, share_one_heap, signal_name
 
 __all__ = ["Bounds", "Send", "answer_of", "begin", "end", "how_it_ended", "messages", "run_bounded"]
 

@@ -20,7 +20,7 @@ import redis
 from rayfarm.client import Client
 from rayfarm.local import broker
 from rayfarm.local.farm import free_port
-from worker.machine.children import spawn_guard
+from renderer.child_processes import spawn_guard
 
 ROOT = Path(__file__).resolve().parent.parent
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import redis
 
+from protocol.site import SiteReport, site_key
+from renderer.child_processes import spawn_guard
 from tests.helpers import ROOT, wait_until
-from worker.machine.children import spawn_guard
-from worker.protocol.site import SiteReport, site_key
 
 __all__ = ["Reducing"]
 

@@ -13,7 +13,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-PACKAGES = ("renderer", "worker", "service", "rayfarm")
+PACKAGES = ("renderer", "protocol", "telemetry", "worker", "service", "rayfarm")
 PAGE = (
     "base",
     "news",

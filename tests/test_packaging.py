@@ -23,7 +23,7 @@ from service import locations
 from tests.helpers import ROOT, Farm, farm_of, stop_farm
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-OURS = ("renderer", "worker", "service", "rayfarm")
+OURS = ("renderer", "protocol", "telemetry", "worker", "service", "rayfarm")
 
 
 def normal(name: str) -> str:

@@ -12,6 +12,8 @@ import typer
 from pydantic import ValidationError
 from typer.testing import CliRunner
 
+from protocol import reproduce
+from protocol.reproduce import sample_command
 from rayfarm import picture
 from renderer.errors import SettingsError
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
@@ -21,8 +23,6 @@ from renderer.settings import OPTIONAL, RenderSettings, View
 from service.models.declared import with_fields
 from service.models.jobs import JobIn
 from tests.helpers import ROOT
-from worker.protocol import reproduce
-from worker.protocol.reproduce import sample_command
 
 VIEW = View((0, 1, 5), (0, 1, 0))
 SHAPES = Choices({"star": Shown("Star", "Six points."), "dot": Shown("Dot")})

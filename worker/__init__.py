@@ -1,9 +1,8 @@
 """The Celery application: prepares scenes, renders batches and denoises frames.
 
 Each folder builds on those above it:
-    protocol/     messages between service, site and worker: start with contract.py
     machine/      the machine, and a worker's processes on it
-    telemetry/    the log, and traces
+    telemetry/    the log
     exchange/     blobs, kernels and results between service and worker
     site/         sums of several machines, added at the site
     process/      state shared by every process of a worker; terms, turns

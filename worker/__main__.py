@@ -25,6 +25,11 @@ import sys
 import time
 from pathlib import Path
 
+from protocol import blends
+from protocol.contract import WorkerReport
+from protocol.redis_tls import with_password
+from protocol.site import SITE, SITE_NAME
+from protocol.terms import TAG, Terms
 from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
@@ -33,12 +38,12 @@ from renderer.printable import printable
 from renderer.render import helpers_for
 from renderer.shipped_kernels import take_shipped
 from renderer.variables import VariableError, value_of
+from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker import app
 from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
-from worker.exchange.redis_tls import with_password
 from worker.joining import Joining
 from worker.machine import health_file
 from worker.machine.health_file import State
@@ -46,12 +51,7 @@ from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import Keeping
 from worker.process.context import WorkerContext, cpu_name
-from worker.protocol import blends
-from worker.protocol.contract import WorkerReport
-from worker.protocol.site import SITE, SITE_NAME
-from worker.protocol.terms import TAG, Terms
 from worker.telemetry import logs
-from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 

@@ -12,18 +12,18 @@ from billiard.util import get_logger
 from celery import Celery, signals
 from celery.exceptions import SecurityWarning
 
+from protocol.broker import celery_config
 from renderer import __version__
+from renderer.child_processes import die_with_parent
+from telemetry import tracing
+from telemetry.log_lines import by_json
 from worker import tasks
 from worker.exchange.kernel_precompile import get_ready_ahead
 from worker.heartbeat import Heartbeat
 from worker.leaving import Leaving
-from worker.machine.children import die_with_parent
 from worker.process import context
 from worker.process.queue_order import STRATEGY
 from worker.process.queue_reading import be_patient
-from worker.protocol.broker import celery_config
-from worker.telemetry import tracing
-from worker.telemetry.log_lines import by_json
 from worker.work.frames import forget_frames
 from worker.work.joint_render import hand_in
 from worker.work.slot import slot

@@ -21,12 +21,8 @@ import redis
 from celery import bootsteps
 from celery.worker.state import reserved_requests
 
-from worker.exchange.heartbeat_message import Heard, Telling
-from worker.machine import health_file
-from worker.machine.health_file import State
-from worker.process import context
-from worker.protocol import vitals
-from worker.protocol.contract import (
+from protocol import vitals
+from protocol.contract import (
     HEARTBEAT_EVERY_S,
     HEARTBEAT_TTL_S,
     RENDER_BATCH,
@@ -35,9 +31,13 @@ from worker.protocol.contract import (
     WorkerReport,
     worker_key,
 )
-from worker.protocol.joint import RENDER_JOINTLY, help_queue
-from worker.protocol.lifeline import lifeline
-from worker.protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
+from protocol.joint import RENDER_JOINTLY, help_queue
+from protocol.lifeline import lifeline
+from protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
+from worker.exchange.heartbeat_message import Heard, Telling
+from worker.machine import health_file
+from worker.machine.health_file import State
+from worker.process import context
 from worker.work.joint_render import ask_for_help
 
 __all__ = ["Heartbeat", "Reporter"]

@@ -12,11 +12,11 @@ from urllib.parse import urlsplit
 
 import redis
 
+from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, worker_key
+from protocol.redis_tls import trusting
 from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
-from worker.exchange.redis_tls import trusting
 from worker.heartbeat import Reporter
-from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, worker_key
 
 __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+from protocol.contract import HEARTBEAT_EVERY_S
 from worker.heartbeat import Reporter
 from worker.process.context import WorkerContext
-from worker.protocol.contract import HEARTBEAT_EVERY_S
 
 __all__ = ["Leaving"]
 

@@ -10,11 +10,7 @@ from typing import Any
 
 from celery import Celery
 
-from renderer.errors import RayfarmError
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
-from worker.exchange.retry import patiently
-from worker.process import context
-from worker.protocol.contract import (
+from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
     PREPARE,
@@ -26,10 +22,14 @@ from worker.protocol.contract import (
     RenderBatch,
     Result,
 )
-from worker.protocol.explained import EXPLAIN, ExplainPixel
-from worker.protocol.joint import HELP, RENDER_JOINTLY, JointBatch
-from worker.protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
-from worker.telemetry.log_lines import about
+from protocol.explained import EXPLAIN, ExplainPixel
+from protocol.joint import HELP, RENDER_JOINTLY, JointBatch
+from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
+from renderer.errors import RayfarmError
+from telemetry.log_lines import about
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
+from worker.exchange.retry import patiently
+from worker.process import context
 from worker.telemetry.task_context import Steps, named, told_about
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
 from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
+from protocol.site import SITE_NAME
 from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
 from rayfarm.log_format import LogFormat, use_log_format
-from worker.protocol.site import SITE_NAME
 
 __all__ = ["register"]
 

@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 import redis
 
+from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.console import PROGRAM
 from rayfarm.doctor.finding import Finding, fault, fine, note
 from rayfarm.errors import CommandError
@@ -22,7 +23,6 @@ from renderer.variables import FILE
 from service.access.redis_release import RedisRelease, release_of
 from service.settings import Settings
 from worker.exchange.foreign_server import is_here
-from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["look_at_redis", "look_at_running"]
 

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 import httpx
 import redis
 
+from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.client import Client
 from rayfarm.errors import CommandError
 from rayfarm.local import broker
@@ -26,7 +27,6 @@ from rayfarm.login import link_of, owner_token
 from service.access.redis_care import end_busy, is_busy
 from service.access.roles import OWNER
 from worker.exchange.trust import TRUST_VARIABLE
-from worker.protocol.contract import WORKER_KEYS, WorkerReport
 
 __all__ = ["LocalFarm", "Tls", "free_port"]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from worker.machine.children import signal_name, spawn_guard
+from renderer.child_processes import signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 

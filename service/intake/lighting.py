@@ -17,6 +17,7 @@ from typing import Any, Literal, cast
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
+from protocol.contract import BlobRef
 from service.errors import Invalid, NotFound
 from service.events import Events, PreparationRequested, RowWritten
 from service.intake.projects import Owner, serves
@@ -25,7 +26,6 @@ from service.intake.uploads import Upload, changed, light_text, sky_text
 from service.store.database import Sessions
 from service.store.garbage import Garbage
 from service.store.models import ACTIVE, Environment, Job, Scene
-from worker.protocol.contract import BlobRef
 
 __all__ = ["Lighting", "Lit"]
 

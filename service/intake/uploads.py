@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
+from protocol.contract import BlobRef
 from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
@@ -27,7 +28,6 @@ from service.store.disk_space import disk_checker, full_disk
 from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.staging import BlobWriter, commit_all
-from worker.protocol.contract import BlobRef
 
 __all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
 

@@ -32,7 +32,7 @@ from service.shot import IN_TURN, Shot
 from service.store.disk_space import need_room
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
 from service.store.models import FINAL, Job, Scene
-from worker.telemetry import tracing
+from telemetry import tracing
 
 __all__ = ["Created", "begin_anew", "create"]
 

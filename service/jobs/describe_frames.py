@@ -10,6 +10,7 @@ from pydantic_core import to_json
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from protocol.reproduce import sample_command
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number
 from renderer.settings import RenderSettings
@@ -20,7 +21,6 @@ from service.scheduling.engine import Engine
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers
 from service.store.models import ACTIVE, Frame, Job
-from worker.protocol.reproduce import sample_command
 
 __all__ = [
     "RECORDED",

@@ -9,13 +9,13 @@ from typing import BinaryIO
 
 from anyio.to_thread import run_sync
 
+from protocol.contract import FrameVectors
 from renderer.frames import frame_key
 from service.errors import Conflict
 from service.farm import Farm
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Job, Scene
-from worker.protocol.contract import FrameVectors
 
 __all__ = ["motion_of"]
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Field, model_validator
 
+from protocol.contract import WorkerReport
+from protocol.hours import Hours
 from renderer.frames import frame_number
 from service.models.strict import Strict
 from service.scheduling.snapshot import Snapshot
-from worker.protocol.contract import WorkerReport
-from worker.protocol.hours import Hours
 
 __all__ = ["WorkerOut", "WorkerPatch", "worker_out"]
 
@@ -47,7 +47,7 @@ class WorkerPatch(Strict):
 
     @property
     def terms(self) -> dict[str, Any]:
-        """The requested terms, by the field names of worker.protocol.terms.Terms; None resets a term."""
+        """The requested terms, by the field names of protocol.terms.Terms; None resets a term."""
         said = {name: getattr(self, name) for name in self.model_fields_set - {"state"}}
         if "memory_gb" in said:
             gigabytes = said.pop("memory_gb")

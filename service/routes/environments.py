@@ -16,6 +16,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from protocol.contract import BlobRef, ShowEnvironment
 from renderer.presets import PRESETS
 from service.access.projects import hold_project
 from service.errors import Conflict
@@ -28,7 +29,6 @@ from service.intake.projects import id_in, serving
 from service.jobs.lookup import no_environment
 from service.store.disk_space import full_disk
 from service.store.models import ACTIVE, Environment, Job
-from worker.protocol.contract import BlobRef, ShowEnvironment
 
 __all__ = ["router"]
 

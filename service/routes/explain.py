@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
+from protocol.contract import PrepareFrames
+from protocol.explained import ExplainPixel
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
 from renderer.frames import MAX_FRAME, frame_key
@@ -20,8 +22,6 @@ from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
 from service.viewing.explaining import no_sense
-from worker.protocol.contract import PrepareFrames
-from worker.protocol.explained import ExplainPixel
 
 __all__ = ["router"]
 

@@ -15,6 +15,8 @@ from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
+from protocol.blends import written_of
+from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.visit import VisitDependency
@@ -26,8 +28,6 @@ from service.store.blends import blend_of
 from service.store.blobs import is_sha256, no_blob
 from service.store.disk_space import disk_checker, full_disk
 from service.store.models import Scene
-from worker.protocol.blends import written_of
-from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["router"]
 
@@ -90,7 +90,7 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
-    """The means of a frame (in halves) for a denoiser: worker.protocol.contract.DenoiseFrame says how they are laid out."""
+    """The means of a frame (in halves) for a denoiser: protocol.contract.DenoiseFrame says how they are laid out."""
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):

@@ -18,6 +18,7 @@ from fastapi.responses import PlainTextResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
+from protocol.contract import SAMPLES_HEADER
 from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
@@ -41,7 +42,6 @@ from service.store.films import Film
 from service.store.models import FINAL, Scene
 from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureWish, memory, picture
-from worker.protocol.contract import SAMPLES_HEADER
 
 __all__ = ["router"]
 

@@ -18,7 +18,7 @@ from service.scenes.describe import scene_out
 from service.scenes.listing import SceneFilter
 from service.scenes.upload import UploadRequest
 from service.scenes.upload import upload as store
-from worker.telemetry import tracing
+from telemetry import tracing
 
 __all__ = ["router"]
 

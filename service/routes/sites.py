@@ -7,8 +7,8 @@ from typing import Any
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
+from protocol.site import SITE
 from service.http.farm import FarmDependency
-from worker.protocol.site import SITE
 
 __all__ = ["router"]
 

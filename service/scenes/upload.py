@@ -18,7 +18,7 @@ from service.intake.uploads import Upload, keep, receive
 from service.jobs.lookup import find_scene, no_scene
 from service.store.disk_space import full_disk
 from service.store.models import Scene
-from worker.telemetry import tracing
+from telemetry import tracing
 
 __all__ = ["UploadRequest", "open_example", "upload"]
 

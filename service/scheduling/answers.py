@@ -53,7 +53,7 @@ from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.trust.trust import Trust
-from worker.telemetry.log_lines import ids
+from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 

@@ -17,6 +17,8 @@ from contextlib import suppress
 
 import redis
 
+from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from protocol.terms import Terms
 from service.errors import FarmError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
@@ -47,8 +49,6 @@ from service.store.blobs import BlobStore
 from service.store.film_snapshots import FilmSnapshots
 from service.store.film_store import FilmStore
 from service.store.films import Film
-from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
-from worker.protocol.terms import Terms
 
 __all__ = ["Engine"]
 

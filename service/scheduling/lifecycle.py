@@ -12,6 +12,7 @@ from dataclasses import asdict
 from itertools import islice
 from typing import Any
 
+from protocol.contract import SceneInfo
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
 from service.errors import FarmError
@@ -36,7 +37,6 @@ from service.shot import Shot
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
 from service.store.models import ACTIVE, Job, Scene, blobs_of
-from worker.protocol.contract import SceneInfo
 
 __all__ = ["Lifecycle"]
 

@@ -13,6 +13,8 @@ from typing import Any
 from sqlalchemy import BindParameter, bindparam, case, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
+from protocol.contract import SceneInfo
+from protocol.terms import Terms as WorkerTerms
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
 from renderer.settings import RenderSettings
@@ -26,8 +28,6 @@ from service.store.blends import blend_of, is_to_be_opened
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Environment, Frame, FrameChange, Job, Reference, Scene, ShareTerms, Wait
 from service.store.models import WorkerTerms as Asked
-from worker.protocol.contract import SceneInfo
-from worker.protocol.terms import Terms as WorkerTerms
 
 __all__ = ["PendingJob", "Records"]
 

@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from protocol.blends import is_blend
 from service.store.models import Scene
-from worker.protocol.blends import is_blend
 
 __all__ = ["blend_of", "is_to_be_opened"]
 

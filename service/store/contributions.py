@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
-from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Part", "joined_parts"]
 
 
 @dataclass(frozen=True)
 class Part:
-    """A contribution: samples first ... first + count - 1 of a tile (by index), with sums packed by worker.contract."""
+    """A contribution: samples first ... first + count - 1 of a tile (by index), with sums packed by protocol.sums."""
 
     frame: int
     tile: int

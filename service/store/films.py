@@ -15,6 +15,7 @@ from functools import partial
 from itertools import compress
 from pathlib import Path
 
+from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
@@ -30,7 +31,6 @@ from service.store.row_folding import folded, to_fold
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
 from service.store.tile_sums import added_up
-from worker.protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 
 __all__ = ["Film", "Part"]
 

@@ -42,7 +42,7 @@ class Base(DeclarativeBase):
 
 
 def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
-    """Returns the hashes of the blobs that BlobRefs (worker.protocol.contract) and their parts refer to; skips malformed ones."""
+    """Returns the hashes of the blobs that BlobRefs (protocol.contract) and their parts refer to; skips malformed ones."""
     found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
     for ref in refs:
         parts = ref.get("parts") or ()
@@ -191,7 +191,7 @@ class WorkerTerms(Base):
     __tablename__ = "worker_terms"
 
     name: Mapped[str] = mapped_column(String(255), primary_key=True)
-    terms: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.terms.Terms
+    terms: Mapped[dict[str, Any]] = mapped_column(JSON)  # protocol.terms.Terms
 
 
 class Environment(Base):
@@ -205,7 +205,7 @@ class Environment(Base):
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
-    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # protocol.contract.BlobRef
     thumbnail: Mapped[str] = mapped_column(String(64))  # SHA-256 of a JPEG thumbnail
 
     @property
@@ -225,7 +225,7 @@ class Reference(Base):
     user: Mapped[str | None] = mapped_column(String(64))
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
-    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # worker.protocol.contract.BlobRef of the uploaded file
+    file: Mapped[dict[str, Any]] = mapped_column(JSON)  # protocol.contract.BlobRef of the uploaded file
     film: Mapped[dict[str, Any]] = mapped_column(JSON)  # BlobRef: gzipped packet of watching/film_packet.py
     width: Mapped[int] = mapped_column(Integer)
     height: Mapped[int] = mapped_column(Integer)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from protocol.sums import add_sums, unpack_sums
 from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.film_faults import damaged
-from worker.protocol.sums import add_sums, unpack_sums
 
 __all__ = ["added_up"]
 

@@ -11,14 +11,14 @@ from typing import Any
 
 import redis
 
+from protocol.explained import ExplainPixel, explained_key
+from protocol.view_parts import view_queue
 from service.errors import Failed, TooLate, Unavailable
 from service.scheduling.artifacts.unfit_machines import Fault, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
 from service.scheduling.faults.redis_errors import away
 from service.scheduling.snapshot import Board
 from service.settings import Settings
-from worker.protocol.explained import ExplainPixel, explained_key
-from worker.protocol.view_parts import view_queue
 
 __all__ = ["Explaining", "no_sense"]
 

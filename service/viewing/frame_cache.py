@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from dataclasses import asdict
 
+from protocol.contract import FrameInfo
 from service.events import BlobsReleased, Events
 from service.store.models import blobs_of
-from worker.protocol.contract import FrameInfo
 
 __all__ = ["FrameCache"]
 

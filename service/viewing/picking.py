@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from protocol.sums import unpack_sums
+from protocol.view_parts import Part, ViewAnswer, ViewParts
 from renderer.film import DEPTH, NORMAL, POSITION, Sums, mean
 from renderer.settings import Tile
 from service.viewing.pending import PendingMessage
 from service.viewing.pixel_direction import pixel_direction
 from service.viewing.session import ViewSession
-from worker.protocol.sums import unpack_sums
-from worker.protocol.view_parts import Part, ViewAnswer, ViewParts
 
 __all__ = ["pick_message", "record_pick"]
 

@@ -6,13 +6,13 @@ import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
 from renderer.settings import OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid
 from service.intake.resolve import frame_settings, resolve
 from service.store.models import Job, Scene
-from worker.protocol.contract import FrameInfo, PrepareFrames
 
 __all__ = ["MOST_PIXELS", "MOST_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
 

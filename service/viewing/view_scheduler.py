@@ -17,6 +17,9 @@ from typing import Any
 
 import redis
 
+from protocol.contract import FrameInfo, prepare_queue, render_queue
+from protocol.sums import unpack_sums
+from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from service.events import Events
@@ -35,9 +38,6 @@ from service.viewing.session import ViewSession
 from service.viewing.view_request import ViewRequest
 from service.viewing.view_workers import ViewWorkers
 from service.viewing.waker import Waker
-from worker.protocol.contract import FrameInfo, prepare_queue, render_queue
-from worker.protocol.sums import unpack_sums
-from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 
 __all__ = ["ViewScheduler"]
 

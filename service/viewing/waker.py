@@ -6,7 +6,7 @@ import threading
 
 import redis
 
-from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
+from protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS
 
 __all__ = ["Waker"]
 

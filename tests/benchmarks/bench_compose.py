@@ -27,10 +27,10 @@ import yaml
 
 from rayfarm.client import Client
 from rayfarm.local.broker import find_server
+from renderer.child_processes import spawn_guard
 from tests.benchmarks.faults.frame import SCENE, digest_alone, request
 from tests.benchmarks.faults.link import Network
 from tests.helpers import ROOT, wait_until
-from worker.machine.children import spawn_guard
 
 WORKERS = ("worker-1", "worker-2", "worker-3")
 PATIENCE_S = 300.0

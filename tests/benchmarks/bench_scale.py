@@ -18,6 +18,7 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
+from protocol.sums import pack_sums
 from rayfarm.options import Env
 from rayfarm.rendering import Clock, load_scene
 from renderer.film import Sums
@@ -26,7 +27,6 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.scale.measured import Load, Taken, run
 from tests.benchmarks.scale.slots import SAMPLES, of_one_sample
 from tests.helpers import ROOT
-from worker.protocol.sums import pack_sums
 
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
 MIB = 1 << 20

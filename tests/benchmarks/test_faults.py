@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 import redis
 
+from protocol.contract import RESULTS
 from tests.benchmarks.faults.attack import KINDS
 from tests.benchmarks.faults.patience import Patience
 from tests.benchmarks.faults.stream import Stream
 from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, table, write
 from tests.helpers import ROOT, wait_until
-from worker.protocol.contract import RESULTS
 
 
 def test_the_table_tells_kinds_apart_and_adds_up(tmp_path: Path) -> None:

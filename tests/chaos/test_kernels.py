@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from rayfarm.client import Client
+from renderer.child_processes import spawn_guard
 from tests.helpers import ROOT, Farm, wait_until
-from worker.machine.children import spawn_guard
 
 PLAIN = "render_pool-plain"
 

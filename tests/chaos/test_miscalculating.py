@@ -12,9 +12,9 @@ from typing import Any
 import httpx
 import pytest
 
+from renderer.child_processes import spawn_guard
 from tests.chaos.test_digest import alone, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
-from worker.machine.children import spawn_guard
 
 pytestmark = pytest.mark.long
 

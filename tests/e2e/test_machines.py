@@ -10,11 +10,11 @@ import pytest
 import redis
 from playwright.sync_api import Page, expect
 
+from protocol.contract import WorkerReport, order_key, worker_key
+from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 from tests.e2e.conftest import Watched
 from tests.e2e.site import call
 from tests.service.conftest import Service, until
-from worker.protocol.contract import WorkerReport, order_key, worker_key
-from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 OLD = f"{2001:020x}"  # a job that is not among those that the page knows
 

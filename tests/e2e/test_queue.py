@@ -7,11 +7,11 @@ import time
 import pytest
 from playwright.sync_api import expect
 
+from protocol.terms import Terms
 from service.events import RowWritten
 from service.store.models import Job
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service, until
-from worker.protocol.terms import Terms
 
 
 @pytest.mark.long

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
+from renderer.child_processes import spawn_guard
 from tests.e2e.conftest import Watched
 from tests.helpers import ROOT, running_redis
 from tests.service.conftest import TOKEN, Service, until
-from worker.machine.children import spawn_guard
 
 # A worker whose release is the first argument; its kind begins with that.
 WORKER = "import renderer, runpy, sys; renderer.__version__ = sys.argv.pop(1); runpy.run_module('worker', run_name='__main__')"

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from protocol.reproduce import batch_command
 from rayfarm.errors import CommandError
 from rayfarm.picture import Picture, takes_picture
 from renderer.settings import (
@@ -29,7 +30,6 @@ from renderer.settings import (
     View,
 )
 from service.models.jobs import JobIn
-from worker.protocol.reproduce import batch_command
 
 CAMERAS = [
     {"name": "front", "view": {"eye": [0, 1, 5], "target": [0, 1, 0], "up": [0, 1, 0], "fov": 40.0}},

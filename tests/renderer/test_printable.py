@@ -54,7 +54,7 @@ def test_nothing_is_printed_raw() -> None:
     wrong = []
     # Programs that run by Python's own library alone, and print nothing from elsewhere.
     alone = {"worker/healthy.py", "service/healthy.py", "renderer/precompile.py"}
-    for folder in ("rayfarm", "service", "worker", "renderer"):
+    for folder in ("rayfarm", "service", "worker", "telemetry", "protocol", "renderer"):
         for path in (ROOT / folder).rglob("*.py"):
             name = str(path.relative_to(ROOT))
             if name in alone or name.startswith("renderer/blender/"):

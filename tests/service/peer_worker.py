@@ -19,9 +19,7 @@ import httpx
 import numpy as np
 import redis
 
-from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
-from renderer.settings import Tile
-from worker.protocol.contract import (
+from protocol.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
     BlobRef,
@@ -41,10 +39,12 @@ from worker.protocol.contract import (
     render_queue,
     worker_key,
 )
-from worker.protocol.explained import ExplainPixel, explained_key
-from worker.protocol.sums import pack_sums
-from worker.protocol.terms import Offer, Terms, offer_key, terms_key
-from worker.protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from protocol.explained import ExplainPixel, explained_key
+from protocol.sums import pack_sums
+from protocol.terms import Offer, Terms, offer_key, terms_key
+from protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
+from renderer.settings import Tile
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
 

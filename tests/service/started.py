@@ -12,9 +12,9 @@ from typing import Any
 import httpx
 
 from rayfarm.local.farm import free_port
+from renderer.child_processes import spawn_guard
 from tests.helpers import ROOT
 from tests.service.conftest import TOKEN
-from worker.machine.children import spawn_guard
 
 __all__ = ["LEASE_S", "Started"]
 

@@ -14,10 +14,7 @@ from typing import Any
 import pytest
 import redis
 
-from tests.helpers import ROOT
-from tests.service.conftest import Service, until
-from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import (
+from protocol.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
     RenderBatch,
@@ -27,6 +24,9 @@ from worker.protocol.contract import (
     render_queue,
     worker_key,
 )
+from tests.helpers import ROOT
+from tests.service.conftest import Service, until
+from tests.service.peer_worker import PeerWorker, expected_digest
 from worker.work.render import not_understood
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())

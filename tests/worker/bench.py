@@ -19,9 +19,8 @@ import psutil
 import redis
 from celery import Celery
 
-from tests.helpers import ROOT, wait_until
-from worker.protocol.broker import celery_config
-from worker.protocol.contract import (
+from protocol.broker import celery_config
+from protocol.contract import (
     PREPARE,
     PREPARE_FRAMES,
     RENDER_BATCH,
@@ -39,6 +38,7 @@ from worker.protocol.contract import (
     prepare_queue,
     render_queue,
 )
+from tests.helpers import ROOT, wait_until
 
 __all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 

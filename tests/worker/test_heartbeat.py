@@ -8,14 +8,14 @@ from types import SimpleNamespace
 import pytest
 import redis
 
+from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
+from protocol.joint import help_queue
+from protocol.terms import Offer, offer_key, terms_key
+from protocol.vitals import log_wanted_key
 from tests.slow_line import held_up
 from worker.exchange.heartbeat_message import Heard, Telling
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import context
-from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
-from worker.protocol.joint import help_queue
-from worker.protocol.terms import Offer, offer_key, terms_key
-from worker.protocol.vitals import log_wanted_key
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:

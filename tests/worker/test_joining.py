@@ -13,13 +13,13 @@ from pathlib import Path
 import pytest
 import redis
 
+from protocol.contract import WorkerReport, worker_key
 from tests.foreign_server import HTML, foreign_server
 from tests.helpers import running_redis, wait_until
 from worker import __main__ as program
 from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.joining import Joining, check_redis, free_name
-from worker.protocol.contract import WorkerReport, worker_key
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:

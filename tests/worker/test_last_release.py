@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import DenoiseFrame, Manifest, RenderBatch, Result, SceneInfo, WorkerReport
+from protocol.sums import pack_sums, unpack_sums
 from renderer.film import digest
 from renderer.settings import RenderSettings, Tile
 from tests.foreign_server import foreign_server, json_answer
 from tests.helpers import ROOT
 from worker.exchange.link import Link
-from worker.protocol.contract import DenoiseFrame, Manifest, RenderBatch, Result, SceneInfo, WorkerReport
-from worker.protocol.sums import pack_sums, unpack_sums
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 READERS: dict[str, tuple[Any, Any]] = {

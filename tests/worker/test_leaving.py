@@ -7,9 +7,9 @@ from typing import Any
 
 import redis
 
+from protocol.contract import WorkerReport, worker_key
 from tests.helpers import wait_until
 from worker.leaving import Leaving
-from worker.protocol.contract import WorkerReport, worker_key
 
 
 def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None:

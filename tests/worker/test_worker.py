@@ -17,19 +17,7 @@ import numpy as np
 import psutil
 import pytest
 
-from renderer.denoise import denoise, is_available
-from renderer.film import COLOR, DEPTH, SAMPLES
-from renderer.render import render_batch
-from renderer.scene import compiled as compiled_file
-from renderer.scene.animation import Moment
-from renderer.scene.compile import compile_scene
-from renderer.scene.load import read
-from renderer.settings import RenderSettings, Tile, View
-from tests.helpers import ROOT, wait_until
-from tests.rayfarm.test_stage import everything
-from tests.renderer.builders import emitter, scene, square
-from tests.worker.bench import Bench, a_worker, busiest, slots_of, used
-from worker.protocol.contract import (
+from protocol.contract import (
     DENOISE,
     RENDER_BATCHES,
     RESULTS,
@@ -42,8 +30,20 @@ from worker.protocol.contract import (
     order_key,
     render_queue,
 )
-from worker.protocol.sums import unpack_sums
-from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
+from protocol.sums import unpack_sums
+from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
+from renderer.denoise import denoise, is_available
+from renderer.film import COLOR, DEPTH, SAMPLES
+from renderer.render import render_batch
+from renderer.scene import compiled as compiled_file
+from renderer.scene.animation import Moment
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, Tile, View
+from tests.helpers import ROOT, wait_until
+from tests.rayfarm.test_stage import everything
+from tests.renderer.builders import emitter, scene, square
+from tests.worker.bench import Bench, a_worker, busiest, slots_of, used
 
 SCENE = """
 shapes:

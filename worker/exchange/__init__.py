@@ -3,7 +3,6 @@
 link.py           HTTP client of the service
 foreign_server.py        error sentence for an address that is no farm
 trust.py          which certificate to trust
-redis_tls.py      the same for Redis
 cache.py          blobs by hash on this machine
 kernels.py        download and upload of compiled kernels
 ready.py          makes a kernel ready

@@ -14,11 +14,11 @@ from typing import Any
 import redis
 from redis.connection import ConnectionInterface
 
-from worker.protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, prepare_queue, render_queue, worker_key
-from worker.protocol.joint import help_queue
-from worker.protocol.lifeline import lifeline
-from worker.protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
-from worker.protocol.vitals import log_wanted_key
+from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, prepare_queue, render_queue, worker_key
+from protocol.joint import help_queue
+from protocol.lifeline import lifeline
+from protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
+from protocol.vitals import log_wanted_key
 
 __all__ = ["Heard", "Telling"]
 

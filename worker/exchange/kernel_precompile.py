@@ -15,12 +15,12 @@ import sys
 import threading
 
 from renderer import jit
+from renderer.child_processes import spawn_guard
 from renderer.render import FULL, kernel_name
 from worker.exchange.errors import WorkerError
 from worker.exchange.kernels import hand_in
 from worker.exchange.link import Link
 from worker.exchange.ready import fetched_or_compiled
-from worker.machine.children import spawn_guard
 from worker.telemetry import logs
 
 __all__ = ["get_ready_ahead"]

@@ -16,10 +16,10 @@ import threading
 import time
 from pathlib import Path
 
+from renderer.child_processes import spawn_guard
 from renderer.kernel_file import ArtefactError, name_of, pack, unpack
 from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
-from worker.machine.children import spawn_guard
 from worker.telemetry import logs
 
 __all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]

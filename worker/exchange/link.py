@@ -16,10 +16,10 @@ from urllib.parse import urlsplit
 import httpx
 from redis.connection import ConnectionPool
 
+from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
-from worker.protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 
 __all__ = ["FarmAnswer", "Link", "check_redis_url"]
 
@@ -36,7 +36,7 @@ class FarmAnswer:
     """The service's answer to a worker that joins.
 
     `instance`: the service's id; `data_dir`: its data folder on its own machine; `reduces`: whether it supports sums of several
-    workers (worker/protocol/site.py).
+    workers (protocol/site.py).
     """
 
     redis_url: str

@@ -9,8 +9,8 @@ import redis
 from redis.backoff import ExponentialBackoff
 from redis.retry import Retry
 
+from protocol.contract import RESULTS, Result
 from worker.exchange.chunked_socket import patient_redis
-from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["ResultStream"]
 

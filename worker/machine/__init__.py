@@ -1,7 +1,6 @@
 """The machine a worker runs on, and its own processes.
 
 health_file.py          a file that says how the worker is, for the health check of its container
-children.py       children that die with their parent
 process_tree.py         all processes of this worker
 presence.py       whether somebody is using the machine
 status.py         what each slot is doing, in shared memory

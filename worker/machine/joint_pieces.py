@@ -7,7 +7,7 @@ the service hands that piece out again. What it was about to send is sent by ano
     SINCE.HOLD.MESSAGE/about        the message, as JSON
                        todo-I       a free piece
                        doing-I-PID  a piece that a slot renders
-                       done-I       its result, as worker/protocol/result_bytes.py packs it
+                       done-I       its result, as protocol/result_bytes.py packs it
     sending.PID.MESSAGE.../done-I   results that this process adds up and sends
 """
 
@@ -26,8 +26,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from worker.protocol.contract import Result
-from worker.protocol.result_bytes import result_bytes, result_of
+from protocol.contract import Result
+from protocol.result_bytes import result_bytes, result_of
 
 __all__ = ["Pieces", "Taken"]
 

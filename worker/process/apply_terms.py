@@ -1,4 +1,4 @@
-"""Applies the terms requested of a worker (worker/protocol/terms.py), in the parent's event loop at each heartbeat."""
+"""Applies the terms requested of a worker (protocol/terms.py), in the parent's event loop at each heartbeat."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 
+from protocol import vitals
+from protocol.hours import Hours, local_now
+from protocol.terms import Offer, Terms
 from worker.machine.presence import Presence
 from worker.machine.process_tree import family
-from worker.protocol import vitals
-from worker.protocol.hours import Hours, local_now
-from worker.protocol.terms import Offer, Terms
 
 __all__ = ["Keeping", "memory_limit"]
 

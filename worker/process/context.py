@@ -9,6 +9,10 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from protocol.blends import blender_queue
+from protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
+from protocol.joint import help_queue
+from protocol.view_parts import view_queue
 from renderer import denoise
 from renderer.blender.program import Blender
 from worker.exchange.cache import BlobCache
@@ -17,10 +21,6 @@ from worker.exchange.results import ResultStream
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import Keeping
-from worker.protocol.blends import blender_queue
-from worker.protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
-from worker.protocol.joint import help_queue
-from worker.protocol.view_parts import view_queue
 from worker.site.link import SiteLink
 from worker.telemetry.log_tail import LogTail
 

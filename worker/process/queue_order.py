@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from kombu.utils.scheduling import round_robin_cycle
 
-from worker.protocol.contract import prepare_queue
-from worker.protocol.joint import HELP_QUEUES
-from worker.protocol.terms import NEEDS
-from worker.protocol.view_parts import VIEW_QUEUES
+from protocol.contract import prepare_queue
+from protocol.joint import HELP_QUEUES
+from protocol.terms import NEEDS
+from protocol.view_parts import VIEW_QUEUES
 
 __all__ = ["STRATEGY", "ViewsFirst"]
 

@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from protocol.contract import Manifest, PrepareFrames
 from renderer.cameras import camera_number
 from renderer.confine.reader import Link, Send
 from renderer.errors import MachineError, RayfarmError
@@ -25,7 +26,6 @@ from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import Shot
 from renderer.scene.scene_equality import compiles_alike
 from renderer.settings import View, chosen
-from worker.protocol.contract import Manifest, PrepareFrames
 from worker.reading.scene_folder import folder_of, placed_scene
 
 __all__ = ["Stage", "answering", "serve"]

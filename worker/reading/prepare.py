@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from protocol.contract import Manifest
 from renderer import denoise
 from renderer.aovs import values
 from renderer.confine.reader import Link
@@ -18,7 +19,6 @@ from renderer.scene.compiled_parts import Saver
 from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings, Tile, View
-from worker.protocol.contract import Manifest
 from worker.reading.scene_folder import folder_of
 
 __all__ = ["THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]

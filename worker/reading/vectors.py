@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from protocol.contract import FrameVectors, Manifest
 from renderer.cameras import camera_number
 from renderer.confine.reader import Link
 from renderer.frames import frame_number
@@ -16,7 +17,6 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
-from worker.protocol.contract import FrameVectors, Manifest
 from worker.reading.scene_folder import folder_of
 
 __all__ = ["vectors"]

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import redis
 
-from worker.protocol.contract import Result
-from worker.protocol.joint import Run
-from worker.protocol.result_bytes import result_bytes
-from worker.protocol.site import (
+from protocol.contract import Result
+from protocol.joint import Run
+from protocol.result_bytes import result_bytes
+from protocol.site import (
     ANNOUNCED_HEADER,
     SIGNATURE_HEADER,
     SUMS_PATH,

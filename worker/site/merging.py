@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from protocol.contract import Result
+from protocol.sums import add_sums, pack_sums, unpack_sums
 from renderer.settings import Tile
-from worker.protocol.contract import Result
-from worker.protocol.sums import add_sums, pack_sums, unpack_sums
 
 __all__ = ["joined", "parts_of"]
 

@@ -27,15 +27,10 @@ from urllib.parse import urlsplit
 
 import redis
 
-from renderer.printable import printable
-from renderer.variables import VariableError, value_of
-from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
-from worker.exchange.link import FarmAnswer, Link
-from worker.exchange.redis_tls import trusting
-from worker.exchange.results import ResultStream
-from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, Result
-from worker.protocol.result_bytes import result_of
-from worker.protocol.site import (
+from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, Result
+from protocol.redis_tls import trusting
+from protocol.result_bytes import result_of
+from protocol.site import (
     ANNOUNCED_HEADER,
     SECRET_S,
     SIGNATURE_HEADER,
@@ -47,10 +42,15 @@ from worker.protocol.site import (
     signature,
     site_key,
 )
+from renderer.printable import printable
+from renderer.variables import VariableError, value_of
+from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
+from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
+from worker.exchange.link import FarmAnswer, Link
+from worker.exchange.results import ResultStream
 from worker.site.socket_deadline import Timed
 from worker.site.sums import Full, SiteSums
 from worker.telemetry import logs
-from worker.telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 
 __all__ = ["Reducer", "main"]
 

@@ -1,6 +1,6 @@
 """The unsent sums of a site's reducer, in a folder, so that the successor of a killed reducer can send what was acknowledged.
 
-SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder belong to one run (worker.protocol.joint.Run)
+SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder belong to one run (protocol.joint.Run)
 sending-SINCE-NUMBER/   the same, being sent or sent: left unchanged, so that a second delivery equals the first
 """
 
@@ -18,11 +18,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from protocol.contract import Result
+from protocol.joint import Run
+from protocol.result_bytes import result_bytes, result_of
+from protocol.sums import check_sums, check_weight
 from renderer.settings import Tile
-from worker.protocol.contract import Result
-from worker.protocol.joint import Run
-from worker.protocol.result_bytes import result_bytes, result_of
-from worker.protocol.sums import check_sums, check_weight
 from worker.site.merging import joined, parts_of
 
 __all__ = ["Full", "SiteSums"]

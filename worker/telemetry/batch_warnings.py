@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
 
-from worker.telemetry import tracing
+from telemetry import tracing
 
 __all__ = ["Listener", "Overheard", "overhear", "step"]
 

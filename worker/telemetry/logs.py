@@ -1,4 +1,4 @@
-"""A worker's log: lines on standard error, or JSON objects (worker/telemetry/log_lines.py).
+"""A worker's log: lines on standard error, or JSON objects (telemetry/log_lines.py).
 
 A failure of Redis or the network is one line too, without the libraries' traceback.
 """
@@ -11,8 +11,8 @@ import sys
 import redis
 
 from renderer.printable import LogRecord
+from telemetry.log_lines import JsonLines, as_json, by_json, level
 from worker.telemetry.batch_warnings import Listener
-from worker.telemetry.log_lines import JsonLines, as_json, by_json, level
 from worker.telemetry.log_tail import LogTail
 
 __all__ = ["set_up"]

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from worker.telemetry import tracing
-from worker.telemetry.log_lines import about
+from telemetry import tracing
+from telemetry.log_lines import about
 
 __all__ = ["Steps", "named", "told_about"]
 

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from protocol.contract import DenoiseFrame
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import DenoiseFrame
 from worker.reading.denoise import denoise
 from worker.work.reader import Room
 

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+from protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
 from worker.exchange.errors import MachineError, UnfitError, WorkerError, WorkError, is_of_machine
 from worker.process import context
 from worker.process.context import WorkerContext
-from worker.protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of
 from worker.work.denoise import denoise_frame
 from worker.work.environments import show_environment

@@ -6,9 +6,9 @@ import os
 from functools import partial
 from typing import Any
 
+from protocol.contract import BlobRef, Manifest, ShowEnvironment
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import BlobRef, Manifest, ShowEnvironment
 from worker.reading.environments import show
 from worker.work.files import place_files
 from worker.work.reader import Room

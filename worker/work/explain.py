@@ -10,6 +10,7 @@ from typing import Any
 
 import redis
 
+from protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from renderer.errors import RayfarmError
 from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel_paths
 from renderer.render import edition_for, is_warm
@@ -19,7 +20,6 @@ from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitErr
 from worker.exchange.ready import get_ready
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.explained import ANSWER_TTL_S, ExplainPixel, explained_key
 from worker.work.frames import see_frame
 from worker.work.render import mapped_scene
 

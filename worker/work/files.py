@@ -6,11 +6,11 @@ import os
 import shutil
 from pathlib import Path, PurePosixPath
 
+from protocol.contract import Manifest
 from renderer.confine.limits import available_memory
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.apply_terms import memory_limit
 from worker.process.context import WorkerContext
-from worker.protocol.contract import Manifest
 
 __all__ = ["link_or_copy", "memory_budget", "place_files"]
 

@@ -12,12 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from protocol.contract import FrameInfo, Manifest, PrepareFrames
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import parts_of
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import FrameInfo, Manifest, PrepareFrames
 from worker.reading.frames import serve
 from worker.work.files import place_files
 from worker.work.reader import Room, as_of_worker

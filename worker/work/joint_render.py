@@ -19,12 +19,12 @@ import redis
 from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
+from protocol.contract import Result, render_queue
+from protocol.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
+from telemetry.log_lines import about
 from worker.machine.joint_pieces import Taken
 from worker.process.context import WorkerContext
-from worker.protocol.contract import Result, render_queue
-from worker.protocol.joint import HELP, RENDER_JOINTLY, JointBatch, Piece, help_queue
 from worker.site.merging import joined
-from worker.telemetry.log_lines import about
 from worker.telemetry.task_context import named
 from worker.work.slot import at_work
 

@@ -9,6 +9,8 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
+from protocol.blends import is_blend
+from protocol.contract import BlobRef, Manifest, SceneInfo
 from renderer.arrays.scene_features import EDITIONS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
@@ -16,8 +18,6 @@ from renderer.render import warm_up
 from renderer.settings import RenderSettings, View
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
-from worker.protocol.blends import is_blend
-from worker.protocol.contract import BlobRef, Manifest, SceneInfo
 from worker.reading.prepare import THUMBNAIL, THUMBNAIL_WIDTH, prepare
 from worker.work.files import memory_budget, place_files
 from worker.work.reader import Room, as_of_worker

@@ -6,6 +6,7 @@ import os
 from dataclasses import replace
 from functools import partial
 
+from protocol.contract import Manifest, SceneInfo
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import parts_of
@@ -13,7 +14,6 @@ from renderer.scene.presets import is_named
 from renderer.scene.studio import STUDIO_NOTES
 from worker.exchange.errors import RefusedError
 from worker.process.context import WorkerContext
-from worker.protocol.contract import Manifest, SceneInfo
 from worker.reading.relight import relight as relight_by_image
 from worker.reading.relight import save_lit
 from worker.work.files import place_files

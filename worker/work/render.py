@@ -8,6 +8,9 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any
 
+from protocol.contract import RenderBatch, Result
+from protocol.reproduce import batch_command
+from protocol.sums import pack_sums
 from renderer.errors import RayfarmError
 from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene
@@ -15,9 +18,6 @@ from worker.exchange.errors import RefusedError, Trouble
 from worker.exchange.ready import get_ready
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import RenderBatch, Result
-from worker.protocol.reproduce import batch_command
-from worker.protocol.sums import pack_sums
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
 

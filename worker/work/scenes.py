@@ -7,6 +7,7 @@ import contextlib
 from collections.abc import Collection
 from pathlib import Path
 
+from protocol.contract import BlobRef
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import Part, parts_of
@@ -14,7 +15,6 @@ from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError, is_of_machine
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import BlobRef
 
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
 

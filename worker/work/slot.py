@@ -9,11 +9,11 @@ from typing import Any, Self
 
 from billiard import current_process
 
+from protocol.contract import RenderBatch, Result
+from telemetry import tracing
+from telemetry.log_lines import ids
 from worker.process.context import WorkerContext
-from worker.protocol.contract import RenderBatch, Result
-from worker.telemetry import tracing
 from worker.telemetry.batch_warnings import overhear
-from worker.telemetry.log_lines import ids
 from worker.telemetry.task_context import named
 from worker.work.render import render
 

@@ -6,10 +6,10 @@ import os
 from functools import partial
 from typing import Any
 
+from protocol.contract import FrameVectors
 from renderer.vectors import load_kernel
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
-from worker.protocol.contract import FrameVectors
 from worker.reading.vectors import vectors
 from worker.work.files import place_files
 from worker.work.reader import Room

@@ -10,15 +10,8 @@ from typing import Any
 import numpy as np
 import redis
 
-from renderer.errors import RayfarmError
-from renderer.film import COLOR, SAMPLES
-from renderer.render import edition_for, is_warm, render_batch
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
-from worker.exchange.ready import get_ready
-from worker.exchange.retry import patiently
-from worker.process.context import WorkerContext
-from worker.protocol.sums import pack_sums
-from worker.protocol.view_parts import (
+from protocol.sums import pack_sums
+from protocol.view_parts import (
     ANSWERS_TTL_S,
     MAX_ANSWERS,
     VIEW_ANSWERS,
@@ -28,6 +21,13 @@ from worker.protocol.view_parts import (
     ViewParts,
     view_key,
 )
+from renderer.errors import RayfarmError
+from renderer.film import COLOR, SAMPLES
+from renderer.render import edition_for, is_warm, render_batch
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
+from worker.exchange.ready import get_ready
+from worker.exchange.retry import patiently
+from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.render import mapped_scene
 

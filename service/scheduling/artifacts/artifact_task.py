@@ -17,6 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
+from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
 from service.events import BlobsReleased, Events
 from service.scheduling.artifacts.unfit_machines import Fault, Unfit
@@ -25,7 +26,6 @@ from service.scheduling.dispatching.leases import Lease
 from service.scheduling.faults.redis_errors import away
 from service.scheduling.fleet.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
-from worker.protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 
 __all__ = ["Aside", "MadeAside"]
 
@@ -39,7 +39,7 @@ Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class MadeAside:
-    """The result of a request: its blob (defined by the request in worker.protocol.contract), film version and sample count."""
+    """The result of a request: its blob (defined by the request in protocol.contract), film version and sample count."""
 
     sha256: str
     version: str = ""

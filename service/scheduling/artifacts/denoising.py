@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from service.errors import Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
-from worker.protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 
 __all__ = ["Denoising"]
 

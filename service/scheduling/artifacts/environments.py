@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.contract import ShowEnvironment, WorkerReport
 from service.errors import FarmError, Invalid, Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
-from worker.protocol.contract import ShowEnvironment, WorkerReport
 
 __all__ = ["Environments"]
 

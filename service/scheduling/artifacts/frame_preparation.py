@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from functools import cache
 
+from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 from renderer.settings import OPTIONAL
 from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher
@@ -20,7 +21,6 @@ from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.frame_bytes import alone, held, more
-from worker.protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 
 __all__ = ["Moments"]
 

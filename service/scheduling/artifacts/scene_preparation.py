@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
+from protocol.blends import WAITS, blender_queue
+from protocol.contract import WorkerReport, prepare_queue
 from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
-from worker.protocol.blends import WAITS, blender_queue
-from worker.protocol.contract import WorkerReport, prepare_queue
 
 __all__ = ["Preparing", "Progress"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from worker.protocol.contract import WorkerReport, own_prepare_queue
+from protocol.contract import WorkerReport, own_prepare_queue
 
 __all__ = ["Fault", "Place", "Unfit"]
 

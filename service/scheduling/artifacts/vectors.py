@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.contract import FrameVectors, WorkerReport
 from service.errors import Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
-from worker.protocol.contract import FrameVectors, WorkerReport
 
 __all__ = ["Vectors"]
 

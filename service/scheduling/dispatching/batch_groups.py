@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from protocol.contract import RenderBatch
+from protocol.joint import JointBatch, Piece, Run
+from protocol.sums import PACKED
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
-from worker.protocol.contract import RenderBatch
-from worker.protocol.joint import JointBatch, Piece, Run
-from worker.protocol.sums import PACKED
 
 __all__ = ["Handful", "Hands", "joint_work_of", "together", "work_of"]
 

@@ -12,10 +12,8 @@ import redis
 from celery import Celery
 from kombu.exceptions import BatchPublishError, OperationalError
 
-from service.errors import FarmError, QueueError
-from service.scheduling.jobs.traces import headers_of
-from worker.protocol.broker import celery_config
-from worker.protocol.contract import (
+from protocol.broker import celery_config
+from protocol.contract import (
     DENOISE,
     ENVIRONMENT,
     PREPARE,
@@ -32,9 +30,11 @@ from worker.protocol.contract import (
     prepare_queue,
     render_queue,
 )
-from worker.protocol.explained import EXPLAIN, ExplainPixel
-from worker.protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
-from worker.protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+from protocol.explained import EXPLAIN, ExplainPixel
+from protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
+from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+from service.errors import FarmError, QueueError
+from service.scheduling.jobs.traces import headers_of
 
 __all__ = ["Dispatcher"]
 

@@ -3,7 +3,7 @@
 A batch is lost when its worker has died, when several looks in a row found no holder although all results were read, or when it
 takes far too long. An overloaded machine is none of these: its reports are late or absent for a while, and messages wait long in
 the queue or the stream. Treating that as loss would render everything again and increase the overload. So a worker that has
-stopped reporting but is still connected (worker/protocol/lifeline.py) counts as away: others get work in its place, and its
+stopped reporting but is still connected (protocol/lifeline.py) counts as away: others get work in its place, and its
 batches are duplicated like those of stragglers once other slots are idle.
 """
 

@@ -32,7 +32,7 @@ from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.shares import Line, Shares
 from service.settings import Settings
-from worker.telemetry.log_lines import ids
+from telemetry.log_lines import ids
 
 __all__ = ["Scheduler", "named"]
 

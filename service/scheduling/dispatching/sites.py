@@ -1,4 +1,4 @@
-"""Sites whose machines add up their sums before they travel (worker/protocol/site.py): which batches go to one, and what
+"""Sites whose machines add up their sums before they travel (protocol/site.py): which batches go to one, and what
 becomes of waiting ones when nobody is left there.
 
 A site pays off where consecutive batches of a tile go to it. So it has a queue of its own, that of jobs which need its tag
@@ -16,6 +16,8 @@ from itertools import pairwise
 
 import redis
 
+from protocol.joint import Run
+from protocol.site import SITE
 from service.scheduling.dispatching.batch_groups import Handful
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import Lease, Leases
@@ -23,8 +25,6 @@ from service.scheduling.dispatching.pacing import MOST_JOINT, Pace
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.jobs.active_job import ActiveJob
-from worker.protocol.joint import Run
-from worker.protocol.site import SITE
 
 __all__ = ["Place", "Sites"]
 

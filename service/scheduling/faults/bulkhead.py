@@ -23,7 +23,7 @@ from sqlalchemy import exc
 
 from renderer.errors import SettingsError
 from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
-from worker.telemetry.log_lines import about, ids
+from telemetry.log_lines import about, ids
 
 __all__ = ["Bulkheads", "Step", "Verdict", "is_of_what_was_said"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import redis
 
-from worker.protocol.contract import (
+from protocol.contract import (
     RESULTS,
     WORKER_KEYS,
     denoise_queue,
@@ -15,12 +15,12 @@ from worker.protocol.contract import (
     prepare_queue,
     render_queue,
 )
-from worker.protocol.explained import explained_key
-from worker.protocol.joint import HELP_QUEUES
-from worker.protocol.site import secret_key, site_key
-from worker.protocol.terms import offer_key, terms_key
-from worker.protocol.view_parts import VIEW_ANSWERS, view_key, view_queue
-from worker.protocol.vitals import log_key, log_wanted_key, vitals_key
+from protocol.explained import explained_key
+from protocol.joint import HELP_QUEUES
+from protocol.site import secret_key, site_key
+from protocol.terms import offer_key, terms_key
+from protocol.view_parts import VIEW_ANSWERS, view_key, view_queue
+from protocol.vitals import log_key, log_wanted_key, vitals_key
 
 __all__ = ["is_wrong_type", "repair", "repair_all"]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from service.store.atomic_files import write_whole
-from worker.telemetry.log_lines import ids
+from telemetry.log_lines import ids
 
 __all__ = ["FILE", "PutAside"]
 

@@ -1,7 +1,7 @@
 """Requirements of a job on its workers: tags and a minimum of memory.
 
 Batches of such a job use a queue of their own, and the service instructs each worker that meets all requirements to serve that
-queue (worker/protocol/terms.py). A worker gets no such batch until it has confirmed that it serves the queue.
+queue (protocol/terms.py). A worker gets no such batch until it has confirmed that it serves the queue.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from worker.protocol.terms import TAG, Offer, needs_queue
+from protocol.terms import TAG, Offer, needs_queue
 
 __all__ = ["Needs"]
 

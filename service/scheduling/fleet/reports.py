@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from worker.protocol.contract import WorkerReport, worker_key
+from protocol.contract import WorkerReport, worker_key
 
 __all__ = ["is_plain", "report_of"]
 

@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Mapping
 
-from worker.protocol.contract import WorkerReport
+from protocol.contract import WorkerReport
 
 __all__ = ["KEPT", "Speeds"]
 

@@ -11,16 +11,16 @@ from typing import Any, TypeVar
 
 import redis
 
+from protocol.blends import TAG
+from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from protocol.lifeline import connected
+from protocol.site import SITE, SiteReport, site_key
+from protocol.terms import Offer, Terms, offer_key, terms_key
+from protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 from service.scheduling.fleet.dead_letters import PutAside
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
-from worker.protocol.blends import TAG
-from worker.protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
-from worker.protocol.lifeline import connected
-from worker.protocol.site import SITE, SiteReport, site_key
-from worker.protocol.terms import Offer, Terms, offer_key, terms_key
-from worker.protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 
 __all__ = ["BY_A_PERSON", "Roster", "Workers"]
 

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 
+from protocol.sums import check_sums, check_weight
 from renderer.film import BadSample
 from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
 from service.store.contributions import Part
-from worker.protocol.sums import check_sums, check_weight
-from worker.telemetry import tracing
+from telemetry import tracing
 
 __all__ = ["Arrived", "batch_of", "merge"]
 

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
 
+from protocol.blends import written_of
+from protocol.contract import BlobRef, FrameInfo, SceneInfo
 from service.scheduling.fleet.reports import is_plain
 from service.scheduling.incoming.results import Entry
 from service.store.blobs import is_sha256
-from worker.protocol.blends import written_of
-from worker.protocol.contract import BlobRef, FrameInfo, SceneInfo
 
 __all__ = [
     "SAME_RELEASE",

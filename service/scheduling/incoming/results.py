@@ -12,8 +12,8 @@ from typing import Any
 
 import redis
 
+from protocol.contract import RESULTS, Result
 from service.scheduling.faults.repair import repair
-from worker.protocol.contract import RESULTS, Result
 
 __all__ = ["Entry", "Position", "Results"]
 

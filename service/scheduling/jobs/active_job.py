@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
+from protocol.contract import render_queue
 from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
@@ -23,7 +24,6 @@ from service.scheduling.jobs.totals import Totals
 from service.shot import IN_TURN, Shot
 from service.store.films import Film
 from service.store.models import Job, blobs_of
-from worker.protocol.contract import render_queue
 
 __all__ = ["ActiveJob"]
 

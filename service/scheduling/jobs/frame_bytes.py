@@ -23,7 +23,7 @@ def alone(job: ActiveJob, frame: ActiveFrame) -> int:
 
 
 def more(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """The bytes that come on top by what a worker.protocol.contract.BlobRef refers to."""
+    """The bytes that come on top by what a protocol.contract.BlobRef refers to."""
     return _sum_without(_blobs(ref), {*held([job]), *job.of_scene})
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from renderer.printable import one_line
 from service.scheduling.jobs.tile_log import TileLogs
 from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, write_whole
-from worker.telemetry.log_lines import ids
+from telemetry.log_lines import ids
 
 __all__ = ["KEPT", "JobLog", "JobLogs"]
 

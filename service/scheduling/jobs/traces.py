@@ -1,4 +1,4 @@
-"""The spans of jobs and scenes, if tracing is on (worker/telemetry/tracing.py)."""
+"""The spans of jobs and scenes, if tracing is on (telemetry/tracing.py)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from worker.telemetry import tracing
+from telemetry import tracing
 
 if TYPE_CHECKING:
     from service.scheduling.jobs.active_job import ActiveJob

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from protocol.sums import unpack_sums
 from renderer.settings import Tile
-from worker.protocol.sums import unpack_sums
 
 __all__ = ["Votes"]
 

@@ -16,9 +16,9 @@ import psutil
 import redis
 
 from rayfarm.client import Client, ClientError
+from renderer.child_processes import spawn_guard
 from tests.benchmarks.faults.patience import Patience, children
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
-from worker.machine.children import spawn_guard
 
 __all__ = ["OVER", "Ground", "UnrecoveredError", "disk_of"]
 

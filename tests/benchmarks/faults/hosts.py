@@ -14,11 +14,11 @@ from pathlib import Path
 import psutil
 import redis
 
+from renderer.child_processes import spawn_guard
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import Ground
 from tests.benchmarks.faults.link import Network
 from tests.helpers import ROOT, Farm, farm_of
-from worker.machine.children import spawn_guard
 
 WORKERS = ("a", "b")
 PORT = 8000

@@ -13,11 +13,11 @@ import httpx
 import psutil
 
 from rayfarm.local.farm import free_port
+from renderer.child_processes import spawn_guard
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import Ground
 from tests.helpers import ROOT
 from tests.service.store.postgres import PostgresServer, find_postgres
-from worker.machine.children import spawn_guard
 
 STANDBY_S = 60.0
 ASK_S = 2.0

@@ -9,10 +9,10 @@ import sys
 
 import psutil
 
+from renderer.child_processes import spawn_guard
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.benchmarks.faults.ground import stopped
 from tests.helpers import ROOT
-from worker.machine.children import spawn_guard
 
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV, signal.SIGABRT, signal.SIGTERM)
 

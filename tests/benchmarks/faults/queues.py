@@ -7,9 +7,9 @@ import json
 import time
 from typing import Any
 
+from protocol.contract import HEARTBEAT_TTL_S, WORKER_KEYS, worker_key
 from tests.benchmarks.faults.attack import Attack, kind
 from tests.helpers import ROOT
-from worker.protocol.contract import HEARTBEAT_TTL_S, WORKER_KEYS, worker_key
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 

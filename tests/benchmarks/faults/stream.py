@@ -11,7 +11,7 @@ from typing import Any
 
 import redis
 
-from worker.protocol.contract import RESULTS
+from protocol.contract import RESULTS
 
 __all__ = ["Stream"]
 

@@ -23,16 +23,16 @@ import numpy as np
 import psutil
 import redis
 
+from protocol.contract import RESULTS, WORKER_KEYS
+from protocol.site import site_key
 from rayfarm.local.farm import free_port
+from renderer.child_processes import spawn_guard
 from renderer.film import Sums
 from service.store.films import Film
 from service.store.tile_cache import TileCache
 from tests.benchmarks.scale.processors import Processors, Share
 from tests.helpers import ROOT, running_redis, wait_until
 from tests.reducer import Reducing
-from worker.machine.children import spawn_guard
-from worker.protocol.contract import RESULTS, WORKER_KEYS
-from worker.protocol.site import site_key
 
 __all__ = ["Load", "Served", "Taken", "run"]
 

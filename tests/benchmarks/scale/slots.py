@@ -22,11 +22,7 @@ from typing import Any
 import numpy as np
 import redis
 
-from renderer import film
-from renderer.film import Sums
-from tests.service.peer_worker import PeerWorker
-from worker.exchange.results import MAX_ENTRIES
-from worker.protocol.contract import (
+from protocol.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
     RenderBatch,
@@ -36,11 +32,15 @@ from worker.protocol.contract import (
     render_queue,
     worker_key,
 )
-from worker.protocol.joint import JointBatch, Piece, Run
-from worker.protocol.lifeline import lifeline
-from worker.protocol.site import SITE
-from worker.protocol.sums import pack_sums
-from worker.protocol.terms import Offer, Terms, offer_key, terms_key
+from protocol.joint import JointBatch, Piece, Run
+from protocol.lifeline import lifeline
+from protocol.site import SITE
+from protocol.sums import pack_sums
+from protocol.terms import Offer, Terms, offer_key, terms_key
+from renderer import film
+from renderer.film import Sums
+from tests.service.peer_worker import PeerWorker
+from worker.exchange.results import MAX_ENTRIES
 from worker.site.link import SiteLink
 
 __all__ = ["SAMPLES", "Slots", "main", "of_one_sample"]

@@ -7,12 +7,12 @@ from typing import Any
 import httpx
 import pytest
 
+from protocol.explained import ExplainPixel
 from renderer.film import COLOR, SAMPLES
 from renderer.settings import RenderSettings, Tile
 from service.viewing import explaining
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.protocol.explained import ExplainPixel
 
 VERTEX = {
     "kind": "surface",

@@ -9,13 +9,13 @@ import numpy as np
 import OpenImageIO
 import pytest
 
+from protocol.contract import RenderBatch
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.watching.film_packet import HEADER
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
-from worker.protocol.contract import RenderBatch
 
 WIDTH, HEIGHT, SIDE = 40, 24, 16
 TILES = 6

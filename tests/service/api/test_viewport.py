@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 
+from protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
@@ -18,7 +19,6 @@ from service.viewing import memory_limit
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
-from worker.protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 
 
 def left_behind(service: Service) -> list[str]:

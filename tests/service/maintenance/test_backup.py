@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from protocol.contract import RenderBatch
 from service.errors import Conflict, Invalid, NotFound
 from service.maintenance.backup import MANIFEST, Report, back_up
 from service.maintenance.restore import restore
@@ -18,7 +19,6 @@ from service.store.models import Key
 from tests.helpers import running_redis
 from tests.service.conftest import OBJ, Databases, Service, until
 from tests.service.peer_worker import expected_digest
-from worker.protocol.contract import RenderBatch
 
 
 def back_up_to(service: Service, target: Path) -> Report:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from protocol.blends import WAITS, blender_queue, is_blend, written_of
 from service.scheduling.incoming.messages import PrepareDone
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker
-from worker.protocol.blends import WAITS, blender_queue, is_blend, written_of
 
 BLEND, WRITTEN = b"BLENDER-v405", b'{"shapes": [{"type": "quad"}]}'
 SHA256 = hashlib.sha256(WRITTEN).hexdigest()

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from sqlalchemy import event
 
+from protocol.contract import RESULTS
 from service.errors import Unavailable
 from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 from tests.service.scheduling.test_faults import film_of, locked, rendered_once, slow, under_way
-from worker.protocol.contract import RESULTS
 
 
 @pytest.mark.long

@@ -8,10 +8,10 @@ from collections import Counter
 import httpx
 import pytest
 
+from protocol.contract import RenderBatch, render_queue
 from service.access.roles import Role
 from tests.service.conftest import OBJ, Service, until
 from tests.service.peer_worker import PeerWorker
-from worker.protocol.contract import RenderBatch, render_queue
 
 
 def submit_as(service: Service, user: str, scene: str, **request: object) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import RenderBatch
 from service.errors import FilmWaits
 from service.scheduling.faults import bulkhead
 from service.scheduling.records import PendingJob, Records
@@ -24,7 +25,6 @@ from service.store.models import Job
 from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RenderBatch
 
 
 def film_of(service: Service, job: str) -> Path:

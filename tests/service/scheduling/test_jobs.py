@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 
+from protocol.contract import RenderBatch, render_queue
 from renderer import film as film_math
 from renderer.settings import Tile
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.protocol.contract import RenderBatch, render_queue
 
 
 def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, worker: PeerWorker) -> None:

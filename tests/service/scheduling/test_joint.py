@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocol.contract import Result
 from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, Unusable, understand
@@ -17,7 +18,6 @@ from service.scheduling.incoming.results import Entry
 from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
 from tests.service.peer_worker import expected_sums
-from worker.protocol.contract import Result
 
 WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 3000
 SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))

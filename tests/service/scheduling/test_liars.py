@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocol.contract import DenoiseFrame, RenderBatch
+from protocol.sums import pack_sums
 from renderer.film import SAMPLES
 from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.protocol.contract import DenoiseFrame, RenderBatch
-from worker.protocol.sums import pack_sums
 
 LONG_S = 120.0
 

@@ -11,15 +11,15 @@ import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from protocol.contract import RESULTS, RenderBatch, render_queue, worker_key
+from protocol.site import site_key
+from protocol.terms import offer_key
+from protocol.view_parts import VIEW_ANSWERS
+from protocol.vitals import vitals_key
 from service.scheduling.fleet.dead_letters import FILE, KEPT
 from service.scheduling.incoming import messages
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RESULTS, RenderBatch, render_queue, worker_key
-from worker.protocol.site import site_key
-from worker.protocol.terms import offer_key
-from worker.protocol.view_parts import VIEW_ANSWERS
-from worker.protocol.vitals import vitals_key
 
 SHA = "a" * 64
 REF = {"path": "a", "sha256": SHA, "size": 1}

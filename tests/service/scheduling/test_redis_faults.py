@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 import redis
 
+from protocol.contract import RESULTS
 from service.scheduling import engine
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RESULTS
 
 
 def full(store: redis.Redis, is_so: bool) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import RenderBatch
 from renderer.frames import parse_frames
 from service.scheduling.jobs.agenda import PILOT, Agenda
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RenderBatch
 
 SMALL = {"width": 32, "height": 24, "tile_size": 16}
 

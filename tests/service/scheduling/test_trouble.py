@@ -9,12 +9,12 @@ import time
 import pytest
 import redis
 
+from protocol.contract import RESULTS, RenderBatch, Result
+from protocol.sums import pack_sums
 from service.scheduling.incoming.results import Entry
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.protocol.contract import RESULTS, RenderBatch, Result
-from worker.protocol.sums import pack_sums
 
 
 def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from protocol.contract import own_prepare_queue
 from tests.service.api.test_environments import IMAGE
 from tests.service.api.test_explain import explained
 from tests.service.conftest import Service, until
 from tests.service.viewer import look
-from worker.protocol.contract import own_prepare_queue
 
 FULL = "this machine cannot use its files (No space left on device: /tmp)"
 LIMIT = "scene.obj cannot be read on this machine: its limit on address space (ulimit -v) of 1.0 GiB is too small. Raise it."

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from protocol.contract import RenderBatch
 from tests.service.conftest import Service
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RenderBatch
 
 
 def submit_paused(service: Service, scene: str, **request: object) -> str:

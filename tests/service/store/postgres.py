@@ -14,8 +14,8 @@ from sqlalchemy import create_engine, text
 from sqlalchemy.engine import URL
 from sqlalchemy.exc import OperationalError
 
+from renderer.child_processes import spawn_guard
 from service.store.database import connect
-from worker.machine.children import spawn_guard
 
 __all__ = ["PostgresServer", "find_postgres"]
 

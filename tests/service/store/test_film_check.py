@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from protocol.sums import pack_sums
 from renderer.film import CHANNELS, BadSample
 from renderer.settings import RenderSettings, View
 from service.errors import FilmDamaged
@@ -18,7 +19,6 @@ from service.store.films import Film, Part
 from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
-from worker.protocol.sums import pack_sums
 
 SETTINGS = RenderSettings(view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), width=WIDTH, height=HEIGHT)
 SPP = 3

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from protocol.sums import pack_sums
 from renderer.film import CHANNELS
 from service.errors import FilmLost, FilmWaits
 from service.store import film_file
@@ -21,7 +22,6 @@ from service.store.films import Film, Part
 from service.store.row_folding import FOLD_AT
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
-from worker.protocol.sums import pack_sums
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocol.sums import pack_sums
 from renderer import film as film_math
 from renderer.film import BadSample
 from service.errors import FilmLost
@@ -19,7 +20,6 @@ from service.store.film_faults import FilmClosed
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
-from worker.protocol.sums import pack_sums
 
 WIDTH, HEIGHT, TILE = 20, 12, 8
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from protocol.sums import pack_sums
 from service.store.contributions import Part
 from service.store.film_check import film_samples, rows_left
 from service.store.film_copy import FilmCopy
@@ -18,7 +19,6 @@ from service.store.row_folding import FOLD_AT, MOST_APART
 from service.store.senders import MOST, senders_of, senders_text
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
-from worker.protocol.sums import pack_sums
 
 SHAPE = FilmShape(8, 8, 8, 24)
 

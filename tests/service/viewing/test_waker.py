@@ -8,9 +8,9 @@ from unittest.mock import MagicMock
 
 import redis
 
+from protocol.view_parts import VIEW_ANSWERS
 from service.viewing.waker import Waker
 from tests.helpers import wait_until
-from worker.protocol.view_parts import VIEW_ANSWERS
 
 
 def test_who_rings_does_not_wait_for_a_redis_that_hangs() -> None:

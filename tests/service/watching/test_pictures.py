@@ -12,6 +12,7 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 import pytest
 from PIL import Image
 
+from protocol.sums import pack_sums
 from renderer import aovs
 from renderer import film as film_math
 from renderer.image import rgbe9995, tonemap
@@ -21,7 +22,6 @@ from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureWish, memory, picture
 from tests.grids import grid
 from tests.service.peer_worker import expected_sums
-from worker.protocol.sums import pack_sums
 
 WIDTH, HEIGHT, TILE = 1100, 900, 128
 EXR = b"\x76\x2f\x31\x01"

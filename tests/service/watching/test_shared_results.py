@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from protocol.sums import pack_sums
 from service.errors import FilmWaits
 from service.events import Events
 from service.store.films import Film, Part
@@ -19,7 +20,6 @@ from service.watching import tile_packet
 from service.watching.broadcast import Broadcast
 from service.watching.shared_results import ROUND_PIXELS, Shared
 from tests.service.peer_worker import expected_sums
-from worker.protocol.sums import pack_sums
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:

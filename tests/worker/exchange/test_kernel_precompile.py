@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from protocol.terms import Terms
 from renderer import jit
 from renderer.render import FULL, kernel_name
 from worker.exchange import kernel_precompile
 from worker.exchange.errors import LinkError
 from worker.exchange.link import Link
 from worker.process.apply_terms import Keeping
-from worker.protocol.terms import Terms
 
 LINK = Link("http://127.0.0.1:9", "token")
 

@@ -21,11 +21,11 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
+from protocol.broker import celery_config
+from protocol.redis_tls import CA_VARIABLE, as_told, trusting
 from service.settings import Settings
 from worker.exchange.errors import LinkError
-from worker.exchange.redis_tls import CA_VARIABLE, as_told, trusting
 from worker.joining import check_redis
-from worker.protocol.broker import celery_config
 
 
 def certificate(folder: Path, name: str) -> tuple[Path, Path]:

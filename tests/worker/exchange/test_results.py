@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import redis
 
+from protocol.contract import RESULTS, Result
 from tests.helpers import running_redis
 from tests.slow_line import held_up
 from worker.exchange import results
 from worker.exchange.results import ResultStream
-from worker.protocol.contract import RESULTS, Result
 
 
 def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from protocol.contract import Result
 from worker.machine import joint_pieces as module
 from worker.machine.joint_pieces import Pieces, Taken
-from worker.protocol.contract import Result
 
 
 @pytest.fixture

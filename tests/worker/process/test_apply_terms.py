@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 import redis
 
+from protocol.contract import WorkerReport, order_key
+from protocol.terms import Offer, Terms, offer_key, terms_key
 from tests.helpers import wait_until
 from worker.heartbeat import Heartbeat
 from worker.machine.process_tree import family
 from worker.process import apply_terms, context
 from worker.process.apply_terms import Keeping, memory_limit
-from worker.protocol.contract import WorkerReport, order_key
-from worker.protocol.terms import Offer, Terms, offer_key, terms_key
 from worker.work.files import memory_budget
 
 MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
@@ -162,7 +162,7 @@ def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None
     code = (
         "import os, subprocess, sys, time\n"
         "from worker.machine.process_tree import family\n"
-        "from worker.process.apply_terms import Keeping\nfrom worker.protocol.terms import Terms\n"
+        "from worker.process.apply_terms import Keeping\nfrom protocol.terms import Terms\n"
         f"child = subprocess.Popen([sys.executable, '-c', {program!r}])\n"
         "while len(family()) < 3: time.sleep(0.05)\n"
         "kept = Keeping(1)\nfirst = os.getpriority(os.PRIO_PROCESS, 0)\n"

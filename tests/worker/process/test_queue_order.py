@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.contract import prepare_queue, render_queue
+from protocol.view_parts import view_queue
 from worker.process.queue_order import ViewsFirst
-from worker.protocol.contract import prepare_queue, render_queue
-from worker.protocol.view_parts import view_queue
 
 
 def test_views_come_first_and_the_others_take_turns() -> None:

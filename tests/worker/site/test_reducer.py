@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 import redis
 
+from protocol.contract import RESULTS, Result
+from protocol.result_bytes import result_bytes
+from protocol.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key
+from protocol.sums import unpack_sums
 from rayfarm.local.farm import free_port
 from tests.grids import grid
 from tests.helpers import wait_until
 from tests.reducer import Reducing
 from tests.worker.bench import FakeService
 from tests.worker.site.test_sums import SUMS, TILE, sums
-from worker.protocol.contract import RESULTS, Result
-from worker.protocol.result_bytes import result_bytes
-from worker.protocol.site import SIGNATURE_HEADER, SUMS_PATH, secret_key, signature, site_key
-from worker.protocol.sums import unpack_sums
 from worker.site import reducer as reducer_module
 from worker.site.link import SiteLink
 from worker.site.reducer import LARGEST, MOST_COMING

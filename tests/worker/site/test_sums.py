@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocol.contract import Result
+from protocol.joint import Run
+from protocol.sums import pack_sums, unpack_sums
 from renderer.film import CHANNELS, SAMPLES
 from renderer.settings import Tile
-from worker.protocol.contract import Result
-from worker.protocol.joint import Run
-from worker.protocol.sums import pack_sums, unpack_sums
 from worker.site.sums import Full, SiteSums
 
 TILE = Tile(8, 0, 4, 4)

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import DenoiseFrame
 from worker.exchange.errors import LinkError, WorkError
 from worker.machine.status import SlotBoard
-from worker.protocol.contract import DenoiseFrame
 from worker.work import derived_artifacts
 from worker.work.derived_artifacts import Aside
 

@@ -12,11 +12,11 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 from PIL import Image
 
+from protocol.contract import BlobRef, ShowEnvironment
 from renderer.image import encode
 from renderer.presets import PRESETS
 from scenes import light_pictures
 from worker.machine.status import SlotBoard
-from worker.protocol.contract import BlobRef, ShowEnvironment
 from worker.reading.environments import small_picture
 from worker.work.derived_artifacts import ENVIRONMENTS
 

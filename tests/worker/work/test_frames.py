@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from protocol.contract import BlobRef, Manifest, PrepareFrames
 from rayfarm.frame import Order
 from rayfarm.picture import Picture
 from rayfarm.stage import Stage
@@ -28,7 +29,6 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf
 from tests.worker.work.jobs import crash_at_frame_1
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
-from worker.protocol.contract import BlobRef, Manifest, PrepareFrames
 from worker.reading import frames as reading
 from worker.work import frames
 

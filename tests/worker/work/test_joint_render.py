@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from protocol.contract import RenderBatch, Result, SceneInfo, render_queue
+from protocol.joint import RENDER_JOINTLY, JointBatch, Piece
+from protocol.sums import PACKED, pack_sums, unpack_sums
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
 from tests.worker.bench import Bench, a_worker, busiest, slots_of
 from tests.worker.test_worker import SCENE
-from worker.protocol.contract import RenderBatch, Result, SceneInfo, render_queue
-from worker.protocol.joint import RENDER_JOINTLY, JointBatch, Piece
-from worker.protocol.sums import PACKED, pack_sums, unpack_sums
 from worker.site.merging import joined
 
 TILE = Tile(0, 0, 64, 64)

@@ -13,13 +13,13 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from protocol.contract import BlobRef, Manifest, Result, SceneInfo
 from renderer.film import CHANNELS
 from worker import tasks
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import LinkError, MachineError, RefusedError, TokenError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 from worker.process import context
-from worker.protocol.contract import BlobRef, Manifest, Result, SceneInfo
 from worker.reading import prepare as reading
 from worker.work import prepare
 from worker.work.reader import Room

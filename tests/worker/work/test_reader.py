@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import BlobRef, Manifest
 from tests.renderer.confine import jobs
 from tests.worker.work.jobs import full, link_out, say
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import UnfitError, WorkError
 from worker.exchange.link import FarmAnswer, Link
-from worker.protocol.contract import BlobRef, Manifest
 from worker.work.files import place_files
 from worker.work.reader import Room
 

@@ -11,12 +11,12 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from protocol.contract import BlobRef, Manifest, SceneInfo
 from renderer.scene.studio import STUDIO_NOTES
 from tests.grids import grid
 from tests.worker.work.test_environments import image
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import FarmAnswer, Link
-from worker.protocol.contract import BlobRef, Manifest, SceneInfo
 from worker.work import prepare
 
 SCENE = b"shapes: [{type: sphere, center: [0, 0, 0], radius: 1}, {type: cube}]\n"

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocol.contract import RenderBatch
+from protocol.sums import unpack_sums
 from renderer.arrays.kernel_variant import edition_of
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
@@ -18,8 +20,6 @@ from tests.renderer.builders import emitter, scene, square
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import DamagedError, LinkError, MachineError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.link import FarmAnswer, Link
-from worker.protocol.contract import RenderBatch
-from worker.protocol.sums import unpack_sums
 from worker.work import render as slot
 
 SETTINGS = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)))

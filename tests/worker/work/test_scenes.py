@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pytest
 
+from protocol.contract import BlobRef
 from renderer.arrays.scene import flat
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
@@ -19,7 +20,6 @@ from tests.renderer.scene.test_shutter_merge import zoo
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError
 from worker.exchange.link import FarmAnswer, Link
-from worker.protocol.contract import BlobRef
 from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 

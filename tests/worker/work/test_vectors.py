@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from protocol.contract import FrameVectors, Manifest
 from rayfarm.frame import Order, motion_of
 from rayfarm.picture import Picture
 from rayfarm.rendering import Clock
@@ -20,7 +21,6 @@ from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
 from renderer.settings import View
 from tests.worker.work.test_frames import moving
-from worker.protocol.contract import FrameVectors, Manifest
 from worker.reading import vectors
 
 OWN = View((1.0, 2.0, 6.0), (0.0, 0.0, 0.0))

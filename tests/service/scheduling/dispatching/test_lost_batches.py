@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import WorkerReport
+from protocol.site import SiteReport
 from renderer.settings import Tile
 from service.scheduling.dispatching import leases, lost_batches
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import STRAGGLER_S, Fate, Missing
 from service.scheduling.fleet.workers import Roster
 from service.scheduling.jobs.plan import Range
-from worker.protocol.contract import WorkerReport
-from worker.protocol.site import SiteReport
 
 PATIENCE_S = 30.0
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import redis
 
+from protocol.contract import Result
 from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, understand
@@ -19,7 +20,6 @@ from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.reducer import Reducing
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import expected_sums
-from worker.protocol.contract import Result
 
 WIDTH, HEIGHT, TILE, SPP = 64, 48, 16, 6000
 SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from protocol.terms import Offer, Terms
 from service.scheduling.fleet.needs import Needs
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.terms import Offer, Terms
 
 
 def offer(*tags: str, memory_gb: float = 8.0) -> Offer:

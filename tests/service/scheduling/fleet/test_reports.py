@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import WorkerReport, worker_key
+from protocol.site import SiteReport
+from protocol.terms import Offer
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
 from service.scheduling.fleet.workers import FEW, Roster
-from worker.protocol.contract import WorkerReport, worker_key
-from worker.protocol.site import SiteReport
-from worker.protocol.terms import Offer
 
 REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
 OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))

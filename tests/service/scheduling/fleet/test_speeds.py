@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from protocol.contract import WorkerReport
 from service.scheduling.fleet.speeds import KEPT, Speeds
-from worker.protocol.contract import WorkerReport
 
 
 def report(name: str, slots_at_work: int, speed: float) -> WorkerReport:

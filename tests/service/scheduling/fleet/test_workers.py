@@ -10,11 +10,11 @@ from urllib.parse import quote
 import pytest
 import redis
 
+from protocol.contract import HEARTBEAT_TTL_S, worker_key
+from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 from service.scheduling.faults.suspicion import FORGIVENESS, Suspicion
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import HEARTBEAT_TTL_S, worker_key
-from worker.protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 
 
 @pytest.mark.long

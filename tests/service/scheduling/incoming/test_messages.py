@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from protocol.contract import RESULTS, RenderBatch, Result, worker_key
 from service.scheduling.incoming.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, Unusable, understand
 from service.scheduling.incoming.results import Entry
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.protocol.contract import RESULTS, RenderBatch, Result, worker_key
 
 BATCH = {"type": "batch", "batch": "b", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 0, "count": 1, "seconds": 0.1}
 INFO: dict[str, Any] = {

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 import redis
 
+from protocol.contract import RESULTS, Result
 from service.scheduling.incoming import results as results_module
 from service.scheduling.incoming.results import Entry, Results
-from worker.protocol.contract import RESULTS, Result
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from protocol.contract import RenderBatch
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
 from tests.service.scheduling.test_shots import blobs, digest, expected, shoot
-from worker.protocol.contract import RenderBatch
 
 
 @pytest.mark.long

@@ -9,10 +9,10 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from protocol.contract import RenderBatch
+from protocol.sums import pack_sums
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
-from worker.protocol.contract import RenderBatch
-from worker.protocol.sums import pack_sums
 
 LONG_S = 120.0
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import lz4.block
 import pytest
 
+from protocol.sums import pack_sums
 from renderer.settings import Tile
 from service.scheduling.trust.votes import Votes
 from tests.service.peer_worker import expected_sums
-from worker.protocol.sums import pack_sums
 
 TILE = Tile(0, 0, 8, 4)
 X, Y, Z = (pack_sums(expected_sums(TILE, 0, 2, seed)) for seed in range(3))

@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import lru_cache
 from typing import Any
 
-from worker.protocol.contract import render_queue
-from worker.protocol.hours import Hours
+from protocol.contract import render_queue
+from protocol.hours import Hours
 
 __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offer_key", "terms_key"]
 
@@ -32,7 +32,7 @@ TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 class Terms:
     """Run-time settings of a worker. None: keep the value with which the worker was started."""
 
-    hours: str | None = None  # worker.hours; empty: always
+    hours: str | None = None  # hours.py; empty: always
     idle_minutes: float | None = None  # works only after this much user inactivity; 0: always
     nice: int | None = None  # nice level, 0 to 19
     slots: int | None = None  # maximum number of slots in use

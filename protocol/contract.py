@@ -250,7 +250,7 @@ class RenderBatch:
     first: int
     count: int
     settings: RenderSettings
-    packing: int = 1  # what the service understands of worker.sums
+    packing: int = 1  # what the service understands of protocol.sums
 
     def to_json(self) -> dict[str, Any]:
         """A JSON-ready dict for the Celery message."""
@@ -349,9 +349,9 @@ class WorkerReport:
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
-    views: bool = False  # whether it renders interactive views (worker.view_parts)
-    explains: bool = False  # whether it explains pixels (worker.explained)
-    adds: bool = False  # whether its slots share a tile, and add up its sums (worker.joint)
+    views: bool = False  # whether it renders interactive views (protocol.view_parts)
+    explains: bool = False  # whether it explains pixels (protocol.explained)
+    adds: bool = False  # whether its slots share a tile, and add up its sums (protocol.joint)
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
 
     def to_bytes(self) -> bytes:
@@ -384,7 +384,7 @@ class Result:
 
     type and the further keys of `event`:
         batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
-        batches          see worker.protocol.joint
+        batches          see protocol.joint
         batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
         batch-returned   the same without reproduce: a failure of the worker, not of the scene; to be handed out again
         denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service gave them)

@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
+from telemetry import tracing
+from telemetry.tracing import Where, root_of, where
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.otlp_receiver import Receiver
-from worker.telemetry import tracing
-from worker.telemetry.tracing import Where, root_of, where
 
 
 def run(program: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -22,7 +22,7 @@ def run(program: str, **environment: str) -> subprocess.CompletedProcess[str]:
 def test_unasked_nothing_is_begun_and_nothing_is_taken() -> None:
     program = """
 import sys
-from worker.telemetry import tracing
+from telemetry import tracing
 tracing.begin("rayfarm-worker", "w", "1")
 assert not tracing.is_on() and tracing._sender is None
 with tracing.span("x", tracing.root_of("job", "j")): assert tracing.here() is None
@@ -48,8 +48,8 @@ def test_places_are_said_and_read_and_follow_from_ids() -> None:
 
 SPANS = """
 import os
-from worker.telemetry import tracing
-from worker.telemetry.tracing import root_of, span
+from telemetry import tracing
+from telemetry.tracing import root_of, span
 tracing.begin("rayfarm-worker", "attic", "1.2")
 root = root_of("job", "j")
 try:
@@ -86,7 +86,7 @@ def test_spans_reach_a_collector_with_their_parents_errors_and_from_forks() -> N
 def test_a_collector_that_is_away_holds_up_nobody_and_samplers_are_obeyed() -> None:
     program = """
 import time
-from worker.telemetry import tracing
+from telemetry import tracing
 tracing.begin("rayfarm-worker", "w", "1")
 begun = time.monotonic()
 for number in range(20_000):

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
+from protocol.contract import RenderBatch
+from protocol.joint import JointBatch, Piece
 from renderer.settings import RenderSettings, Tile, View
-from worker.protocol.contract import RenderBatch
-from worker.protocol.joint import JointBatch, Piece
 
 
 def test_it_survives_the_way_and_each_piece_is_a_batch() -> None:

@@ -16,8 +16,8 @@ import struct
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from protocol.contract import PrepareFrames
 from renderer.settings import RenderSettings, Tile
-from worker.protocol.contract import PrepareFrames
 
 __all__ = [
     "ANSWERS_TTL_S",

@@ -9,11 +9,11 @@ from datetime import datetime, timedelta
 import psutil
 import pytest
 
+from protocol.contract import RENDER_BATCH, SceneInfo, render_queue
+from protocol.terms import Offer, Terms, needs_queue, offer_key, terms_key
 from tests.helpers import wait_until
 from tests.worker.bench import Bench, slots_of
 from tests.worker.test_worker import batch_of, bench, info  # noqa: F401 - fixtures
-from worker.protocol.contract import RENDER_BATCH, SceneInfo, render_queue
-from worker.protocol.terms import Offer, Terms, needs_queue, offer_key, terms_key
 
 
 def offer(bench: Bench) -> Offer:  # noqa: F811

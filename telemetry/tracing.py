@@ -24,7 +24,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-from worker.machine.children import spawn_guard
+from renderer.child_processes import spawn_guard
 
 __all__ = ["HEADER", "Where", "begin", "end", "here", "is_on", "record", "root_of", "span", "where", "within"]
 
@@ -68,7 +68,7 @@ def begin(service: str, instance: str, version: str) -> None:
     if not _has_packages():
         log.warning("OTEL_EXPORTER_OTLP_ENDPOINT asks for traces, which need more packages: pip install 'rayfarm[otel]'")
         return
-    command = [sys.executable, "-m", "worker.telemetry.trace_sender", service, instance, version]
+    command = [sys.executable, "-m", "telemetry.trace_sender", service, instance, version]
     _sender = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, preexec_fn=spawn_guard())
     assert _sender.stdin is not None
     _pipe = os.dup(_sender.stdin.fileno())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import struct
 
-from worker.protocol.contract import Result
+from protocol.contract import Result
 
 __all__ = ["result_bytes", "result_of"]
 

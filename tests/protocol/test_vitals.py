@@ -5,8 +5,8 @@ from __future__ import annotations
 import psutil
 import pytest
 
-from worker.protocol import vitals
-from worker.protocol.vitals import Vitals
+from protocol import vitals
+from protocol.vitals import Vitals
 
 
 def test_memory_is_as_the_system_says() -> None:

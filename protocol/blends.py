@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import PurePosixPath
 from typing import Any
 
+from protocol.contract import BlobRef, prepare_queue
 from renderer.formats import BY_BLENDER, WITHOUT_BLENDER
-from worker.protocol.contract import BlobRef, prepare_queue
 
 __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 

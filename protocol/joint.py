@@ -6,7 +6,7 @@
 
 `batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts cover
 first ... first + count - 1, in order. Only for workers that support addition (WorkerReport.adds). If a site's reducer has added
-the sums of its machines (worker/protocol/site.py), each part ends with the name of the worker that rendered it.
+the sums of its machines (protocol/site.py), each part ends with the name of the worker that rendered it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from worker.protocol.contract import RenderBatch
+from protocol.contract import RenderBatch
 
 __all__ = ["HELP", "HELP_QUEUES", "RENDER_JOINTLY", "JointBatch", "Piece", "Run", "help_queue"]
 

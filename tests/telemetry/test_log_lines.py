@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from telemetry.log_lines import JsonLines, about, ids
 from tests.helpers import ROOT
-from worker.telemetry.log_lines import JsonLines, about, ids
 from worker.telemetry.task_context import named, told_about
 
 
@@ -72,7 +72,7 @@ def test_whatever_a_process_says_is_objects(ends: str) -> None:
     program = f"""
 import logging, threading, warnings
 logging.getLogger("uvicorn").addHandler(logging.StreamHandler())
-from worker.telemetry.log_lines import as_json
+from telemetry.log_lines import as_json
 as_json("service")
 logging.getLogger("uvicorn").error("a library's")
 logging.getLogger("httpx").info("nobody asked")

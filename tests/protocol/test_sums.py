@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from protocol.sums import add_sums, check_sums, check_weight, pack_sums, unpack_sums
 from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums
 from renderer.settings import Tile
-from worker.protocol.sums import add_sums, check_sums, check_weight, pack_sums, unpack_sums
 
 TILE = Tile(0, 0, 7, 5)
 

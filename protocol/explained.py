@@ -1,6 +1,6 @@
 """Messages between the service and a worker about explaining a pixel.
 
-    service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (worker.view_parts)
+    service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (view_parts.py)
     worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires by itself
 
 The HTTP request waits for the answers on a Redis list of its own; no other state is kept.
@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from protocol.contract import PrepareFrames
 from renderer.settings import RenderSettings
-from worker.protocol.contract import PrepareFrames
 
 __all__ = ["ANSWER_TTL_S", "EXPLAIN", "ExplainPixel", "explained_key"]
 

@@ -1,4 +1,4 @@
-"""`python -m worker.telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one per input line.
+"""`python -m telemetry.trace_sender SERVICE INSTANCE VERSION`: sends spans to a collector, one per input line.
 
 It uses OpenTelemetry's exporter (OTLP over HTTP), batching and samplers, and so supports all of their environment variables. It
 ends with its input.
@@ -20,8 +20,8 @@ from opentelemetry.sdk.trace.sampling import Decision
 from opentelemetry.sdk.util.instrumentation import InstrumentationScope
 from opentelemetry.trace import Link, SpanContext, SpanKind, Status, StatusCode, TraceFlags
 
-from worker.telemetry.log_lines import as_json, by_json
-from worker.telemetry.tracing import Where, where
+from telemetry.log_lines import as_json, by_json
+from telemetry.tracing import Where, where
 
 __all__ = ["main", "read_span"]
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
+from protocol.blends import blender_queue
+from protocol.contract import Manifest, prepare_queue
 from renderer.blender.program import NAMED, look_at
 from worker import __main__ as command
 from worker.exchange.errors import RefusedError, WorkError
 from worker.process.context import WorkerContext
-from worker.protocol.blends import blender_queue
-from worker.protocol.contract import Manifest, prepare_queue
 from worker.work import prepare
 from worker.work.prepare import WRITTEN
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from worker.protocol.hours import Hours
+from protocol.hours import Hours
 
 NIGHTS = "Mon-Fri 19:00-07:00, Sat-Sun"
 
@@ -55,7 +55,7 @@ def test_what_is_none(text: str) -> None:
 ZONES = """
 import os, shutil, subprocess, sys, time
 from pathlib import Path
-from worker.protocol.hours import local_now
+from protocol.hours import local_now
 zone = Path("/etc/localtime")
 subprocess.run(["mount", "--bind", "/usr/share/zoneinfo/Asia/Tokyo", os.path.realpath(zone)], check=True)
 before = local_now()

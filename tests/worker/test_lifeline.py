@@ -6,10 +6,10 @@ import time
 
 import redis
 
+from protocol.contract import WorkerReport, worker_key
+from protocol.lifeline import connected, lifeline
 from tests.helpers import wait_until
 from worker.heartbeat import Reporter
-from worker.protocol.contract import WorkerReport, worker_key
-from worker.protocol.lifeline import connected, lifeline
 
 
 def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.Redis) -> None:

@@ -9,6 +9,7 @@ terms.py          a worker's run-time settings, and its capabilities; hours.py: 
 vitals.py         a machine's memory and load, and the end of its log
 lifeline.py       tells a dead worker from a slow one
 broker.py         Celery's settings for both ends of the queue
+redis_tls.py      addresses of a Redis that is reached over TLS
 sums.py           serialization of a batch's sums
 result_bytes.py   serialization of a result
 blends.py         scenes that Blender has to convert
