@@ -1,39 +1,53 @@
-"""Writes what is published of the settings' declarations: their part of renderer/scene/schema.json and of docs/scene-format.md.
+"""Writes what is published of declarations: docs/scene-schema.json, and the settings' table in docs/scene-format.md.
 
     python docs/settings_table.py
 
-tests/renderer/scene/test_scene_format.py holds that this was done.
+tests/renderer/scene/test_scene_format.py checks that both are up to date.
 """
 
 from __future__ import annotations
 
-import functools
+import ast
 import json
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING
+from itertools import pairwise
 from pathlib import Path
 
-from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in
+from renderer.scene import material
+from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, template_text
 from renderer.setting_declaration import Declared
 from renderer.setting_docs import values
 
 ROOT = Path(__file__).resolve().parents[1]
-SCHEMA = ROOT / "renderer" / "scene" / "schema.json"
+SCHEMA = ROOT / "docs" / "scene-schema.json"
 GUIDE = ROOT / "docs" / "scene-format.md"
 
 
-def schema_text(text: str, settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
-    """The schema file with what the declarations say in its place, a line each; all else as it is."""
-    whole = filled_in(json.loads(text), settings)
-    lines = [f"        {json.dumps(name)}: {_line(part)}" for name, part in _settings(whole).items()]
-    start, _, end = _between(text, '"settings": {', '"properties": {\n', "\n      }\n")
-    text = start + ",\n".join(lines) + end
-    start, camera, end = _between(text, '    "camera": {\n', "", "\n    },\n")
-    for name, part in whole["$defs"]["camera"]["properties"].items():
-        own = rf"^(        {json.dumps(name)}: )\{{.*\}}(,?)$"
-        camera = re.sub(own, functools.partial(_replaced, _line(part)), camera, flags=re.M)
-    return start + camera + end
+def schema_text(settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
+    """Returns the whole schema: the text of schema.json with one line for each declared part."""
+    text = template_text()
+    whole = filled_in(json.loads(text), settings, attribute_docs(Path(str(material.__file__)), "Material"))
+    defs = whole["$defs"]
+    text = _filled(text, '    "settings": {\n', whole["properties"]["settings"]["properties"])
+    text = _filled(text, '    "material": {\n      "type"', defs["material"]["properties"])
+    text = _replaced(text, '    "environment": {\n', "preset", whole["properties"]["environment"]["properties"]["preset"])
+    text = _replaced(text, '    "texture_layer": {\n', "blend", defs["texture_layer"]["properties"]["blend"])
+    for name, part in defs["camera"]["properties"].items():
+        text = _replaced(text, '    "camera": {\n', name, part)
+    return text
+
+
+def attribute_docs(path: Path, name: str) -> dict[str, str]:
+    """Returns the string below each attribute of a class, joined to one line."""
+    body = next(n.body for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef) and n.name == name)
+    found = {}
+    for field, words in pairwise(body):
+        match field, words:
+            case ast.AnnAssign(target=ast.Name(id=attribute)), ast.Expr(value=ast.Constant(value=str(said))):
+                found[attribute] = " ".join(said.split())
+    return found
 
 
 def guide_text(text: str, settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
@@ -43,12 +57,18 @@ def guide_text(text: str, settings: Mapping[str, Declared] = SCENE_SETTINGS) -> 
     return start + "\n".join(rows) + "\n" + end
 
 
-def _replaced(line: str, found: re.Match[str]) -> str:
-    return f"{found[1]}{line}{found[2]}"
+def _filled(text: str, after: str, properties: Mapping[str, object]) -> str:
+    """Returns the text with these properties in place of the first empty ones after `after`."""
+    start, end = text[: text.index(after)], text[text.index(after) :]
+    lines = [f"        {json.dumps(name)}: {_line(part)}" for name, part in properties.items()]
+    return start + end.replace('"properties": {}', '"properties": {\n' + ",\n".join(lines) + "\n      }", 1)
 
 
-def _settings(schema: dict[str, dict[str, dict[str, dict[str, object]]]]) -> dict[str, dict[str, object]]:
-    return schema["properties"]["settings"]["properties"]
+def _replaced(text: str, after: str, name: str, part: object) -> str:
+    """Returns the text with a property's line, the first one after `after`, written anew."""
+    start, end = text[: text.index(after)], text[text.index(after) :]
+    own = rf"^( +{json.dumps(name)}: )\{{.*?\}}(,?)$"
+    return start + re.sub(own, lambda found: f"{found[1]}{_line(part)}{found[2]}", end, count=1, flags=re.M)
 
 
 def _line(part: object) -> str:
@@ -80,5 +100,5 @@ def _short(value: object) -> str:
 
 
 if __name__ == "__main__":
-    SCHEMA.write_text(schema_text(SCHEMA.read_text()))
+    SCHEMA.write_text(schema_text())
     GUIDE.write_text(guide_text(GUIDE.read_text()))

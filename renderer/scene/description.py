@@ -52,7 +52,7 @@ Seen = Literal["never", "mirrored", "always"]
 EmissionKind = Literal["sphere", "window", "screen"]
 Wrap = Literal["repeat", "mirror", "clamp"]
 TexelFilter = Literal["linear", "nearest"]
-Blend = Literal["over", "multiply", "add", "subtract", "divide", "screen", "signed_add", "darken", "lighten", "difference"]
+Blend = str  # a key of OPERATIONS in renderer/kernel/material/blend.py
 UvTransform = tuple[float, float, float, float, float, float]
 
 

@@ -1,7 +1,7 @@
 """What is said of a material's parameter, once: what it is, its range, where it is packed, and who calls it what.
 
 renderer/scene/material.py has the table. Scenes are checked and packed by it, readers find their fields in it, and the scene
-file's schema is written from it (docs/material_table.py).
+file's schema is filled in from it (renderer/scene/readers/yaml/schema.py).
 """
 
 from __future__ import annotations

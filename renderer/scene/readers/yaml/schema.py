@@ -1,17 +1,32 @@
-"""What a scene file may hold: schema.json, and in it the settings and the lens as renderer/settings.py declares them."""
+"""The JSON schema that scene files are checked against: schema.json, with what other modules declare filled in.
+
+Declared elsewhere are the settings and the lens (renderer/settings.py, renderer/view.py), material parameters and kinds
+(renderer/scene/material.py), blend operations (renderer/kernel/material/blend.py) and light presets (renderer/presets.py).
+`python docs/settings_table.py` writes the whole, with descriptions, to docs/scene-schema.json.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from importlib.resources import files
+from types import MappingProxyType
 from typing import Any
 
+from renderer.kernel.material.blend import OPERATIONS
+from renderer.presets import PRESETS
+from renderer.scene.material import PARAMETERS
+from renderer.scene.parameters import Parameter
+from renderer.scene.readers.metals import METALS
+from renderer.scene.readers.yaml.materials import SPELLINGS
 from renderer.setting_declaration import Declared
 from renderer.settings import OPTIONAL, SETTINGS, VIEW
 from renderer.work import WORK
 
-__all__ = ["SCENE_SETTINGS", "filled_in", "schema"]
+__all__ = ["SCENE_SETTINGS", "filled_in", "material_properties", "schema", "template_text"]
+
+Json = dict[str, Any]
 
 # What a scene file may ask for, in the order in which its documentation has them.
 SCENE_SETTINGS: Mapping[str, Declared] = {
@@ -21,15 +36,79 @@ SCENE_SETTINGS: Mapping[str, Declared] = {
 }
 # Those of a camera that a file writes as the renderer takes them.
 _LENS = ("projection", "fov", "height", "aperture", "near", "shift_x", "shift_y")
+# The schemas of further spellings of a material's parameters.
+_SPELLINGS: dict[str, Json] = {
+    "abbe": {"description": "Abbe number, instead of the dispersion.", "type": "number", "minimum": 1},
+    "metal": {"description": "A measured one, instead of eta and k.", "enum": sorted(METALS)},
+}
 
 
-def filled_in(document: dict[str, Any], settings: Mapping[str, Declared] = SCENE_SETTINGS) -> dict[str, Any]:
-    """The schema with these settings in place of those that it has; all else in it stays."""
+def filled_in(
+    document: Json,
+    settings: Mapping[str, Declared] = SCENE_SETTINGS,
+    descriptions: Mapping[str, str] = MappingProxyType({}),
+) -> Json:
+    """Returns the document with the declared parts in their places.
+
+    settings: those a file may hold; descriptions: of material parameters, by name.
+    """
+    defs = document["$defs"]
     document["properties"]["settings"]["properties"] = {name: each.json_schema() for name, each in settings.items()}
-    document["$defs"]["camera"]["properties"] |= {name: VIEW[name].json_schema() for name in _LENS}
+    document["properties"]["environment"]["properties"]["preset"]["enum"] = list(PRESETS)
+    defs["camera"]["properties"] |= {name: VIEW[name].json_schema() for name in _LENS}
+    defs["material"]["properties"] = material_properties(descriptions)
+    defs["texture_layer"]["properties"]["blend"] = {"enum": list(OPERATIONS)}
     return document
 
 
-def schema() -> dict[str, Any]:
-    """The schema that scene files are held to."""
-    return filled_in(json.loads(files("renderer.scene").joinpath("schema.json").read_text()))
+def schema() -> Json:
+    """Returns the schema that scene files are checked against; material parameters have no descriptions."""
+    return filled_in(json.loads(template_text()))
+
+
+def template_text() -> str:
+    """Returns schema.json: the part of the schema that is declared nowhere else."""
+    return files("renderer.scene").joinpath("schema.json").read_text()
+
+
+def material_properties(descriptions: Mapping[str, str] = MappingProxyType({})) -> Json:
+    """Returns the schemas of a material's fields by their names in scene files. descriptions: by parameter name."""
+    found: Json = {}
+    for parameter in PARAMETERS:
+        words = {"description": descriptions[parameter.name]} if parameter.name in descriptions else {}
+        for other, same in SPELLINGS.items():
+            if same == parameter.in_file:
+                found[other] = _SPELLINGS[other]
+        found[parameter.in_file] = {**words, **_form(parameter)}
+    return found
+
+
+def _form(p: Parameter) -> Json:
+    if p.form == "texture":
+        return {"$ref": "#/$defs/texture_name"}
+    if p.form == "flag":
+        return {"type": "boolean"}
+    if p.form == "choice":
+        return {"enum": list(p.choices)}
+    if p.form == "radiance":
+        return {"$ref": "#/$defs/radiance"}
+    if p.form == "degrees":
+        return {"type": "number"}
+    if p.form == "number":
+        return {"$ref": "#/$defs/unit"} if (p.low, p.high) == (0.0, 1.0) else {"type": "number", **_range(p)}
+    if p.form == "color" and p.high == 1.0:
+        return {"$ref": "#/$defs/color"}
+    count = 2 if p.form == "pair" else 3
+    several = {"items": {"type": "number", **_range(p)}, "minItems": count, "maxItems": count, **_range(p)}
+    if p.form == "color":
+        return {"type": ["array", "number", "string"], **several, "pattern": "^#[0-9a-fA-F]{6}$"}
+    return {"type": ["array", "number"], **several}
+
+
+def _range(p: Parameter) -> Json:
+    lowest = {"exclusiveMinimum" if p.above else "minimum": _plain(p.low)} if math.isfinite(p.low) else {}
+    return {**lowest, **({"maximum": _plain(p.high)} if math.isfinite(p.high) else {})}
+
+
+def _plain(value: float) -> float:
+    return int(value) if value == int(value) else value
