@@ -15,7 +15,7 @@ from dataclasses import MISSING
 from itertools import pairwise
 from pathlib import Path
 
-from renderer.scene import material
+from renderer.scene import description, material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, template_text
 from renderer.setting_declaration import Declared
 from renderer.setting_docs import values
@@ -28,14 +28,17 @@ GUIDE = ROOT / "docs" / "scene-format.md"
 def schema_text(settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
     """Returns the whole schema: the text of schema.json with one line for each declared part."""
     text = template_text()
-    whole = filled_in(json.loads(text), settings, attribute_docs(Path(str(material.__file__)), "Material"))
+    materials = attribute_docs(Path(str(material.__file__)), "Material")
+    lights = attribute_docs(Path(str(description.__file__)), "Light")
+    whole = filled_in(json.loads(text), settings, materials, lights)
     defs = whole["$defs"]
     text = _filled(text, '    "settings": {\n', whole["properties"]["settings"]["properties"])
     text = _filled(text, '    "material": {\n      "type"', defs["material"]["properties"])
     text = _replaced(text, '    "environment": {\n', "preset", whole["properties"]["environment"]["properties"]["preset"])
     text = _replaced(text, '    "texture_layer": {\n', "blend", defs["texture_layer"]["properties"]["blend"])
-    for name, part in defs["camera"]["properties"].items():
-        text = _replaced(text, '    "camera": {\n', name, part)
+    for kind in ("camera", "light"):
+        for name, part in defs[kind]["properties"].items():
+            text = _replaced(text, f'    "{kind}": {{\n', name, part)
     return text
 
 
@@ -65,10 +68,16 @@ def _filled(text: str, after: str, properties: Mapping[str, object]) -> str:
 
 
 def _replaced(text: str, after: str, name: str, part: object) -> str:
-    """Returns the text with a property's line, the first one after `after`, written anew."""
-    start, end = text[: text.index(after)], text[text.index(after) :]
+    """Returns the text with a property's line, of the definition that begins at `after`, written anew or added at its end."""
+    start = text.index(after)
+    end = text.index("\n    }", start)
+    section = text[start:end]
     own = rf"^( +{json.dumps(name)}: )\{{.*?\}}(,?)$"
-    return start + re.sub(own, lambda found: f"{found[1]}{_line(part)}{found[2]}", end, count=1, flags=re.M)
+    section, count = re.subn(own, lambda found: f"{found[1]}{_line(part)}{found[2]}", section, count=1, flags=re.M)
+    if not count:
+        whole = section.removesuffix("\n      }")
+        section = f"{whole},\n        {json.dumps(name)}: {_line(part)}\n      }}"
+    return text[:start] + section + text[end:]
 
 
 def _line(part: object) -> str:

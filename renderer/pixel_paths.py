@@ -23,17 +23,7 @@ MOST_SAMPLES = 4096  # looked at: the first so many
 Choice = Literal["first", "median", "brightest", "asked"]
 Bounce = Literal["reflected", "transmitted"]
 
-MODELS = {
-    rows.DIFFUSE: "diffuse",
-    rows.MIRROR: "mirror",
-    rows.GLASS: "glass",
-    rows.METALLIC_ROUGHNESS: "metallic-roughness",
-    rows.CONDUCTOR: "conductor",
-    rows.BLINN_PHONG: "blinn-phong",
-    rows.UNLIT: "unlit",
-    rows.LAYERED: "layered",
-    rows.PLASTIC: "plastic",
-}
+MODELS = {kind.number: kind.model for kind in rows.KINDS if kind.model is not None}
 
 
 class Spot(NamedTuple):

@@ -21,22 +21,23 @@ _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # in the place of an array that the kernel need not know of
 _MEDIA = ("medium", "material_medium")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
-_LAYERED_KINDS = (rows.BLINN_PHONG, rows.LAYERED, rows.PLASTIC)
+_PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 
 
 def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
-    """The name of the first of EDITIONS that has all the parts which the scene needs.
+    """Returns the name of the first of EDITIONS that has all parts which the scene needs.
 
-    camera_moves: while the shutter is open.
+    camera_moves: while the shutter is open. Raises ValueError for a material of a kind that `rows.KINDS` does not declare.
     """
     flags = int(np.bitwise_or.reduce(scene.material_flags))
+    parts = _parts_of_kinds(scene)
     needs = {
         "textures": bool(flags & (_TEXTURES | _HIDDEN)) or len(scene.color) > 0,
         "lights": len(scene.light_node) > 0 or len(scene.punctual) > 0,
-        "layers": bool(flags & _LAYERS) or bool(np.isin(scene.material_kind, _LAYERED_KINDS).any()),
+        "layers": bool(flags & _LAYERS) or "layers" in parts,
         "instances": len(scene.to_world) > 0,
         "motion": camera_moves or _moves(scene),
-        "media": bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
+        "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in EDITIONS.items() if all(getattr(has, part) for part in wanted))
@@ -54,6 +55,14 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
+
+
+def _parts_of_kinds(scene: CompiledScene) -> set[str]:
+    """Returns the parts that the kinds of the scene's materials need."""
+    kinds = np.unique(scene.material_kind).tolist()
+    if unknown := [kind for kind in kinds if kind not in _PART_OF]:
+        raise ValueError(f"material kinds {unknown} are not declared; add them to KINDS in renderer/arrays/rows.py")
+    return {_PART_OF[kind] for kind in kinds}
 
 
 def _moves(scene: CompiledScene) -> bool:

@@ -5,12 +5,47 @@ theirs on.
 
 from __future__ import annotations
 
+from typing import Literal, NamedTuple
+
 # Columns of `part`, int32: what all triangles of a part have in common.
 PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
-# Kinds: how a material scatters. INTERFACE does not, and MEDIUM is no material's, but that of vertices within a medium.
+# Numbers of material kinds, as in `material_kind`. From CONDUCTOR on, a kernel looks up the whole row (`look_up_layers`).
 DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC = range(11)
+
+
+class Kind(NamedTuple):
+    """A kind of material: how it scatters, and which kernels can render it.
+
+    stage: the kernel code that scatters its vertices. "rare": one path at a time, by renderer/kernel/material/rare_materials.py;
+    "none": the kind does not scatter. part: the field of `Has` that a kernel needs for it; empty where all kernels have it.
+    """
+
+    number: int
+    name: str  # in scene files, unless it is only made by packing
+    stage: Literal["diffuse", "metallic_roughness", "conductor", "specular", "rare", "medium", "none"]
+    part: Literal["", "layers", "media"] = ""
+    in_files: bool = True
+    faceted: bool = False  # whether its microfacets may be distributed by Beckmann
+    model: str | None = None  # its name in the explanation of a path
+
+
+# Every kind; those of scene files in the order of the schema.
+KINDS = (
+    Kind(DIFFUSE, "diffuse", "diffuse", model="diffuse"),
+    Kind(MIRROR, "mirror", "specular", model="mirror"),
+    Kind(GLASS, "glass", "specular", model="glass"),
+    Kind(CONDUCTOR, "conductor", "conductor", faceted=True, model="conductor"),
+    Kind(BLINN_PHONG, "blinn_phong", "rare", "layers", model="blinn-phong"),
+    Kind(UNLIT, "unlit", "none", model="unlit"),
+    Kind(METALLIC_ROUGHNESS, "metallic_roughness", "metallic_roughness", model="metallic-roughness"),
+    Kind(PLASTIC, "plastic", "rare", "layers", faceted=True, model="plastic"),
+    Kind(INTERFACE, "interface", "none"),
+    Kind(LAYERED, "layered", "rare", "layers", in_files=False, faceted=True, model="layered"),
+    Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # of vertices within a medium
+)
+RARE_KINDS = sum(1 << kind.number for kind in KINDS if kind.stage == "rare")  # a bit for each kind that scatters alone
 
 # Columns of `material`, float32.
 BASE = 0

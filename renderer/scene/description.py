@@ -6,18 +6,20 @@ Indices (`material`, `texture`, `image`, `mesh`) point into the lists of the Sce
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.material import AlphaMode, Material
-from renderer.scene.parameters import MaterialKind
+from renderer.scene.parameters import MaterialKind, choice, flag, number, parameters_of
 from renderer.settings import Vec3, View
 
 __all__ = [
+    "LIGHT_PARAMETERS",
     "AlphaMode",
     "Blend",
     "Camera",
@@ -162,9 +164,17 @@ class EmissionMap:
     at_edges: bool = False
 
 
+# Types of lights in scene files, by which parameters they take. A projector is a point that emits a picture.
+_PLACED = ("point", "spot", "projector")
+_CONES = ("spot",)
+_DISTANT = ("directional",)
+
+
 @dataclass
 class Light:
     """A light without a body: seen by what it lights, never by a ray that happens to meet it, but for a sun.
+
+    Parameters declared by functions of renderer/scene/parameters.py are read from scene files as declared.
 
     intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
     radius (point, spot) and angle (directional: the degrees it spans, 0.53 for the sun) soften its shadows.
@@ -175,17 +185,28 @@ class Light:
     intensity: Vec3 = (1.0, 1.0, 1.0)
     position: Vec3 = (0.0, 0.0, 0.0)
     direction: Vec3 = (0.0, -1.0, 0.0)  # in which it shines
-    radius: float = 0.0
-    angle: float = 0.0
-    inner_cone: float = 0.0  # half angles, degrees: full within, dark beyond the outer
-    outer_cone: float = 45.0
-    falloff: Falloff = "squared"  # between them: renderer/kernel/light/punctual.py
-    facing: bool = False  # point, spot: the radius is that of a disk which faces what it lights, not of a sphere
-    seen: Seen = "never"  # directional, with an angle: whether rays meet its disk; mirrored: all but the camera's
+    radius: float = number(0.0, high=math.inf, kinds=_PLACED)
+    """Of a sphere that softens the shadows."""
+    angle: float = number(0.0, high=180.0, kinds=_DISTANT)
+    """Degrees that a directional light spans; the sun 0.53."""
+    inner_cone: float = number(0.0, high=180.0, kinds=_CONES)
+    """Half angle within which a spot is full, degrees."""
+    outer_cone: float = number(45.0, high=180.0, above=True, kinds=_CONES)
+    """Half angle beyond which it is dark."""
+    falloff: Falloff = choice("squared", get_args(Falloff), _CONES)  # formulas: renderer/kernel/light/punctual.py
+    """How a spot falls off between its cones: as glTF has it, unless told; smooth as Cycles and pbrt; linear as Mitsuba; smooth
+    angle as USD."""
+    facing: bool = flag(kinds=_PLACED)
+    """Whether the radius is that of a disk which faces what it lights, as of Blender's lamps, not of a sphere."""
+    seen: Seen = choice("never", get_args(Seen), _DISTANT)
+    """Whether rays meet the disk of a directional light that has an angle: none, all but the camera's, or all."""
     emission: EmissionMap | None = None
     up: Vec3 = (0.0, 1.0, 0.0)
     name: str = "light"
     keys: tuple[Light, ...] = ()  # as Instance.keys
+
+
+LIGHT_PARAMETERS = parameters_of(Light)
 
 
 @dataclass

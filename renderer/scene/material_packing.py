@@ -17,18 +17,8 @@ from renderer.scene.texels import MAX_EMISSION, Texels
 
 __all__ = ["Packed", "conductor_reflectance", "pack"]
 
-_KINDS = {
-    "diffuse": rows.DIFFUSE,
-    "mirror": rows.MIRROR,
-    "glass": rows.GLASS,
-    "metallic_roughness": rows.METALLIC_ROUGHNESS,
-    "conductor": rows.CONDUCTOR,
-    "blinn_phong": rows.BLINN_PHONG,
-    "unlit": rows.UNLIT,
-    "plastic": rows.PLASTIC,
-    "interface": rows.INTERFACE,
-}
-_FACETED = (rows.CONDUCTOR, rows.LAYERED, rows.PLASTIC)  # those whose facets may be distributed by Beckmann
+_KINDS = {kind.name: kind.number for kind in rows.KINDS}
+_FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
 _SMOOTH = ("glass", "conductor")  # where no roughness is given

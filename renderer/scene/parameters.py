@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal, get_args
+from typing import Any, Literal
+
+from renderer.arrays.rows import KINDS
 
 __all__ = [
     "EVERY_KIND",
@@ -26,14 +28,12 @@ __all__ = [
     "values",
 ]
 
-MaterialKind = Literal[
-    "diffuse", "mirror", "glass", "conductor", "blinn_phong", "unlit", "metallic_roughness", "plastic", "interface"
-]
+MaterialKind = str  # the name of one of `EVERY_KIND`
 
 Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair", "degrees", "texture"]
 
 PRINCIPLED: tuple[str, ...] = ("metallic_roughness",)
-EVERY_KIND: tuple[str, ...] = get_args(MaterialKind)
+EVERY_KIND: tuple[str, ...] = tuple(kind.name for kind in KINDS if kind.in_files)
 SURFACES: tuple[str, ...] = tuple(kind for kind in EVERY_KIND if kind != "interface")  # the kinds that are seen
 
 _KEY = "parameter"

@@ -32,8 +32,9 @@ __all__ = [
     "sample_punctual",
 ]
 
-POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE = range(6)
-SUN, SUN_UNSEEN = 6, 7  # distant lights that rays hit; camera rays do not hit the latter
+# Kinds of punctual lights, as in `punctual_kind`. The last two are distant lights that rays hit; camera rays do not hit the very
+# last. A new kind goes before them.
+POINT, SPOT, DIRECTIONAL, SPOT_SMOOTH, SPOT_LINEAR, SPOT_SMOOTH_ANGLE, SUN, SUN_UNSEEN = range(8)
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from renderer import render
+from renderer.arrays import rows
 from renderer.arrays.kernel_variant import edition_of, only
 from renderer.arrays.scene_features import EDITIONS
 from renderer.film import mean
@@ -53,6 +54,13 @@ def described(*materials: Material) -> SceneDescription:
 
 def test_what_is_common_is_plain() -> None:
     assert edition_of(compile_scene(described(*PLAIN))) == "plain"
+
+
+def test_a_kind_that_is_not_declared_is_refused() -> None:
+    scene = compile_scene(described(*PLAIN))
+    scene.material_kind[0] = len(rows.KINDS)
+    with pytest.raises(ValueError, match=r"kinds \[11\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
+        edition_of(scene)
 
 
 @pytest.mark.parametrize("name", NEEDS_MORE)

@@ -4,29 +4,46 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from renderer.scene.description import F32, EmissionMap, Environment, Light, Medium, SceneDescription, Sky, Vec3
+from renderer.scene.description import (
+    F32,
+    LIGHT_PARAMETERS,
+    EmissionMap,
+    Environment,
+    Light,
+    LightKind,
+    Medium,
+    SceneDescription,
+    Sky,
+    Vec3,
+)
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import light_by_name
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, thrown
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.yaml.lines import Path, Yaml
-from renderer.scene.readers.yaml.values import color, radiance, vec3
+from renderer.scene.readers.yaml.values import color, radiance, value_of, vec3
 from renderer.scene.textures import TextureShelf
 
-__all__ = ["Lights", "read_environment", "read_medium"]
+__all__ = ["LIGHT_TYPES", "Lights", "read_environment", "read_medium"]
 
 _SHAPED = {"profile", "picture", "up"}
-_FIELDS = {
-    "point": {"position", "direction", "target", "radius", "facing", *_SHAPED},
-    "spot": {"position", "direction", "target", "radius", "facing", "inner_cone", "outer_cone", "falloff", *_SHAPED},
-    "projector": {"position", "direction", "target", "radius", "facing", "picture", "up", "fov"},
-    "directional": {"direction", "angle", "seen"},
+_AIMED = {"position", "direction", "target"}
+# Fields of each type of light, besides those that LIGHT_PARAMETERS declare and those of all lights.
+_PLACED = {
+    "point": {*_AIMED, *_SHAPED},
+    "spot": {*_AIMED, *_SHAPED},
+    "projector": {*_AIMED, "picture", "up", "fov"},
+    "directional": {"direction"},
 }
+LIGHT_TYPES = tuple(dict.fromkeys((*_PLACED, *get_args(LightKind))))
 _ALL = {"type", "name", "intensity", "color"}
+_FIELDS = {
+    kind: {*_ALL, *_PLACED.get(kind, _AIMED), *(p.in_file for p in LIGHT_PARAMETERS if kind in p.kinds)} for kind in LIGHT_TYPES
+}
 _WIDEST = 89.0  # degrees from the axis that a picture is thrown
 
 
@@ -40,7 +57,7 @@ class Lights:
         """The light at a place of `lights`. Raises SceneError for fields that its type does not know or lacks."""
         kind, document = source["type"], self._document
         for key in source:
-            if key not in _ALL | _FIELDS[kind]:
+            if key not in _FIELDS[kind]:
                 raise document.error((*path, key), f"means nothing for a {kind} light")
         light = Light("point" if kind == "projector" else kind, name=source.get("name", f"light {index}"))
         r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
@@ -52,11 +69,9 @@ class Lights:
             light.direction = _direction(source, light.position, document, path)
         elif "picture" in source:
             light.direction = (0.0, 0.0, -1.0)
-        light.radius, light.angle = float(source.get("radius", 0)), float(source.get("angle", 0))
-        light.outer_cone = float(source.get("outer_cone", 45))
-        light.inner_cone = float(source.get("inner_cone", 0))
-        light.falloff = source.get("falloff", "squared")
-        light.facing, light.seen = source.get("facing", False), source.get("seen", "never")
+        for parameter in LIGHT_PARAMETERS:
+            if parameter.in_file in source:
+                setattr(light, parameter.name, value_of(parameter, source[parameter.in_file]))
         light.up = vec3(source.get("up", light.up))
         if light.inner_cone > light.outer_cone:
             raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from renderer.scene.material import PARAMETERS, Material
@@ -10,7 +9,7 @@ from renderer.scene.parameters import EVERY_KIND, SURFACES, MaterialKind, Parame
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.textures import Textures
-from renderer.scene.readers.yaml.values import color, radiance
+from renderer.scene.readers.yaml.values import color, value_of
 
 __all__ = ["SPELLINGS", "read_material"]
 
@@ -59,13 +58,7 @@ def _value(parameter: Parameter, value: Any, textures: Textures, document: Yaml,
         if not parameter.layered and isinstance(value, list):
             raise document.error(path, "takes one texture: its values are no colours that layers could be laid on")
         return textures.stack(value, path, parameter.srgb)
-    if parameter.form == "color":
-        return color(value)
-    if parameter.form in ("radiance", "triple"):
-        return radiance(value)
-    if parameter.form == "pair":
-        return tuple(value) if isinstance(value, list) else (0.0, float(value))
-    return math.radians(value) if parameter.form == "degrees" else value
+    return value_of(parameter, value)
 
 
 def _kind_of(source: dict[str, Any]) -> MaterialKind:

@@ -1,7 +1,8 @@
 """The JSON schema that scene files are checked against: schema.json, with what other modules declare filled in.
 
 Declared elsewhere are the settings and the lens (renderer/settings.py, renderer/view.py), material parameters and kinds
-(renderer/scene/material.py), blend operations (renderer/kernel/material/blend.py) and light presets (renderer/presets.py).
+(renderer/scene/material.py), lights (renderer/scene/description.py), blend operations (renderer/kernel/material/blend.py) and
+light presets (renderer/presets.py).
 `python docs/settings_table.py` writes the whole, with descriptions, to docs/scene-schema.json.
 """
 
@@ -16,9 +17,11 @@ from typing import Any
 
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.presets import PRESETS
+from renderer.scene.description import LIGHT_PARAMETERS
 from renderer.scene.material import PARAMETERS
 from renderer.scene.parameters import Parameter
 from renderer.scene.readers.metals import METALS
+from renderer.scene.readers.yaml.lights import LIGHT_TYPES
 from renderer.scene.readers.yaml.materials import SPELLINGS
 from renderer.setting_declaration import Declared
 from renderer.settings import OPTIONAL, SETTINGS, VIEW
@@ -46,23 +49,26 @@ _SPELLINGS: dict[str, Json] = {
 def filled_in(
     document: Json,
     settings: Mapping[str, Declared] = SCENE_SETTINGS,
-    descriptions: Mapping[str, str] = MappingProxyType({}),
+    materials: Mapping[str, str] = MappingProxyType({}),
+    lights: Mapping[str, str] = MappingProxyType({}),
 ) -> Json:
     """Returns the document with the declared parts in their places.
 
-    settings: those a file may hold; descriptions: of material parameters, by name.
+    settings: those a file may hold; materials, lights: descriptions of their parameters by name.
     """
     defs = document["$defs"]
     document["properties"]["settings"]["properties"] = {name: each.json_schema() for name, each in settings.items()}
     document["properties"]["environment"]["properties"]["preset"]["enum"] = list(PRESETS)
     defs["camera"]["properties"] |= {name: VIEW[name].json_schema() for name in _LENS}
-    defs["material"]["properties"] = material_properties(descriptions)
+    defs["material"]["properties"] = material_properties(materials)
+    defs["light"]["properties"]["type"] = {"enum": list(LIGHT_TYPES)}
+    defs["light"]["properties"] |= {p.in_file: _described(p, lights) for p in LIGHT_PARAMETERS}
     defs["texture_layer"]["properties"]["blend"] = {"enum": list(OPERATIONS)}
     return document
 
 
 def schema() -> Json:
-    """Returns the schema that scene files are checked against; material parameters have no descriptions."""
+    """Returns the schema that scene files are checked against; parameters of materials and lights have no descriptions."""
     return filled_in(json.loads(template_text()))
 
 
@@ -75,12 +81,16 @@ def material_properties(descriptions: Mapping[str, str] = MappingProxyType({})) 
     """Returns the schemas of a material's fields by their names in scene files. descriptions: by parameter name."""
     found: Json = {}
     for parameter in PARAMETERS:
-        words = {"description": descriptions[parameter.name]} if parameter.name in descriptions else {}
         for other, same in SPELLINGS.items():
             if same == parameter.in_file:
                 found[other] = _SPELLINGS[other]
-        found[parameter.in_file] = {**words, **_form(parameter)}
+        found[parameter.in_file] = _described(parameter, descriptions)
     return found
+
+
+def _described(parameter: Parameter, descriptions: Mapping[str, str]) -> Json:
+    words = {"description": descriptions[parameter.name]} if parameter.name in descriptions else {}
+    return {**words, **_form(parameter)}
 
 
 def _form(p: Parameter) -> Json:

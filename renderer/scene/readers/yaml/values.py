@@ -1,12 +1,14 @@
-"""Colours and vectors as a scene file writes them."""
+"""Values as a scene file writes them: colours, vectors, declared parameters."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from renderer.scene.description import Vec3
+from renderer.scene.parameters import Parameter
 
-__all__ = ["color", "radiance", "srgb_bytes", "vec3"]
+__all__ = ["color", "radiance", "srgb_bytes", "value_of", "vec3"]
 
 
 def vec3(values: Any) -> Vec3:
@@ -26,6 +28,22 @@ def color(value: Any) -> Vec3:
         return radiance(value)
     encoded = [int(value[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     return vec3([c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in encoded])
+
+
+def value_of(parameter: Parameter, value: Any) -> Any:
+    """Returns the value of a declared parameter, any but a texture, from a file's, which fits the schema."""
+    match parameter.form:
+        case "color":
+            return color(value)
+        case "radiance" | "triple":
+            return radiance(value)
+        case "pair":
+            return tuple(value) if isinstance(value, list) else (0.0, float(value))
+        case "degrees":
+            return math.radians(value)
+        case "number":
+            return float(value)
+    return value
 
 
 def srgb_bytes(linear: Vec3) -> list[int]:

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from renderer.scene.description import Material
+from renderer.arrays.rows import KINDS
+from renderer.scene.description import Material, SceneDescription
+from renderer.scene.material_packing import pack
 from tests.grids import grid
 from tests.renderer.judge import chi_squared, direction_test, limit
 from tests.renderer.kernel.subject import Subject, hemisphere, many, tilted
@@ -58,6 +60,13 @@ MODELS = {
 }  # fmt: skip
 FROM_BOTH_SIDES = ("rough glass", "Beckmann glass", "half transmission")
 CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH_SIDES]
+
+
+def test_every_kind_that_scatters_has_an_entry():
+    """Its chi-squared tests fail if a kernel does not dispatch to it."""
+    kinds = pack(SceneDescription(materials=list(MODELS.values()))).material_kind.tolist()
+    stages = ("diffuse", "metallic_roughness", "conductor", "rare")
+    assert {kind.number for kind in KINDS if kind.stage in stages} == set(kinds)
 
 
 @pytest.fixture(scope="module")
