@@ -2,8 +2,8 @@
 
 A browser opens six connections to an HTTP/1.1 service, and each request takes a round trip: 0.4 s on a slow line. Therefore
 adjacent style sheets are joined to one file, and so are classic scripts; all static imports of the first module, direct or not,
-are preloaded; and for modules imported on demand a table lists their further imports, so that `web/js/shell/ahead.js` can request
-all of them at once.
+are preloaded; and a table lists the further imports of modules that are imported on demand, another one the views by address, so
+that `web/js/shell/ahead.js` can request all modules of a view at once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from collections.abc import Iterable, Mapping
 
 __all__ = ["index_of", "joined"]
 
-TABLE = "view-modules"  # the element id that web/js/shell/ahead.js looks for
+# The element ids that web/js/shell/ahead.js looks for.
+TABLE = "view-modules"
+ADDRESSES = "view-addresses"
 
 _GROUPS = {
     "css/joined.css": re.compile(r'<link rel="stylesheet" href="css/[^"]+" />(?:\s*<link rel="stylesheet" href="css/[^"]+" />)*'),
@@ -25,6 +27,7 @@ _LINKED = re.compile(r'(?:href|src)="([^"]+)"')
 _NAMED = re.compile(r'\b(href|src)="((?:js|css)/[^"]+|icon\.svg)"')
 _MODULE = re.compile(r'<script type="module" src="([^"]+)"')
 _IMPORT = re.compile(r'^(?:import|export|\})[^"\n]*"(\.{1,2}/[^"]+)"', re.MULTILINE)
+_VIEW = re.compile(r'^\s*"([\w/]*)": async \(\) => \(await import\("(\.{1,2}/[^"]+)"\)\)', re.MULTILINE)  # in views/showing.js
 _ON_DEMAND = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
@@ -46,8 +49,14 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
         for module in at_once
         for name in _named_in(module, _ON_DEMAND, sources)
     }
-    table = json.dumps(on_demand, separators=(",", ":")).replace("<", "\\u003c")
-    html = html.replace("<script", f'<script type="application/json" id="{TABLE}">{table}</script>\n    <script', 1)
+    views = {
+        address: posixpath.basename(name).removesuffix(".js")
+        for module in at_once
+        for address, name in _VIEW.findall(sources.get(module, ""))
+    }
+    for element, table in ((TABLE, on_demand), (ADDRESSES, views)):
+        text = json.dumps(table, separators=(",", ":")).replace("<", "\\u003c")
+        html = html.replace("<script", f'<script type="application/json" id="{element}">{text}</script>\n    <script', 1)
     # After the classic scripts, which request further data and would otherwise arrive last.
     links = "".join(f'<link rel="modulepreload" href="{name}" />\n    ' for name in at_once)
     html = html.replace('<script type="module"', f'{links}<script type="module"', 1)

@@ -14,7 +14,9 @@ import httpx
 import pytest
 from starlette.applications import Starlette
 
+from service.page_index import index_of
 from service.pages import WebPages
+from tests.helpers import ROOT
 
 INDEX = """<!doctype html>
 <link rel="icon" href="icon.svg" />
@@ -98,6 +100,26 @@ def test_the_index_says_what_each_view_needs_beyond_the_first_modules(pages: Pag
     table = re.search(r'<script type="application/json" id="view-modules">(.*?)</script>', pages.get("/").text)
     assert table
     assert json.loads(table[1]) == {"d": [f"v/{pages.version()}/js/views/{name}.js" for name in "de"]}
+
+
+def test_the_index_lists_the_views_by_address() -> None:
+    """And the page has no other table of them: an address that is missing here shows nothing."""
+    web = ROOT / "web"
+    sources = {path.relative_to(web).as_posix(): path.read_text() for path in web.rglob("*.js")}
+    html = index_of((web / "index.html").read_text(), sources, "v/1/")
+    table = re.search(r'<script type="application/json" id="view-addresses">(.*?)</script>', html)
+    assert table
+    views = json.loads(table[1])
+    assert views == {
+        "": "home",
+        "account": "account",
+        "compare/ID": "compare",
+        "jobs": "jobs",
+        "jobs/ID": "job",
+        "scenes/ID": "scene",
+        "workers": "workers",
+    }
+    assert len(views) == sources["js/views/showing.js"].count('await import("./')
 
 
 def test_a_file_of_this_version_is_never_asked_about_again_and_the_index_always_is(pages: Pages) -> None:

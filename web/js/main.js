@@ -16,7 +16,7 @@ import { buildShell } from "./shell/shell.js";
 import { addShortcuts } from "./shell/shortcuts.js";
 import { offerNews, showError, undoLast } from "./shell/tray.js";
 import { loginView, takeCode } from "./views/login.js";
-import { showViews } from "./views/showing.js";
+import { NAV, showViews } from "./views/showing.js";
 import { t } from "./base/words.js";
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
@@ -24,7 +24,7 @@ const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 function start() {
   offer(document.documentElement, chosenProject());
   document.documentElement.classList.toggle("is-admin", may("admin"));
-  const markSection = buildShell();
+  const markSection = buildShell(NAV);
   followScroll();
   showViews(main, markSection);
   addShortcuts([

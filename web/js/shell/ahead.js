@@ -11,14 +11,15 @@
   /** @type {Set<string>} */
   const asked = new Set();
 
-  /** @param {string} hash @returns {string} the file in js/views/, without its ending; empty: there is nothing at this address */
+  /** View names by address, from the table in ../views/showing.js. @type {Record<string, string>} */
+  const views = JSON.parse(document.getElementById("view-addresses")?.textContent || "{}");
+
+  /** @param {string} hash @returns {string | null} the address of the view in the table; null: there is nothing here */
   function viewAt(hash) {
     const [path = ""] = hash.replace(/^#/, "").split("?", 1);
-    const [section, id] = path.split("/").filter(Boolean);
-    if (!section) return "home";
-    if (section === "jobs") return id ? "job" : "jobs";
-    if (section === "scenes" || section === "compare") return id ? section.replace(/s$/, "") : "";
-    return section === "workers" || section === "account" ? section : "";
+    const [section = "", id] = path.split("/").filter(Boolean);
+    for (const address of id ? [`${section}/ID`, section] : [section]) if (Object.hasOwn(views, address)) return address;
+    return null;
   }
 
   /** @param {string} href @param {"auto" | "low"} fetchPriority @returns {Promise<unknown>} until it is there, or could not be had */
@@ -30,9 +31,10 @@
     return over;
   }
 
-  /** @param {string} view */
-  function fetchView(view) {
-    for (const href of modules[view] ?? []) if (!asked.has(href)) void ask(href, "auto");
+  /** @param {string | null} address */
+  function fetchView(address) {
+    const view = address === null ? undefined : views[address];
+    for (const href of (view && modules[view]) || []) if (!asked.has(href)) void ask(href, "auto");
   }
 
   /** One after the other, so that nothing else has to wait for long. @param {string[]} hrefs */

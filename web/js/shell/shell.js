@@ -28,17 +28,16 @@ const THEMES = /** @type {const} */ ([
   ["dark", "moon", t("Theme: dark")],
 ]);
 
-const NAV = /** @type {const} */ ([
-  [t("Scenes"), ""],
-  [t("Jobs"), "jobs"],
-  [t("Workers"), "workers"],
-]);
-
-/** Builds the top bar. @returns {(section: string) => void} marks the section that is open */
-export function buildShell() {
+/**
+ * Builds the top bar.
+ *
+ * @param {readonly (readonly [string, string])[]} nav its links: label, section
+ * @returns {(section: string) => void} marks the section that is open
+ */
+export function buildShell(nav) {
   const bar = /** @type {HTMLElement} */ (document.getElementById("topbar"));
   const main = /** @type {HTMLElement} */ (document.getElementById("main"));
-  const links = NAV.map(([label, path]) => ({ path, tally: h("span", { class: "tally", hidden: true }), label })).map(
+  const links = nav.map(([label, path]) => ({ path, tally: h("span", { class: "tally", hidden: true }), label })).map(
     ({ path, tally, label }) => ({
       path,
       tally,

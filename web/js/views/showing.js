@@ -11,21 +11,33 @@ import { t } from "../base/words.js";
 /** @typedef {{element: HTMLElement, dispose: () => void}} View */
 /** @typedef {(...ids: string[]) => View} MakeView of what the address names behind the section */
 
-/** By the names that ../shell/ahead.js gives them. @type {Record<string, () => Promise<MakeView>>} */
+/**
+ * The views by their addresses: a section, and ID for what follows it. The service reads this table too (service/page_index.py),
+ * so that ../shell/ahead.js can request a view's modules early.
+ *
+ * @type {Record<string, () => Promise<MakeView>>}
+ */
 const VIEWS = {
-  account: async () => (await import("./account.js")).accountView,
-  compare: async () => (await import("./compare.js")).compareView,
-  home: async () => (await import("./home.js")).homeView,
-  job: async () => (await import("./job.js")).jobView,
-  jobs: async () => (await import("./jobs.js")).jobsView,
-  scene: async () => (await import("./scene.js")).sceneView,
-  workers: async () => (await import("./workers.js")).workersView,
+  "": async () => (await import("./home.js")).homeView,
+  "account": async () => (await import("./account.js")).accountView,
+  "compare/ID": async () => (await import("./compare.js")).compareView,
+  "jobs": async () => (await import("./jobs.js")).jobsView,
+  "jobs/ID": async () => (await import("./job.js")).jobView,
+  "scenes/ID": async () => (await import("./scene.js")).sceneView,
+  "workers": async () => (await import("./workers.js")).workersView,
 };
 
-/** The section that a view belongs to, where it is not called so. @type {Record<string, string>} */
+/** The links of the top bar: label, section. */
+export const NAV = /** @type {const} */ ([
+  [t("Scenes"), ""],
+  [t("Jobs"), "jobs"],
+  [t("Workers"), "workers"],
+]);
+
+/** The section of NAV that another section belongs to. @type {Record<string, string>} */
 const SECTION_OF = { scenes: "", compare: "jobs" };
 
-/** @type {{viewAt: (hash: string) => string, stands: () => void}} */
+/** @type {{viewAt: (hash: string) => string | null, stands: () => void}} */
 const ahead = /** @type {any} */ (window).rayfarmViews;
 /** @type {{loadAgain: () => boolean, stands: () => void}} */
 const again = /** @type {any} */ (window).rayfarmAgain;
@@ -43,8 +55,8 @@ function nothingHere() {
  * @param {(section: string) => void} markSection
  */
 export function showViews(main, markSection) {
-  /** Those whose modules are here. @type {Map<string, MakeView>} */
-  const here = new Map([["", nothingHere]]);
+  /** Loaded views by address; null where there is none. @type {Map<string | null, MakeView>} */
+  const here = new Map([[null, nothingHere]]);
   /** @type {View | null} */
   let shown = null;
   let isFirst = true;
@@ -64,11 +76,11 @@ export function showViews(main, markSection) {
     ahead.stands();
   };
 
-  /** @param {string} name @returns {Promise<MakeView | null>} null: the page will be loaded again */
-  const fetched = async (name) => {
+  /** @param {string} address @returns {Promise<MakeView | null>} null: the page will be loaded again */
+  const fetched = async (address) => {
     try {
-      const make = (await VIEWS[name]?.()) ?? nothingHere;
-      here.set(name, make);
+      const make = (await VIEWS[address]?.()) ?? nothingHere;
+      here.set(address, make);
       return make;
     } catch (error) {
       console.error(error); // a module may also be wrong
@@ -83,13 +95,13 @@ export function showViews(main, markSection) {
     shown = null;
     clearPageErrors();
     markSection(SECTION_OF[section] ?? section);
-    const name = ahead.viewAt(location.hash);
-    let make = here.get(name) ?? null;
-    if (!make) {
+    const address = ahead.viewAt(location.hash);
+    let make = here.get(address) ?? null;
+    if (!make && address !== null) {
       // What the view before shows stays meanwhile, though nothing can be done with it.
       main.inert = !isFirst;
       main.setAttribute("aria-busy", "true");
-      make = await fetched(name);
+      make = await fetched(address);
     }
     if (make && mine === visit) show(make(...ids));
   });
