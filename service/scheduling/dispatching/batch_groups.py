@@ -1,5 +1,8 @@
-"""Batches that travel in one message: short ones that one slot renders in turn, because at a few samples a frame a batch of a
-shot takes less time than its message; and batches of a tile that the slots of one machine render together and add up."""
+"""Groups of batches that are sent in one message.
+
+Several short batches of a shot for one slot, because at a few samples per frame a batch takes less time than its message; or
+consecutive batches of one tile for several slots of one machine, which adds up their sums.
+"""
 
 from __future__ import annotations
 
@@ -14,28 +17,30 @@ from service.scheduling.jobs.plan import Range
 
 __all__ = ["Handful", "Hands", "joint_work_of", "together", "work_of"]
 
-SHARE = 0.5  # of what a batch may take: a slot has two messages, and what waits in them cannot be taken by another
+# fraction of the target duration for grouped batches: a slot prefetches two messages, whose batches no other slot can take
+SHARE = 0.5
 MOST = 32
 
 
 @dataclass(frozen=True)
 class Hands:
-    """Who renders: so many slots of workers of a kind. batch_s: what a batch is to take."""
+    """The receiving slots of one kind of workers. batch_s: target duration of a batch in seconds."""
 
     kind: str
     slots: int
     batch_s: float
-    several: bool  # whether all of them take batches to be rendered in turn
-    joint: bool  # whether all of them take a tile's to be added up
-    of_a_tile: int = 1  # how many of one tile may follow each other
-    most: int = 2  # slots that what is handed out at a time may take
+    several: bool  # whether all workers accept several batches in one message
+    joint: bool  # whether all workers add up the sums of one tile
+    of_a_tile: int = 1  # maximum number of consecutive batches of one tile
+    most: int = 2  # maximum number of slots to occupy at once
 
 
 @dataclass(frozen=True)
 class Handful:
-    """What goes in one message. is_joint: batches of a tile that follow each other, for slots that add them up.
+    """The content of one message. is_joint: consecutive batches of one tile, added up by several slots.
 
-    run, queue: where it goes to a site, of what it is a part, and in which queue."""
+    run, queue: for messages to a site, the run that the batches belong to, and the site's queue.
+    """
 
     batches: list[Range]
     is_joint: bool = False
@@ -44,9 +49,9 @@ class Handful:
 
 
 def together(job: ActiveJob, hands: Hands) -> list[Handful]:
-    """What a job hands out next, by messages; none where it has nothing.
+    """Returns the messages that hand out a job's next batches; an empty list if it has none.
 
-    A batch of which nobody knows how long it takes goes alone, and so does one that had trouble: others must not suffer for it.
+    A batch of unknown duration or with previous failures is sent alone, so that it cannot affect others.
     """
     first = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
     if first is None:
@@ -59,7 +64,7 @@ def together(job: ActiveJob, hands: Hands) -> list[Handful]:
 
 
 def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
-    """A batch as workers are told of it."""
+    """Returns the message to a worker for one batch."""
     frame, tile = job.frames[batch.frame], job.film.tiles[batch.tile]
     settings = frame.settings or job.settings
     compiled = frame.compiled[lease.kind]
@@ -67,7 +72,10 @@ def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
 
 
 def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
-    """Batches of a tile as workers are told of them. hold_s: how long one's sums may wait for the others'."""
+    """Returns the message to workers for consecutive batches of a tile.
+
+    hold_s: how long, in seconds, the sums of one batch may wait for those of the others.
+    """
     whole = batches[0]._replace(count=sum(batch.count for batch in batches))
     pieces = tuple(Piece(lease.id, batch.first, batch.count) for lease, batch in zip(leases, batches, strict=True))
     return JointBatch(work_of(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
@@ -102,7 +110,10 @@ def _of_a_tile(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
 
 
 def _alone(job: ActiveJob, hands: Hands, taken: int, batch: Range) -> list[Handful]:
-    """A batch that does not go with those before it, where it may go at all now."""
+    """Returns a message with a batch that cannot join the previous ones.
+
+    Returns the batch to the plan if the slots are used up.
+    """
     if taken < hands.most:
         return [Handful([batch])]
     job.lose(batch)

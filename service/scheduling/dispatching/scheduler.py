@@ -37,9 +37,9 @@ from telemetry.log_lines import ids
 __all__ = ["Scheduler", "named"]
 
 PATIENCE_WITH_FEW_S = 5.0
-UNMEASURED = 32  # batches, before anybody knows how long one takes; a first sample of every tile in any case
-CLOCKS_S = 60.0  # by which a worker's clock may be wrong in what it says of a batch
-REST_S = 1.0  # before the only worker is given again what it has handed back
+UNMEASURED = 32  # batches handed out before the duration of one is known, in addition to one sample of every tile
+CLOCKS_S = 60.0  # seconds of tolerance for a worker's clock
+REST_S = 1.0  # seconds before the only worker gets a returned batch again
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ class Scheduler:
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
         self._pace = pace
-        self.verify = settings.verify  # the share of batches that is rendered twice, unless a job says otherwise
+        self.verify = settings.verify  # fraction of batches rendered twice, unless the job sets another
         self._dispatcher = dispatcher
         self._workers = workers
         self._bulkheads = bulkheads
@@ -70,15 +70,15 @@ class Scheduler:
         self.line_up = LineUp(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._places: list[Place] = []  # of this filling
+        self._places: list[Place] = []  # sites, during one call of `fill`
         self.suspicion = Suspicion()
-        self.distrusted: set[str] = set()  # workers of which nothing goes into a film: service/scheduling/trust/trust.py
+        self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = Looks()
-        self.checks: Counter[str] = Counter()  # of a job: decisions about its batches that are not made yet
-        self._sent: list[Lease] = []  # of this filling
+        self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
+        self._sent: list[Lease] = []  # leases of one call of `fill`
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
-        self.doubled = 0  # of stragglers, that a second worker tries too
+        self.doubled = 0  # duplicates of straggling batches
 
     def fill(self, start: Start) -> None:
         """Hands out batches until the window of every kind of workers is full. Raises QueueError.
@@ -131,7 +131,7 @@ class Scheduler:
             if pool.room <= 0:
                 continue
             if not job.knows_cost and line.held >= max(UNMEASURED, len(job.film.tiles)):
-                continue  # of many slots, one sample each: they would cost more than they are worth
+                continue  # single samples on many slots cost more than they gain
             sent = len(self._sent)
             hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
@@ -220,7 +220,7 @@ class Scheduler:
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
         """Ends the lease of a batch that the film took or dropped as a duplicate. batch: None if the job does not want it."""
         ended = self._end(job, lease)
-        if ended is not None:  # whatever it says: it was not longer at it than it had it
+        if ended is not None:  # limits the reported time to the age of the lease
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
             self._pace.travelled(ended.travelled_s(seconds))
         if ended is not None and ended.batch is not None and ended.batch != batch:
@@ -256,15 +256,15 @@ class Scheduler:
         """
         ended = self._end(job, lease)
         if ended is None:
-            return None  # handed out again meanwhile, or of an earlier life of the service
-        batch = ended.batch or batch  # which was handed out, whatever is said
+            return None  # handed out again meanwhile, or from before a restart
+        batch = ended.batch or batch  # the batch as handed out takes precedence over the message
         trouble = job.trouble.setdefault(batch, Trouble())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
         job.history.log.say(f"{worker} could not render {named(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
-        # A worker that fails at once may have it again and again before another gets it.
+        # A worker that fails at once may get the batch several times before another does.
         is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
@@ -297,8 +297,10 @@ class Scheduler:
         return self.leases.end(lease) if known is not None and known.owner == job.id else None
 
     def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
-        """Take back what waits of a job, or of one of its frames; what a worker has in hand comes back by itself, and is lost
-        for the plan."""
+        """Withdraws the waiting batches of a job or of one of its frames, and ends all their leases.
+
+        Results of batches already with a worker are still accepted, but the plan counts those batches as lost.
+        """
         mine = [
             lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
         ]
@@ -314,8 +316,9 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def review(self, results: Results) -> None:
-        """Once a second: find batches that are overdue or lost, and hand them out again; one that is lost too often stops its
-        job. A batch whose answer may lie among results that were not read yet is not lost. Raises redis.RedisError.
+        """Hands out overdue and lost batches again, and stops jobs whose batches are lost too often; called once a second.
+
+        A batch whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
         self.sites.review(self.jobs)
         idle = cache(self._has_idle_slots)
@@ -323,16 +326,17 @@ class Scheduler:
         for lease, fate in self._missing.look(self.jobs, results, self._pace.travel_s):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
-                continue  # with another of its job or frame
+                continue  # ended together with another lease of its job or frame
             if fate is not Fate.LATE:
                 self._lost(job, lease, lease.batch, fate)
-            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:  # it has nothing else for them to do
+            # no other work is left for idle slots
+            elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:
                 lease.doubled = True
                 self.doubled += 1
                 job.lose(lease.batch)
 
     def _set_aside_if_alone(self, worker: str) -> None:
-        """Pause a worker whose batches fail while others render theirs, unless nobody else is left."""
+        """Pauses a worker whose batches fail while others render theirs, unless no other worker is ready."""
         others = self._others(worker)
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
@@ -343,13 +347,13 @@ class Scheduler:
             self.set_aside(worker, why)
 
     def set_aside(self, worker: str, why: str) -> None:
-        """Let a worker do nothing until somebody lets it go on."""
-        with suppress(redis.RedisError):  # it fails again, and is set aside then
+        """Pauses a worker until a user resumes it."""
+        with suppress(redis.RedisError):  # the worker fails again and is paused then
             self._workers.pause(worker, why)
             self._workers.look(now=True)
 
     def _others(self, worker: str) -> list[str]:
-        """The ready workers beside this one that may render the same; none where it is not ready itself."""
+        """Returns the names of the other ready workers of the same kind; empty if the worker itself is not ready."""
         kinds = {report.name: report.kind for report in self._workers.roster.ready()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
@@ -372,7 +376,10 @@ class Scheduler:
             self.give_up(job, batch, sentence)
 
     def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
-        """A batch cannot be rendered: that ends a still, and of a shot the frame. command: a worker's, that shows it again."""
+        """Fails a still, or the frame of a shot, because a batch of it cannot be rendered.
+
+        command: the worker's command line that reproduces the error.
+        """
         if job.shot is None:
             self._bulkheads.condemn(job.id, error, command)
             return
@@ -386,11 +393,11 @@ class Scheduler:
         return self._workers.roster.slots(kind) > self.leases.turns(kind)
 
     def connected(self) -> set[str]:
-        """The names of the workers that report themselves."""
+        """Returns the names of the connected workers."""
         return set(self._workers.roster.reports)
 
     def held_by_shares(self, held: Counter[str]) -> Counter[str]:
-        """How many messages with batches of each share's jobs are out. held: of each job."""
+        """Returns the number of outstanding messages with batches for each share. held: the same number for each job."""
         found: Counter[str] = Counter()
         for id, messages in held.items():
             if (job := self.jobs.get(id)) is not None:
@@ -398,11 +405,11 @@ class Scheduler:
         return found
 
     def busy(self) -> set[tuple[str, int]]:
-        """The frames of jobs of which batches are out."""
+        """Returns the (job, frame) pairs with outstanding batches."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 
 
 def named(batch: Range) -> str:
-    """A batch, as lines call it."""
+    """Returns the description of a batch for log lines."""
     frame = frame_text(frame_number(batch.frame))
     return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

@@ -1,9 +1,8 @@
-"""Sites whose machines add up their sums before they travel (protocol/site.py): which batches go to one, and what
-becomes of waiting ones when nobody is left there.
+"""Sites, groups of machines that add up their sums before sending them (worker/protocol/site.py): sending batches to them.
 
-A site pays off where consecutive batches of a tile go to it. So it has a queue of its own, that of jobs which need its tag
-(needs.py): its workers take from it as well as from all others. A run of batches is handed out there in as many messages as
-there are machines to take them. Nothing goes there while its reducer is away.
+A site is efficient for consecutive batches of one tile. It has its own queue, that of jobs requiring its tag (needs.py), which
+its workers serve in addition to all others. A run of batches is sent there in as many messages as there are machines. Nothing
+is sent while the site's reducer is away, and batches left in its queue are withdrawn once no worker serves it.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Place:
-    """A site that takes batches: of workers of one kind. room: for how many slots it may have more."""
+    """A site with ready workers of one kind. room: the number of further slots that it accepts batches for."""
 
     name: str
     queue: str
@@ -41,7 +40,7 @@ class Place:
     room: int
 
     def shared_out(self, handful: Handful, hold_s: float) -> list[Handful]:
-        """A tile's batches for its machines, in messages of about the same length; others as they are."""
+        """Splits joint batches of a tile into messages of about equal size for the site's machines. Returns others unchanged."""
         if not handful.is_joint:
             return [handful]
         batches = handful.batches
@@ -53,7 +52,7 @@ class Place:
 
 
 class Sites:
-    """Lives in the engine's thread."""
+    """The sites that accept batches. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, leases: Leases, dispatcher: Dispatcher, pace: Pace) -> None:
         self._workers = workers
@@ -62,11 +61,11 @@ class Sites:
         self._pace = pace
 
     def needs(self) -> list[Needs]:
-        """What workers are to serve, where their site has a reducer."""
+        """Returns the requirements whose queues workers serve if their site has a reducer."""
         return [Needs((f"{SITE}{name}",)) for name in self._workers.roster.sites]
 
     def places(self, kind: str, per_slot: int) -> list[Place]:
-        """The sites where workers of a kind are ready."""
+        """Returns the sites with ready workers of a kind."""
         found = []
         for needs in self.needs():
             queue = needs.queue(kind)
@@ -76,7 +75,7 @@ class Sites:
         return found
 
     def review(self, jobs: Mapping[str, ActiveJob]) -> None:
-        """Take back what waits where nobody takes it any more. Raises redis.RedisError."""
+        """Withdraws the batches waiting in queues that no worker serves any more. Raises redis.RedisError."""
         elsewhere: defaultdict[str, list[tuple[ActiveJob, Lease]]] = defaultdict(list)
         for lease in self._leases:
             job = jobs.get(lease.owner)

@@ -1,6 +1,6 @@
-"""What workers send back: read, validated, and merged into the film.
+"""Answers from workers: read, validated, and merged into the film.
 
 results.py        reads the stream of answers
-messages.py       validates what workers say
-merging.py        batches into the film
+messages.py       validates the messages
+merging.py        merges batches into the film
 """

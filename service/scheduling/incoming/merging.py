@@ -1,4 +1,4 @@
-"""From the workers' answers to the film: the batches of a job become parts, all of them one write."""
+"""Merges the batches that workers rendered into a job's film, all in one write."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["Arrived", "batch_of", "merge"]
 
 @dataclass(frozen=True)
 class Arrived:
-    """A batch that came back. taken: whether the film took it, and does not have it already."""
+    """A received batch. taken: whether the film accepted it; False for a duplicate."""
 
     message: BatchDone
-    batch: Range | None  # None where the job does not want it, or not any more
+    batch: Range | None  # None if the job does not need it, or no longer
     taken: bool
-    fault: str | None = None  # why its sums are none
+    fault: str | None = None  # why the sums are invalid
 
 
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrived]:
-    """Add the batches that are wanted to the job's film. Raises FilmWaits or FilmLost; then none was added."""
+    """Adds the batches that are still needed to the job's film. Raises FilmWaits or FilmLost; then none was added."""
     wanted = [_wanted(message, job) for message, _ in answers]
     faults = [_weight(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
     parts = [
@@ -58,7 +58,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
-    """The batch that a message is about; None where the job has no such frame or its film no such tile."""
+    """Returns the batch that a message refers to; None if the job has no such frame or the film no such tile."""
     tile = job.film.index_of(Tile(*message.tile)) if message.frame in job.frames else None
     return None if tile is None else Range(tile, message.first, message.count, message.frame)
 
@@ -69,12 +69,12 @@ def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
 
 
 def _weight(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
-    """Why a batch's sums would give its samples another weight than theirs; None where they do not, or are not wanted."""
+    """Returns an error if a batch's sums contain another number of samples than the batch; None if valid or not needed."""
     return None if batch is None else _fault(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
 
 
 def _damage(sums: bytes, batch: Range, job: ActiveJob) -> str | None:
-    """Why a batch's sums cannot be read; None where they can."""
+    """Returns an error if a batch's sums cannot be decoded, else None."""
     return _fault(lambda: check_sums(sums, job.film.tiles[batch.tile]))
 
 

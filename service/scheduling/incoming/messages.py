@@ -1,4 +1,4 @@
-"""Messages of workers, validated: one that makes no sense raises Unusable."""
+"""Messages of workers, validated: an invalid one raises Unusable."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ __all__ = [
     "understand",
 ]
 
-SAME_RELEASE = "Run the same release of Rayfarm on all machines."  # with which a worker ends that does not understand a batch
+SAME_RELEASE = "Run the same release of Rayfarm on all machines."  # ends the error of a worker that does not understand a batch
 DAY_S = 86400.0
-LARGE = 1 << 31  # bounds what a faulty worker may make us store
+LARGE = 1 << 31  # limit of the numbers that a faulty worker may have stored
 MOST_PIECES = 4096
 LARGEST_BLOB = 1 << 50  # bytes
 Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
@@ -50,11 +50,11 @@ Number = Annotated[int, Field(ge=0, le=LARGE)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
 
 LONGEST_TEXT = 1 << 16
-DEEPEST = 8  # lists and objects in each other
+DEEPEST = 8  # nesting levels of lists and objects
 
 
 class Unusable(ValueError):  # noqa: N818 - named as what it says
-    """A message that makes no sense; the text says why."""
+    """Error for an invalid message; the text is the reason."""
 
 
 Line = Annotated[str, Field(max_length=1000)]
@@ -68,27 +68,27 @@ class _Batch(BaseModel):
     first: Number
     count: Annotated[int, Field(ge=1, le=LARGE)]
     worker: Id = ""
-    lines: Annotated[list[Line], Field(max_length=20)] = []  # what the slot warned of meanwhile
-    took: Annotated[dict[Id, float], Field(max_length=20)] = {}  # seconds of its steps
+    lines: Annotated[list[Line], Field(max_length=20)] = []  # warnings that the slot logged while rendering
+    took: Annotated[dict[Id, float], Field(max_length=20)] = {}  # seconds of each rendering step
 
     @property
     def owner(self) -> str:
-        """Whose message it is."""
+        """The id of the job that the message belongs to."""
         return self.job
 
 
 class Piece(NamedTuple):
-    """A batch among those whose sums came added up."""
+    """One of several batches whose sums were added up."""
 
     batch: Id
     first: Number
     count: Annotated[int, Field(ge=1, le=LARGE)]  # type: ignore[assignment]  # hides tuple.count, which nobody needs
     seconds: Seconds
-    worker: Id = ""  # that rendered it, where several have
+    worker: Id = ""  # the worker that rendered it, if several contributed
 
 
 class BatchDone(_Batch):
-    """A batch is rendered, or some of a tile that follow each other; the sums come beside it."""
+    """Message: a batch, or several consecutive ones of a tile, were rendered; their sums come with it."""
 
     type: Literal["batch", "batches"]
     batch: Id = ""
@@ -98,16 +98,16 @@ class BatchDone(_Batch):
     bad_count: Number = 0
     traceparents: Annotated[
         list[Id], Field(max_length=MOST_PIECES)
-    ] = []  # the spans that it was rendered in, where they are taken
+    ] = []  # tracing spans in which it was rendered, if tracing is on
 
     @property
     def pieces(self) -> list[Piece]:
-        """What was handed out, each by itself."""
+        """The individual batches as they were handed out."""
         return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
 
     @property
     def senders(self) -> tuple[str, ...]:
-        """Who rendered it, each once."""
+        """The workers that rendered it, without duplicates."""
         return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
 
     @model_validator(mode="after")
@@ -123,16 +123,16 @@ class BatchDone(_Batch):
 
 
 class BatchFailed(_Batch):
-    """A batch could not be rendered."""
+    """Message: a batch could not be rendered."""
 
     type: Literal["batch-failed"]
     error: Sentence
     reproduce: Sentence | None = None
-    trace: Sentence = ""  # the last lines of a program's error
+    trace: Sentence = ""  # the last lines of the program's error output
 
 
 class BatchReturned(_Batch):
-    """A worker hands a batch back for trouble of its own: a lost connection, a full disk."""
+    """Message: a worker returns a batch because of its own trouble, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
     error: Sentence
@@ -144,12 +144,12 @@ class _Denoise(BaseModel):
 
     @property
     def owner(self) -> str:
-        """Whose message it is."""
+        """The id of the request that the message belongs to."""
         return self.work
 
 
 class DenoiseDone(_Denoise):
-    """A frame is denoised."""
+    """Message: a frame was denoised."""
 
     type: Literal["denoised"]
     sha256: Id
@@ -158,45 +158,45 @@ class DenoiseDone(_Denoise):
 
 
 class DenoiseFailed(_Denoise):
-    """A frame could not be denoised."""
+    """Message: a frame could not be denoised."""
 
     type: Literal["denoise-failed"]
     error: Sentence
-    unfit: bool = False  # the machine is the cause: another worker may do it
+    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
 class _Vectors(_Denoise):
-    """About a frame's motion vectors."""
+    """Base class of messages about a frame's motion vectors."""
 
 
 class VectorsMade(_Vectors):
-    """They are made."""
+    """Message: a frame's motion vectors were made."""
 
     type: Literal["vectors-made"]
     sha256: Id
 
 
 class VectorsFailed(_Vectors):
-    """They could not be made."""
+    """Message: a frame's motion vectors could not be made."""
 
     type: Literal["vectors-failed"]
     error: Sentence
-    unfit: bool = False  # the machine is the cause: another worker may do it
+    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
 class EnvironmentShown(_Denoise):
-    """A small picture of an uploaded environment is made."""
+    """Message: the thumbnail of an uploaded environment was made."""
 
     type: Literal["environment-shown"]
     sha256: Id
 
 
 class EnvironmentFailed(_Denoise):
-    """It lights nothing."""
+    """Message: an uploaded environment image cannot be used as a light."""
 
     type: Literal["environment-failed"]
     error: Sentence
-    unfit: bool = False  # the machine is the cause: another worker may do it
+    unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
 class _Prepare(BaseModel):
@@ -206,18 +206,18 @@ class _Prepare(BaseModel):
 
     @property
     def owner(self) -> str:
-        """Whose message it is."""
+        """The id of the scene that the message belongs to."""
         return self.scene
 
 
 class PrepareStarted(_Prepare):
-    """A worker prepares a scene."""
+    """Message: a worker has started to prepare a scene."""
 
     type: Literal["prepare-started"]
 
 
 class PrepareGoesOn(_Prepare):
-    """How far it is."""
+    """Message: the progress of a scene's preparation; `fraction` is 0 to 1."""
 
     type: Literal["prepare-progress"]
     step: Sentence
@@ -225,7 +225,7 @@ class PrepareGoesOn(_Prepare):
 
 
 class PrepareDone(_Prepare):
-    """A scene is prepared for a kind of worker."""
+    """Message: a scene was prepared for a kind of workers."""
 
     type: Literal["prepared"]
     info: SceneInfo
@@ -273,7 +273,7 @@ def _check_seconds(seconds: float) -> None:
 
 
 def _without_nul(value: Any) -> Any:
-    """JSON without the character 0, which PostgreSQL does not store."""
+    """Replaces NUL characters in all texts of a JSON value, since PostgreSQL cannot store them."""
     if isinstance(value, str):
         return value.replace("\0", "\ufffd")
     if isinstance(value, list):
@@ -282,22 +282,22 @@ def _without_nul(value: Any) -> Any:
 
 
 def _check_plain(info: SceneInfo | FrameInfo) -> None:
-    """Values that are stored as JSON and shown to people: finite numbers, bounded texts and depths."""
+    """Validates values that are stored as JSON and displayed: finite numbers, limited lengths and depths. Raises ValueError."""
     if not is_plain(asdict(info), DEEPEST, LONGEST_TEXT):
         raise ValueError("a value that is not finite, too long or too deep")
 
 
 class PrepareFailed(_Prepare):
-    """A scene cannot be prepared."""
+    """Message: a scene cannot be prepared."""
 
     type: Literal["prepare-failed"]
     error: Sentence
 
 
 class PrepareReturned(_Prepare):
-    """A worker hands a scene back for trouble of its own.
+    """Message: a worker returns a scene because of its own trouble.
 
-    unfit: its machine cannot prepare the scene, whatever that is. passing: for now.
+    unfit: the worker's machine cannot prepare the scene. passing: the cause is temporary.
     """
 
     type: Literal["prepare-returned"]
@@ -314,12 +314,12 @@ class _Frames(BaseModel):
 
     @property
     def owner(self) -> str:
-        """Whose message it is."""
+        """The id of the job that the message belongs to."""
         return self.job
 
 
 class FramePrepared(_Frames):
-    """A frame of a shot is prepared for a kind of worker."""
+    """Message: a frame of a shot was prepared for a kind of workers."""
 
     type: Literal["frame-prepared"]
     frame: Number
@@ -340,7 +340,7 @@ class FramePrepared(_Frames):
 
 
 class FrameFailed(_Frames):
-    """A frame of a shot cannot be prepared."""
+    """Message: a frame of a shot cannot be prepared."""
 
     type: Literal["frame-failed"]
     frame: Number
@@ -348,7 +348,7 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A worker hands back those of its frames that it has not answered. unfit, passing: as of PrepareReturned."""
+    """Message: a worker returns the frames that it has not answered. unfit, passing: as in PrepareReturned."""
 
     type: Literal["frames-returned"]
     error: Sentence
@@ -357,7 +357,7 @@ class FramesReturned(_Frames):
 
 
 class Wake(BaseModel):
-    """Says nothing: there is something else to do than to wait for messages."""
+    """Empty message that ends the engine's wait for messages because other work is pending."""
 
     type: Literal["wake"]
     owner: Literal[""] = ""
@@ -387,14 +387,14 @@ _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimin
 
 
 def understand(entry: Entry) -> Message:
-    """The message of a stream entry. Raises Unusable."""
+    """Parses and validates the message of a stream entry. Raises Unusable."""
     if entry.result is None:
         raise Unusable(entry.fault)
     try:
         message = _MESSAGES.validate_python(entry.result.event)
     except ValidationError as error:
         raise Unusable("; ".join(f"{each['loc']}: {each['msg']}" for each in error.errors()[:3])) from None
-    except Exception as error:  # a validator that meets what nobody thought of
+    except Exception as error:  # an unexpected error of a validator
         raise Unusable(f"{type(error).__name__}: {error}") from error
     if isinstance(message, BatchDone) and entry.result.sums is None:
         raise Unusable(f"a batch of {message.worker} without its sums")

@@ -1,4 +1,4 @@
-"""The only reader of the stream on which workers answer. An entry is deleted only after its content is stored or put aside."""
+"""The only reader of the stream of workers' answers. An entry is deleted only after its content is stored or put aside."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ __all__ = ["Entry", "Position", "Results"]
 
 log = logging.getLogger(__name__)
 
-AT_MOST = 256  # entries a read: bounds the time until the next look at the queue
-BYTES = 64 << 20  # a read, about: bounds memory
+AT_MOST = 256  # entries per read; limits the time until the queue is checked again
+BYTES = 64 << 20  # approximate bytes per read; limits memory
 
 LARGEST = 80 << 20  # bytes of an entry: the sums of a tile of 640 x 640 take 64 MiB
 
-FIRST_READ = 64  # entries, before their size is known
-CUT_OFF_TWICE = 2  # connections that end while one entry is read: before it is taken to be why
+FIRST_READ = 64  # entries of the first reads, while their size is unknown
+CUT_OFF_TWICE = 2  # lost connections during the read of one entry before that entry is taken as the cause
 SMOOTHING = 0.3
-CURSOR, READER = "cursor", "engine"  # a consumer group that exists for a moment, to learn an entry's id without its content
-FUTURE_MS = 7 * 86_400_000  # an id further ahead than clocks go wrong was chosen; at the largest, Redis takes no more entries
+CURSOR, READER = "cursor", "engine"  # a temporary consumer group, which returns an entry's id without its content
+# an id further ahead than a wrong clock was forged; after the largest id, Redis accepts no more entries
+FUTURE_MS = 7 * 86_400_000
 
-Position = tuple[int, int]  # in the stream: what lies at or before it was appended earlier
+Position = tuple[int, int]  # position in the stream; entries at or before it were appended earlier
 BEGINNING: Position = (0, 0)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of the stream; `result` is None where it cannot be understood, and `fault` says why."""
+    """An entry of the stream. `result` is None if it cannot be parsed, with the reason in `fault`."""
 
     id: bytes
     result: Result | None
@@ -45,28 +46,31 @@ class Entry:
 
     @property
     def where(self) -> str:
-        """The stream and the entry, for people."""
+        """The stream's name and the entry's id, for log lines."""
         return f"results {self.id.decode(errors='replace')}"
 
 
 class Results:
-    """Reads the stream from its beginning, each entry once: what is there at the start has not been stored yet."""
+    """Reads the stream from its beginning, each entry once: entries present at the start have not been stored yet."""
 
     def __init__(self, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
-        """guard: raises FarmError where nothing may be taken in: what is not stored here another stores."""
+        """Creates the reader.
+
+        guard: raises FarmError if this service may not take in results, because another one stores them.
+        """
         self._redis = connection
         self._guard = guard
         self._read_to = BEGINNING
         self._at_most = FIRST_READ
-        self.size = 0.0  # bytes of a result, over the latest
-        self.was_full = False  # whether the latest read found all that it could take: more may wait
+        self.size = 0.0  # mean size of recent results, in bytes
+        self.was_full = False  # whether the latest read was limited, so more entries may wait
         self._cut_off = 0  # consecutive reads of one entry during which the connection ended
 
     def read(self, block_ms: int) -> list[Entry]:
-        """The oldest entries that were not read yet, waiting at most `block_ms` for one. Raises redis.RedisError.
+        """Returns the oldest unread entries, blocking for at most `block_ms` milliseconds. Raises redis.RedisError.
 
-        Redis ends the connection where an answer is longer than its limit for clients' output: then fewer are read at a time. An
-        entry that is longer by itself is one without fields, with a fault.
+        Redis closes the connection if a reply exceeds its output limit for clients; then fewer entries are read at a time. A
+        single entry above that limit is returned without fields, with a fault.
         """
         after = _text(self._read_to)
         try:
@@ -98,9 +102,9 @@ class Results:
         return entries
 
     def end(self) -> Position:
-        """The position of the latest entry. Raises redis.RedisError.
+        """Returns the position of the latest entry. Raises redis.RedisError.
 
-        XINFO STREAM would answer with the first and the last entry too, which may be large.
+        Does not use XINFO STREAM, which also returns the first and last entry, and these may be large.
         """
         with self._redis.pipeline() as pipe:
             pipe.xgroup_destroy(RESULTS, CURSOR)
@@ -109,7 +113,7 @@ class Results:
             pipe.xgroup_destroy(RESULTS, CURSOR)
             try:
                 groups: Any = pipe.execute()[2]
-            except redis.ResponseError:  # there is no stream
+            except redis.ResponseError:  # the stream does not exist
                 return BEGINNING
         return max((_position(group["last-delivered-id"]) for group in groups), default=BEGINNING)
 
@@ -117,7 +121,7 @@ class Results:
         """Returns the id of the next entry without reading it; None if there is none. Raises redis.RedisError."""
         self._redis.xgroup_create(RESULTS, CURSOR, _text(self._read_to))
         try:
-            with contextlib.suppress(redis.ConnectionError):  # it is noted as delivered although its content is cut off
+            with contextlib.suppress(redis.ConnectionError):  # Redis marks it as delivered although its content was cut off
                 self._redis.xreadgroup(CURSOR, READER, {RESULTS: ">"}, count=1)
             pending: Any = self._redis.xpending_range(RESULTS, CURSOR, "-", "+", 1)
             return pending[0]["message_id"] if pending else None
@@ -125,17 +129,17 @@ class Results:
             self._redis.xgroup_destroy(RESULTS, CURSOR)
 
     def has_read(self, position: Position) -> bool:
-        """Whether all up to there was read."""
+        """Whether all entries up to this position were read."""
         return self._read_to >= position
 
     def length(self) -> int:
-        """How many entries are in the stream, read or not. Raises redis.RedisError."""
+        """Returns the number of entries in the stream, read or unread. Raises redis.RedisError."""
         return int(self._redis.xlen(RESULTS))
 
     def repair(self) -> bool:
-        """Make the stream one that takes entries again; whether anything was wrong with it. Raises redis.RedisError.
+        """Restores the stream so that it accepts entries; returns whether it needed a repair. Raises redis.RedisError.
 
-        A key of another type is deleted, and so is an empty stream whose last id lies in the far future.
+        A key of another type is deleted, and so is an empty stream whose last id lies far in the future.
         """
         if repair(self._redis, RESULTS, "stream"):
             self.start_over()
@@ -157,16 +161,16 @@ class Results:
         return True
 
     def start_over(self) -> None:
-        """Read all that is in the stream again."""
+        """Resets the position, so that the whole stream is read again."""
         self._read_to = BEGINNING
 
     def wake(self) -> None:
-        """Let a `read` that waits return now; from any thread. Where Redis is away, the reader wakes up by itself."""
+        """Ends a blocking `read`. Safe to call from any thread. Errors of Redis are ignored, since they end the read as well."""
         with contextlib.suppress(redis.RedisError):
             self._redis.xadd(RESULTS, {"event": json.dumps({"type": "wake"})})
 
     def delete(self, entries: list[Entry]) -> None:
-        """Trim what has been stored. Raises redis.RedisError."""
+        """Deletes entries that were stored. Raises redis.RedisError."""
         if entries:
             self._guard()
             self._redis.xdel(RESULTS, *[entry.id for entry in entries])
@@ -188,5 +192,5 @@ def _entry(id: bytes, fields: Any) -> Entry:
         return Entry(id, None, f"the entry is too large: {found}; at most {LARGEST:,} are taken", {})
     try:
         return Entry(id, Result.from_fields(fields), "", fields)
-    except Exception as error:  # whatever is in it, the entries behind it are read
+    except Exception as error:  # invalid content must not block later entries
         return Entry(id, None, f"{type(error).__name__}: {error}", fields)
