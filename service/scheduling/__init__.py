@@ -12,7 +12,7 @@ Each folder depends on those above it:
 The engine
     engine.py     the thread and the steps of its loop; start here
     lifecycle.py  a job from the database to the scheduler and out again
-    loading.py  loads jobs into the engine in steps, a few in each round
+    loading.py    loads jobs into the engine in steps, a few in each round
     waiting.py    jobs that depend on other jobs
     answers.py    handles the messages from workers
     changes.py    database changes since the last step

@@ -1,12 +1,12 @@
 """Handing out batches, from the choice of a job to the lease that lasts until the result arrives.
 
-scheduler.py      fills the window of outstanding batches
-job_queue.py        the jobs that a kind of workers may render, by priority
-batch_groups.py       several batches in one message
-sites.py          batches for the machines of a site
-pacing.py           length of batches, and number of outstanding ones
-dispatch.py       sends through Celery and inspects its queues
-leases.py         outstanding work
-held_batches.py           the batches that workers report to hold
-lost_batches.py        lost and late leases
+scheduler.py     fills the window of outstanding batches
+job_queue.py     the jobs that a kind of workers may render, by priority
+batch_groups.py  several batches in one message
+sites.py         batches for the machines of a site
+pacing.py        length of batches, and number of outstanding ones
+dispatch.py      sends through Celery and inspects its queues
+leases.py        outstanding work
+held_batches.py  the batches that workers report to hold
+lost_batches.py  lost and late leases
 """

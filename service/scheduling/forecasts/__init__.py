@@ -1,5 +1,5 @@
 """Expected completion times of jobs.
 
-forecast.py       the expected completion time of a job
-deadlines.py      whether a job is late
+forecast.py   the expected completion time of a job
+deadlines.py  whether a job is late
 """

@@ -1,21 +1,25 @@
-"""The jobs that are being rendered, as the engine holds them in memory.
+"""Active jobs, as the engine holds them in memory.
 
-active_job.py     a job that is being rendered
-active_frame.py   a frame of it: its plan, its noise
-agenda.py         which frame is next
-frame_queue.py          the frames in that order, kept up as they change
-plan.py           which tile of a frame is next, and how many samples of it
-totals.py         sums over all frames of a job
-shares.py         whose turn it is among jobs of one priority
-job_changes.py    changes of a job by a person
-shot_changes.py   changes of a shot's frames
-measurements.py       what a job has learned about its scene's cost and noise
-noise_budget.py          how much time estimating noise may take
-history.py        how a job's noise fell over time, and what happened on the way
-job_log.py        a job's log, as a text file
-tile_log.py       who rendered which samples of each tile lately
-film_snapshots.py keeps what a still looked like at 1, 2, 4, 8 ... samples
-frame_bytes.py    how much room a shot's compiled frames take
-reproduce.py      the command that shows an error again
-traces.py         spans of jobs and scenes
+active_job.py      an active job
+active_frame.py    a frame of a job: its plan and its noise
+agenda.py          selects the next frame
+frame_queue.py     the frames by priority, updated as they change
+plan.py            selects the next tile of a frame and its number of samples
+totals.py          sums over all frames of a job
+frame_progress.py  progress of each frame
+shares.py          fair sharing between jobs of one priority
+job_changes.py     changes of a job by a user
+shot_changes.py    changes of a shot's frames by a user
+costs.py           expected time of a sample in each tile
+measurements.py    the measured cost and noise of a job's scene
+noise_budget.py    time limit for noise estimates
+history.py         a job's noise over time, and its events
+job_log.py         a job's log, as a text file
+tile_log.py        the latest batches of each tile
+film_snapshots.py  snapshots of a still at 1, 2, 4, 8 ... samples
+frame_bytes.py     bytes of a shot's compiled frames
+lazy_heap.py       a priority queue with changing priorities
+batch_failures.py  failures and losses of a batch
+reproduce.py       the command that reproduces an error
+traces.py          tracing spans of jobs and scenes
 """

@@ -1,4 +1,4 @@
-"""A frame of a job that is being rendered: what it is rendered from, its plan, and how noisy it is."""
+"""A frame of an active job: its settings, compiled scene, plan and noise."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from service.store.films import Film
 
 __all__ = ["FIRST_LOOK", "OF_NOISE", "ActiveFrame", "FrameNumbers", "FrameRow"]
 
-FIRST_LOOK = 8  # samples: with fewer the noise says little
-LOOK_AGAIN = 4  # times as many
+FIRST_LOOK = 8  # samples; noise estimates of fewer are unreliable
+LOOK_AGAIN = 4  # factor of samples between noise estimates
 OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMPLES_HALF)  # planes that film_math.noise reads
 
 
 class FrameNumbers(NamedTuple):
-    """How far a frame is. A tuple, as a list of jobs makes thousands of them."""
+    """Progress of a frame. A tuple, because a list of jobs creates thousands of them."""
 
     state: str
     samples: int
@@ -34,7 +34,7 @@ class FrameNumbers(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """What the engine needs of a frame's row. has_settings: those that it is rendered with are written down."""
+    """The columns of a frame's row that the engine needs. has_settings: whether the row stores its render settings."""
 
     number: int
     samples: int
@@ -49,7 +49,7 @@ class FrameRow(NamedTuple):
 
 
 class ActiveFrame:
-    """One frame in the hands of the scheduler. Only the engine's thread changes it."""
+    """An active frame. Changed only by the engine's thread."""
 
     __slots__ = (
         *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
@@ -68,19 +68,20 @@ class ActiveFrame:
         is_measured: bool = False,
         share: int | None = None,
     ) -> None:
-        """settings: at its moment, None where that is not known yet; or how to get them once they are needed.
+        """Creates the frame from its row.
 
-        compiled: kind of worker -> SHA-256 of its scene.
-
-        is_measured: its noise is looked at while it is rendered, also where no noise level ends it.
-        share: samples a pixel that it is expected to come to, where `spp` is only the most that it may get.
+        settings: at the frame's time; a function that loads them when they are needed, or None if they are not known yet.
+        compiled: kind of workers -> SHA-256 of its compiled scene.
+        noise: target noise; None without a target.
+        is_measured: whether to estimate the noise while rendering, even without a target noise.
+        share: expected samples per pixel, if `spp` is only the upper limit.
         """
         self.key = row.number
         self.film = film
         self._settings = settings if isinstance(settings, RenderSettings) else None
         self._stored = None if isinstance(settings, RenderSettings) else settings
         self.compiled = compiled
-        self.own = dict(row.compiled or {})  # kind -> BlobRef of what was compiled for this frame alone
+        self.own = dict(row.compiled or {})  # kind -> BlobRef of the scene compiled for this frame alone
         self.spp = spp
         self.noise_asked = noise
         self.state = row.state
@@ -88,23 +89,23 @@ class ActiveFrame:
         self.noise = row.noise
         self.bad_samples = row.bad_samples
         self.ceiling = spp
-        self.is_idle = False  # nothing of it can be handed out before something comes back
+        self.is_idle = False  # nothing can be handed out until a batch returns
         self.is_preparing = False
         self._is_measured = is_measured
-        self._measured: dict[int, tuple[int, float]] = {}  # of a tile: with how many samples, and its noise then
+        self._measured: dict[int, tuple[int, float]] = {}  # tile -> samples and noise at its latest estimate
         self._is_told_anew = False
-        self._due: dict[int, None] = {}  # tiles that are to be looked at again, as soon as there is time
+        self._due: dict[int, None] = {}  # tiles whose noise is to be estimated when time permits
         self._recorded = row.samples, row.target
         self._share = share
         self._plan: FramePlan | None = None
         self._focus: Tile | None = None
-        self._sums: tuple[int, int] | None = None  # samples and target, while they are as the plan has them
+        self._sums: tuple[int, int] | None = None  # samples and target; None after a change of the plan
         self._json: tuple[RenderSettings, dict[str, Any]] | None = None
-        self.on_change: Callable[[int], None] = lambda key: None  # told when its state or numbers may have changed
+        self.on_change: Callable[[int], None] = lambda key: None  # called when the state or numbers may have changed
 
     @property
     def settings(self) -> RenderSettings | None:
-        """At its moment; None where that is not known yet. Raises FarmError."""
+        """Render settings at the frame's time; None if not known yet. Raises FarmError."""
         if self._stored is not None:
             self._settings, self._stored = self._stored(), None
         return self._settings
@@ -115,7 +116,7 @@ class ActiveFrame:
 
     @property
     def plan(self) -> FramePlan:
-        """Made when it is needed: it looks at all of the frame's tiles. Raises FilmWaits or FilmLost."""
+        """The frame's plan, created on first access from all its tiles in the film. Raises FilmWaits or FilmLost."""
         if self._plan is None:
             self.bad_samples = self.film.bad_samples(self.key)[0]
             self._plan = FramePlan(
@@ -127,21 +128,21 @@ class ActiveFrame:
 
     @property
     def has_all(self) -> bool:
-        """Whether every tile has what is asked for. Raises FilmWaits or FilmLost."""
+        """Whether every tile has reached its goal. Raises FilmWaits or FilmLost."""
         return self.is_begun and self.plan.done
 
     @property
     def is_begun(self) -> bool:
-        """Whether it has a plan, or a film to make one of."""
+        """Whether the frame has a plan, or a film file to create one from."""
         return self._plan is not None or self.film.has_file
 
     @property
     def was_recorded(self) -> bool:
-        """Whether its row says how many samples it comes to."""
+        """Whether the frame's row contains its target number of samples."""
         return self._recorded[1] > 0
 
     def focus_on(self, focus: Tile | None) -> None:
-        """Let a rectangle of the picture be rendered first; None: no more."""
+        """Sets the rectangle of the picture rendered first; None: none."""
         self._focus = focus
         if self._plan is not None:
             self._plan.focus(self._in_focus())
@@ -154,24 +155,24 @@ class ActiveFrame:
         return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
 
     def ask(self, spp: int, noise: float | None) -> None:
-        """Take over what is asked for now. What is out counts as lost."""
+        """Sets a new goal. Outstanding batches count as lost."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
         self._plan, self.is_idle = None, False
         self._changed()
 
     @property
     def is_over(self) -> bool:
-        """Whether it is finished, or failed."""
+        """Whether the frame is finished or failed."""
         return self.state in ("finished", "failed")
 
     @property
     def samples(self) -> int:
-        """What it has, all pixels together."""
+        """Rendered samples, summed over all pixels."""
         return self._counted()[0]
 
     @property
     def target_samples(self) -> int:
-        """What it is expected to come to."""
+        """Expected final number of samples, summed over all pixels."""
         return self._counted()[1]
 
     def _counted(self) -> tuple[int, int]:
@@ -188,37 +189,37 @@ class ActiveFrame:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile has a sample."""
+        """Whether every tile has at least one sample."""
         return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
 
     @property
     def progress(self) -> float:
-        """0 ... 1, by samples."""
+        """Progress by samples, 0 to 1."""
         return 1.0 if self.state == "finished" else min(self.samples / max(self.target_samples, 1), 0.9999)
 
     def numbers(self) -> FrameNumbers:
-        """How far it is now."""
+        """Returns the frame's current progress."""
         state = "preparing" if self.state == "queued" and self.is_preparing else self.state
         return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
 
     def rise_to(self, ceiling: int) -> None:
-        """Let it have so many samples."""
+        """Raises the ceiling to this number of samples per pixel."""
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
         self._changed()
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
-        """The next batch under its ceiling; None where that is handed out. Raises FilmWaits or FilmLost."""
+        """Returns the next batch below the ceiling; None if all are handed out. Raises FilmWaits or FilmLost."""
         return self.plan.next(samples_wanted, of_a_tile)
 
     def lose(self, batch: Range) -> None:
-        """A batch did not come back."""
+        """Returns a lost batch to the plan."""
         self.plan.lose(batch)
         self.is_idle = False
         self._changed()
 
     def settle(self, batch: Range) -> None:
-        """Let the plan look at the film for what came back. Raises FilmWaits or FilmLost."""
+        """Updates the plan and the noise from the film after a batch returned. Raises FilmWaits or FilmLost."""
         self.plan.settle(batch)
         self.is_idle = False
         if self.state == "queued":
@@ -236,11 +237,13 @@ class ActiveFrame:
                 self._due[batch.tile] = None
 
     def look(self, looks: Looks) -> None:
-        """Look at the noise of tiles that have many more samples than at their last look, as far as there is time for it. Raises
-        FilmWaits or FilmLost."""
+        """Estimates the noise of tiles with many new samples, within the time limit `looks`.
+
+        Raises FilmWaits or FilmLost.
+        """
         found = False
         for tile in list(self._due):
-            if self._share is None and not looks.may():  # what comes next may hang on the noise of frames that share
+            if self._share is None and not looks.may():  # the next round of a shot depends on this noise
                 break
             del self._due[tile]
             covered = self._coverage(tile)
@@ -252,12 +255,12 @@ class ActiveFrame:
             self.noise = self._whole_noise()
 
     def renew_noise(self) -> None:
-        """Its noise as it is expected to be by now: of tiles that went on since they were looked at, by their samples."""
+        """Updates the noise; for tiles rendered since their latest estimate, it is extrapolated from their number of samples."""
         if self._plan is not None and self._measured:
             self.noise = self._whole_noise()
 
     def measured(self) -> float:
-        """Its noise as it is now, from all of its tiles. Raises FilmWaits or FilmLost."""
+        """Returns the current noise, estimated from all tiles; infinite if unknown. Raises FilmWaits or FilmLost."""
         for tile, covered in enumerate(self.plan.covered):
             if self._measured.get(tile, (0, 0.0))[0] != covered:
                 self._measure(tile, covered)
@@ -266,14 +269,14 @@ class ActiveFrame:
         return math.inf if self.noise is None else self.noise
 
     def fail(self, error: str) -> None:
-        """It cannot be rendered."""
+        """Marks the frame as failed with this error message."""
         self.state, self.error = "failed", error
         self._changed()
 
     def finish(self) -> None:
-        """It has all that was asked for."""
+        """Marks the frame as finished and drops its plan."""
         self.state = "finished"
-        if self._plan is not None:  # what it has is in the film, and a long shot has many of these
+        if self._plan is not None:  # the film stores the samples; a long shot would hold many plans
             self._recorded = self._plan.samples, self._plan.target_samples
             self._plan, self._measured, self._due = None, {}, {}
         self._changed()
@@ -284,7 +287,7 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """Its settings for its row, made once; None where the row has them, or they are not known yet."""
+        """The settings as JSON for the frame's row, cached; None if they are unknown or already stored there."""
         if self._settings is None:
             return None
         if self._json is None or self._json[0] is not self._settings:
@@ -292,7 +295,7 @@ class ActiveFrame:
         return self._json[1]
 
     def _told(self, tile: int) -> float:
-        """A tile's noise for its plan, which decides by it."""
+        """Returns the noise of a tile to its plan, estimated now."""
         self._measure(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]
@@ -302,7 +305,7 @@ class ActiveFrame:
             self._measured[tile] = samples, self._tile_noise(tile)
 
     def _whole_noise(self) -> float | None:
-        """The root mean square over its tiles, those that went on since they were looked at included."""
+        """Returns the root mean square of the tiles' noise, extrapolated for tiles rendered since; None if unknown."""
         square = area = 0.0
         for tile, (samples, noise) in self._measured.items():
             t = self.film.tiles[tile]

@@ -1,4 +1,4 @@
-"""A job that is being rendered: its film, its frames, how fast it goes and what went wrong with its batches."""
+"""An active job: its film, frames, speed, and failures of batches."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ __all__ = ["ActiveJob"]
 
 SMALLEST_BATCH_S = 0.04
 SMOOTHING = 0.3
-WORTH_A_SLOT_S = 30.0  # of work, for another slot to pay
-AT_A_TIME = 2000  # frames that are looked at in one step
+WORTH_A_SLOT_S = 30.0  # seconds of work that justify another slot
+AT_A_TIME = 2000  # frames per step
 
 
 class ActiveJob:
-    """One job in the hands of the scheduler. Only the engine's thread changes it; others read its numbers."""
+    """An active job. Changed only by the engine's thread; other threads read its numbers."""
 
     def __init__(
         self,
@@ -44,13 +44,11 @@ class ActiveJob:
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """It has no frames yet: `take` gives it some, and `begin` has to be gone through once it has all.
+        """Creates a job without frames. Call `take` for all frames, then complete `begin`, before anything else.
 
-        settings_of: of a frame whose row has its settings.
-
-        compiled: kind of worker -> SHA-256 of the scene compiled for it, as it is at its beginning.
-
-        of_scene: the hashes of all blobs that the scene refers to: they stay, whatever becomes of frames.
+        settings_of: returns the settings of a frame that are stored in its row.
+        compiled: kind of workers -> SHA-256 of the scene compiled for it at its start time.
+        of_scene: hashes of all blobs that the scene refers to; they are kept when frames are released.
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
@@ -61,7 +59,7 @@ class ActiveJob:
         self._settings_of = settings_of
         self.compiled = compiled
         self.of_scene = of_scene
-        self.scene_words: list[str] = []  # options that say what was asked of the scene beside its files
+        self.scene_words: list[str] = []  # command line options for the scene's variant and light
         self.settings = RenderSettings.from_json(row.settings)
         self.state = row.state
         self.priority = row.priority
@@ -70,40 +68,40 @@ class ActiveJob:
         self.max_slots = row.max_slots
         self.needs = Needs.of(row.needs)
         self.deadline = row.deadline
-        self.expected: float | None = None  # when it is to be ready, where it has a deadline
-        self.unforeseen: str | None = None  # why nobody knows that
-        self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # which it is expected to miss
-        self.foretold_s = 0.0  # of a slot, for a sample of a pixel, by the scene's latest picture; 0: there was none
+        self.expected: float | None = None  # forecast of the completion time, if there is a deadline
+        self.unforeseen: str | None = None  # why there is no forecast
+        self.urgency = math.inf if row.late is None or row.deadline is None else row.deadline  # deadline of a late job
+        self.foretold_s = 0.0  # slot-seconds per sample of a pixel, from the scene's previous job; 0: none
         self.kind = row.kind
         self.spp, self.noise, self.seconds = row.spp, row.noise, row.seconds
         self.shot = Shot.of(row.shot)
         self.active_s = row.active_s
         self.started = row.started is not None
-        self.served = 0  # when it was given a batch last, as a place in the order of all batches
+        self.served = 0  # sequence number of its latest batch among all batches
         self.frames: dict[int, ActiveFrame] = {}
         self.focus = row.focus
-        self.agenda: Agenda  # from `begin` on
-        self._goals: dict[int, int] = {}  # of frames that are to have others than the job
+        self.agenda: Agenda  # created by `begin`
+        self._goals: dict[int, int] = {}  # frames with their own number of samples
         self._totals: Totals
         self.tally = Tally(self.frames)
         self.history = History()
-        self._without_picture: list[ActiveFrame] = []  # those that may not have a sample of every tile yet, at its end
+        self._without_picture: list[ActiveFrame] = []  # frames that may lack a sample of some tile
         self.trouble: dict[Range, Trouble] = {}
-        self.handed_back: str | None = None  # why a worker gave a batch back, where none was rendered since
+        self.handed_back: str | None = None  # why a worker returned a batch, if none was rendered since
         self.rests_until = 0.0
         self.looks = Looks()
-        self.verify = 0.0  # the share of its batches that is rendered twice
-        self.checks: Mapping[str, int] = {}  # of a job: decisions about its batches that are not made yet; it does not end before
-        self._unsettled: list[Range] = []  # batches that came back, and that the plan has not looked at yet
-        self.samples_per_s = 0.0  # of the whole farm on this job, over the wall clock
-        self.rendered, self.rendered_s = 0, 0.0  # samples in this life of the service, and seconds that slots took for them
+        self.verify = 0.0  # fraction of batches rendered twice
+        self.checks: Mapping[str, int] = {}  # pending verifications by job, which delay its end
+        self._unsettled: list[Range] = []  # returned batches that the plan has not processed yet
+        self.samples_per_s = 0.0  # of all workers on this job, by wall time
+        self.rendered, self.rendered_s = 0, 0.0  # samples since the service started, and their slot-seconds
         self._costs = Costs()
         self._clock = time.monotonic()
         self._rated = (self._clock, 0)
-        self.unwritten: set[int] = set()  # frames that have changed since they were written down
+        self.unwritten: set[int] = set()  # frames changed since they were stored
 
     def take(self, rows: Sequence[FrameRow]) -> None:
-        """Some more of its frames, in their order. Raises FilmWaits or FilmLost."""
+        """Adds frames, in their order. Raises FilmWaits or FilmLost."""
         for row in rows:
             self.frames[row.number] = frame = self._frame(row)
             self._without_picture.append(frame)
@@ -111,8 +109,10 @@ class ActiveJob:
                 self._goals[row.number] = row.spp
 
     def begin(self) -> Iterator[None]:
-        """Put its frames in order and add them up: some of a long shot in each step, between which the engine looks after others.
-        Nothing else may be asked of it before."""
+        """Yields after each step of ordering and summing up the frames.
+
+        A long shot needs many steps, between which the engine handles other jobs. Call no other method before the last one.
+        """
         self.focus_on(self.focus)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
         assert self.spp is not None
@@ -135,8 +135,8 @@ class ActiveJob:
         assert self.spp is not None
         if self.shot is None:
             frame = ActiveFrame(row, self.film, self.settings, self.compiled, self.spp, self.noise, True)
-            frame.state = "queued"  # the job's state is the frame's
-            if self.film.has_file:  # a plan is kilobytes, and thousands of jobs may wait
+            frame.state = "queued"  # the job has the state of a still's frame
+            if self.film.has_file:  # a plan takes kilobytes, and thousands of jobs may wait
                 frame.plan  # noqa: B018 - a film that cannot be read is found out now
             return frame
         settings = (
@@ -144,7 +144,7 @@ class ActiveJob:
         )
         own = {kind: str(ref["sha256"]) for kind, ref in (row.compiled or {}).items()} if settings is not None else {}
         if row.state == "finished" and self.film.samples(row.number) < row.samples:
-            row = row._replace(state="queued")  # a power cut has taken the latest of the film
+            row = row._replace(state="queued")  # the film lost its latest samples in a power failure
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
             return ActiveFrame(row, self.film, settings, own, most, self.noise, True, share=min(self.spp, most))
@@ -152,7 +152,7 @@ class ActiveJob:
 
     @property
     def done(self) -> bool:
-        """Whether the job has all that was asked for; frames that failed are left out."""
+        """Whether the job has reached its goal; failed frames are ignored."""
         if self.checks.get(self.id):
             return False
         if self.shot is None:
@@ -165,46 +165,46 @@ class ActiveJob:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile of every frame has a sample; frames that failed are left out."""
+        """Whether every tile of every frame has at least one sample; failed frames are ignored."""
         while (left := self._without_picture) and (left[-1].has_first_wave or left[-1].state == "failed"):
             left.pop()
         return not left
 
     @property
     def samples(self) -> int:
-        """What all frames have together."""
+        """Rendered samples of all frames and pixels."""
         return self._totals.renewed().samples
 
     @property
     def target_samples(self) -> int:
-        """What all frames are expected to come to."""
+        """Expected final number of samples of all frames and pixels."""
         return self._totals.renewed().target
 
     @property
     def bad_samples(self) -> int:
-        """How many samples were left out."""
+        """Number of discarded samples, such as infinite ones."""
         return self._totals.renewed().bad_samples
 
     @property
     def progress(self) -> float:
-        """0 ... 1, by samples or by time, whichever is further."""
+        """Progress by samples or time, whichever is greater; 0 to 1."""
         by_samples = self.samples / max(self.target_samples, 1)
         by_time = self.active_s / self.seconds if self.seconds else 0.0
         return 1.0 if self.done else min(max(by_samples, by_time), 0.9999)
 
     @property
     def noise_now(self) -> float | None:
-        """The greatest noise of its frames; None while that of one is not known."""
+        """Maximum noise of the frames; None while that of any frame is unknown."""
         return self._totals.renewed().noise.value
 
     @property
     def forecast(self) -> float | None:
-        """The greatest noise at which its frames will end; None while that is not known."""
+        """Maximum expected final noise of the frames; None if unknown."""
         return self.agenda.forecast if self.agenda.forecast is not None else self._totals.renewed().ends.value
 
     @property
     def eta_s(self) -> float | None:
-        """Seconds that are left, or None where that is not known yet."""
+        """Expected remaining time in seconds; None if unknown."""
         by_time = max(0.0, self.seconds - self.active_s) if self.seconds is not None else None
         if self.samples_per_s <= 0.0:
             return by_time
@@ -212,29 +212,29 @@ class ActiveJob:
         return by_samples if by_time is None else min(by_time, by_samples)
 
     def queue(self, kind: str) -> str:
-        """Where its batches for workers of a kind wait."""
+        """Returns the name of the queue for the job's batches to workers of a kind."""
         return render_queue(kind) if self.needs is None else self.needs.queue(kind)
 
     @property
     def is_late(self) -> bool:
-        """Whether it is expected to miss its deadline, or has missed it."""
+        """Whether the job has missed its deadline or is expected to."""
         return self.urgency < math.inf
 
     @property
     def sample_s(self) -> float:
-        """What a slot takes for a sample of a pixel; 0 where nobody knows."""
+        """Expected slot-seconds for one sample of a pixel; 0 if unknown."""
         return self._costs.average or self.foretold_s
 
     @property
     def slots_wanted(self) -> int:
-        """How many slots would each have at least half a minute of work with it; one where it is not known how long it takes."""
+        """Number of slots that the remaining work would occupy for at least half a minute each; 1 if the cost is unknown."""
         if self.done or self.state == "paused":
             return 0
         left_s = max(self.target_samples - self.samples, 0) * self._costs.average
         return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
 
     def touch(self, frame: ActiveFrame) -> None:
-        """A frame has changed."""
+        """Marks a frame as changed."""
         self._note(frame.key)
 
     def _note(self, key: int) -> None:
@@ -244,17 +244,18 @@ class ActiveJob:
         self.unwritten.add(key)
 
     def aim_s(self, batch_seconds: float, slots: int) -> float:
-        """How long what is handed out at a time is to take.
+        """Returns the target duration in seconds of the work handed out to a slot at once.
 
-        Near the end that is at most a third of what is left for each slot, so that all slots end at about the same time.
+        Near the end it is at most a third of the remaining work per slot, so that all slots end at about the same time.
         """
         left_s = max(self.target_samples - self.samples, 0) * self._costs.average / max(slots, 1)
         return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
     def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
-        """The next batch for one of `slots` slots of workers of a kind, to take about `batch_seconds`; less near the end.
+        """Returns the next batch for a slot, of about `batch_seconds` but shorter near the end; None if there is none.
 
-        of_a_tile: how many of one tile may follow each other."""
+        slots: number of slots of the kind. of_a_tile: maximum number of consecutive batches of one tile.
+        """
         aim = self.aim_s(batch_seconds, slots)
 
         def samples_wanted(tile: int) -> int:
@@ -269,41 +270,41 @@ class ActiveJob:
             if not self.agenda.passed(frame):
                 frame.is_idle = True
                 self._note(frame.key)
-                self._unsettled_frame(frame)  # its film may have had all from the beginning: nothing will come back then
+                self._unsettled_frame(frame)  # its film may be complete already, in which case no batch will return
         return None
 
     def lose(self, batch: Range) -> None:
-        """A batch did not come back: it is among the first to be handed out again."""
+        """Returns a lost batch to the plan, which hands it out again first."""
         if (frame := self.frames.get(batch.frame)) is not None:
             frame.lose(batch)
 
     def wants(self, batch: Range) -> bool:
-        """Whether these samples belong to the job."""
+        """Whether the job still needs these samples."""
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
     @property
     def knows_cost(self) -> bool:
-        """Whether a batch has come back, and so told how long others take."""
+        """Whether the cost of a sample is known, because a batch has returned."""
         return self._costs.average > 0.0
 
     def expected_s(self, batch: Range) -> float:
-        """How long a batch is expected to take on one slot; 0 where nothing is known."""
+        """Returns the expected duration of a batch on one slot, in seconds; 0 if unknown."""
         rect = self.film.tiles[batch.tile]
         return self._costs.of(batch.tile) * rect.w * rect.h * batch.count
 
     def came_back(self, batch: Range, seconds: float) -> None:
-        """The film has a batch, or dropped it; `settle` tells the plan."""
+        """Records a batch that the film accepted or dropped as a duplicate. `settle` updates the plan."""
         self.handed_back = None
         self._learn(batch, seconds)
         last = self._unsettled[-1] if self._unsettled else None
         if last is not None and (last.frame, last.tile, last.first + last.count) == (batch.frame, batch.tile, batch.first):
-            self._unsettled[-1] = last._replace(count=last.count + batch.count)  # the plan looks once at what came together
+            self._unsettled[-1] = last._replace(count=last.count + batch.count)  # one update of the plan for consecutive batches
         else:
             self._unsettled.append(batch)
 
     def settle(self) -> None:
-        """Let the plans look at the film for what came back. Raises FilmWaits or FilmLost; then it is to be called again."""
+        """Updates the plans from the film after batches returned. Raises FilmWaits or FilmLost; then call it again."""
         while self._unsettled:
             batch = self._unsettled[0]
             frame = self.frames.get(batch.frame)
@@ -319,12 +320,12 @@ class ActiveJob:
         self._note(frame.key)
 
     def fail(self, frame: ActiveFrame, error: str) -> None:
-        """A frame cannot be rendered; the others go on. Raises FilmWaits or FilmLost."""
+        """Marks a frame as failed; the others continue. Raises FilmWaits or FilmLost."""
         frame.fail(error)
         self._unsettled_frame(frame)
 
     def prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
-        """A frame can be rendered by workers of a kind. own: the BlobRef of what was compiled for it alone."""
+        """Marks a frame as prepared for a kind of workers. own: BlobRef of the scene compiled for it alone, as JSON."""
         frame.settings = settings
         frame.compiled[kind] = self.compiled[kind] if own is None else str(own["sha256"])
         if own is not None and not frame.is_over:
@@ -332,7 +333,7 @@ class ActiveJob:
         self.touch(frame)
 
     def release(self, all_frames: bool = False) -> Counter[str]:
-        """Let go of what was compiled for frames that need it no more; the hashes of those blobs, and how many had each."""
+        """Drops the compiled scenes of frames that no longer need them; returns the number of references by blob hash."""
         gone: Counter[str] = Counter()
         for frame in self.agenda.turns.owning():
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
@@ -342,23 +343,23 @@ class ActiveJob:
         return gone
 
     def compiled_for(self, kind: str, sha256: str) -> None:
-        """Its scene is prepared for a kind of workers."""
+        """Records that the scene was compiled for a kind of workers."""
         self.compiled[kind] = sha256
-        if self.shot is None:  # whose frame is rendered from just that
+        if self.shot is None:  # a still is rendered from it directly
             self.agenda.turns.note(*self.frames)
 
     def finish_frames(self) -> None:
-        """The job is over: so are its frames, but for those that failed."""
+        """Finishes all frames of a finished shot that have not failed."""
         for frame in self.frames.values():
             if self.shot is not None and not frame.is_over:
                 frame.finish()
 
     def asks_for(self, spp: int, noise: float | None, seconds: float | None) -> bool:
-        """Whether this is other than what the job is rendered for now."""
+        """Whether this goal differs from the current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:
-        """Take over what is asked for now of a still. What is out counts as lost. Raises FilmWaits or FilmLost."""
+        """Sets a new goal of a still. Outstanding batches count as lost. Raises FilmWaits or FilmLost."""
         self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
         for frame in self.frames.values():
@@ -366,13 +367,13 @@ class ActiveJob:
             frame.plan  # noqa: B018
 
     def focus_on(self, focus: Sequence[int] | None) -> None:
-        """Let a rectangle (x, y, w, h) of every frame be rendered first; None: no more."""
+        """Sets the rectangle (x, y, w, h), in pixels, of every frame that is rendered first; None: none."""
         self.focus = None if focus is None else list(focus)
         for frame in self.frames.values():
             frame.focus_on(None if focus is None else Tile(*focus))
 
     def tick(self, rendering: bool) -> None:
-        """Let the wall clock run, where the job is being rendered, and renew its speed about once a second."""
+        """Adds the elapsed wall time if the job is being rendered, and updates its speed about once a second."""
         now = time.monotonic()
         if rendering:
             self.active_s += now - self._clock

@@ -1,10 +1,11 @@
-"""Which frame of a job is rendered next, and up to how many samples. Decisions depend only on films at fixed sample counts, so
-where a frame ends does not depend on which worker was faster.
+"""Selects the next frame of a job, and the number of samples up to which it is rendered.
 
-Noisiest first: every frame gets the pilot's samples. Then, in rounds, what is left of the budget is distributed so that the
-greatest noise becomes as small as possible (like water filling: the standard error falls with the square root of the samples,
-so a frame of noise n with L samples needs L (n/v)^2 for v), but no round goes below half of the greatest noise, as the
-estimates are rough. A round begins when all frames have what the one before gave them.
+Decisions depend only on films at fixed sample counts, so the final samples of a frame do not depend on the workers' speeds.
+
+Order `noisiest-first`: every frame first gets the samples of a pilot. Then the remaining budget is distributed in rounds to
+minimize the maximum noise, like water filling: the standard error falls with the square root of the samples, so a frame of noise
+n with L samples needs L (n/v)^2 for noise v. As the estimates are rough, no round aims below half of the maximum noise. A round
+begins when all frames have the samples of the previous one.
 """
 
 from __future__ import annotations
@@ -17,17 +18,20 @@ from service.scheduling.jobs.frame_queue import Turn, Turns
 
 __all__ = ["Agenda", "shares"]
 
-ROUNDS = ("breadth-first", "noisiest-first")  # orders that come back to a frame
-PILOT = 16  # samples, before a frame's noise says where the rest is to be spent
+ROUNDS = ("breadth-first", "noisiest-first")  # orders that render a frame in several passes
+PILOT = 16  # samples per pixel before a frame's noise determines its share of the budget
 
 
 class Agenda:
-    """The order of a job's frames. `frames`: by their keys, in the shot's order."""
+    """The order of a job's frames. `frames`: by key, in the shot's order."""
 
     def __init__(
         self, frames: Mapping[int, ActiveFrame], order: str, every: int, spp: int, goals: Mapping[int, int] | None = None
     ) -> None:
-        """spp: of the shot, a pixel, on the average of its frames. goals: what an earlier round gave them."""
+        """Creates the order.
+
+        spp: mean samples per pixel over the shot's frames. goals: samples per pixel by frame, from an earlier round.
+        """
         self._frames = frames
         self._order = order
         self._spp = spp
@@ -35,8 +39,8 @@ class Agenda:
         self._pilot = max(1, min(PILOT, spp // 2))
         self._pending: set[int] = set()
         self._first: int | None = None
-        self.forecast: float | None = None  # the noise at which the shot ends
-        self.new_goals: dict[int, int] = {}  # to be written down before anything of them is handed out
+        self.forecast: float | None = None  # expected final noise of the shot
+        self.new_goals: dict[int, int] = {}  # to be stored before any of their samples are handed out
         for key, frame in frames.items():
             if order == "noisiest-first":
                 frame.ceiling = max((goals or {}).get(key, 1), 1)
@@ -48,7 +52,7 @@ class Agenda:
 
     @property
     def first(self) -> int | None:
-        """The frame that goes before all others."""
+        """The frame that is rendered before all others."""
         return self._first
 
     @first.setter
@@ -57,18 +61,18 @@ class Agenda:
         self._first = key
 
     def next(self, kind: str) -> ActiveFrame | None:
-        """The frame that workers of a kind render next; None where no frame that is ready has work."""
+        """Returns the next frame for workers of a kind; None if no prepared frame has work."""
         return self.turns.ready(kind)
 
     def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
-        """Whether a frame goes on only because one whose turn it is is not prepared yet."""
+        """Whether a frame is served only because an earlier one is not prepared yet."""
         if self._order not in ROUNDS:
             return False
         first = self.turns.first_lacking(kind)
         return first is not None and first < self.turn(frame)
 
     def turn(self, frame: ActiveFrame) -> Turn:
-        """The less, the sooner."""
+        """Returns the sort key of a frame; the smallest is rendered first."""
         rank = self._rank[frame.key]
         before = 0.0 if frame.key == self.first else 1.0
         if self._order == "breadth-first":
@@ -79,7 +83,7 @@ class Agenda:
         return before, rank
 
     def passed(self, frame: ActiveFrame) -> bool:
-        """All under a frame's ceiling is handed out. Whether it goes on at once."""
+        """Raises a frame's ceiling after all samples below it were handed out; returns whether the frame continues at once."""
         top = {"breadth-first": frame.spp, "noisiest-first": self._pilot}.get(self._order, frame.ceiling)
         if frame.ceiling >= top:
             return False
@@ -87,22 +91,22 @@ class Agenda:
         return True
 
     def settled(self, frame: ActiveFrame) -> None:
-        """Something of a frame came back, all of it is handed out, or it failed: it may be finished, or the last that a round
-        waited for.
+        """Finishes a frame if it is complete, and starts the next round if it was the last frame of the current one.
 
-        Raises FilmWaits or FilmLost; then it is called again.
+        Call it after a batch of the frame returned, after all of it was handed out, or after it failed. Raises FilmWaits or
+        FilmLost; then call it again.
         """
         if not frame.is_over and frame.plan.done:
             frame.finish()
         if self._order != "noisiest-first" or (self.new_goals and not frame.is_over):
-            return  # what a round gives frames that wait for it to begin says nothing of what they have
+            return  # frames waiting for the next round are not complete yet
         if frame.is_over or (frame.ceiling >= self._pilot and frame.plan.has(frame.ceiling)):
             self._pending.discard(frame.key)
             if not self._pending:
                 self._lay_out()
 
     def _lay_out(self) -> None:
-        """Begin the next round, or end."""
+        """Computes the goals of the next round, or finishes all frames if none remains."""
         open = [f for f in self._frames.values() if not f.is_over]
         noises = [f.measured() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
@@ -117,17 +121,17 @@ class Agenda:
                 frame.finish()
 
     def begin_round(self) -> None:
-        """The goals are written down: let them be rendered."""
+        """Starts the next round, after its goals were stored."""
         for key, goal in self.new_goals.items():
             self._frames[key].rise_to(goal)
         self.new_goals = {}
 
 
 def shares(has: list[int], noise: list[float], budget: int, most: int) -> tuple[list[int], float | None]:
-    """How many samples a pixel each frame is to have next, and the greatest noise that `budget` of them ends at.
+    """Returns the next goal of each frame in samples per pixel, and the maximum noise expected after `budget` samples.
 
-    has, noise: of each frame, samples and relative noise. budget: all frames' samples together, those they have included.
-    Frames whose noise is not known, or nothing at all, keep what they have.
+    has, noise: samples per pixel and relative noise of each frame. budget: samples per pixel of all frames together, including
+    those that they have. most: maximum per frame. Frames with unknown or zero noise keep what they have.
     """
     known = [(h, n) for h, n in zip(has, noise, strict=True) if math.isfinite(n) and n > 0]
     if not known:

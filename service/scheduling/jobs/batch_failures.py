@@ -1,4 +1,4 @@
-"""What happened to a batch that did not succeed, and how often that may be."""
+"""Failures and losses of a batch, and their limits."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ LOSSES_ALLOWED = 5
 
 @dataclass
 class Trouble:
-    """Of one batch."""
+    """The failures and losses of one batch."""
 
     since: float = field(default_factory=time.monotonic)
     losses: int = 0
-    workers: list[str] = field(default_factory=list)  # on which it failed, one entry a failure
+    workers: list[str] = field(default_factory=list)  # workers on which it failed, one entry per failure
     error: str = ""
     reproduce: str | None = None

@@ -9,9 +9,9 @@ from __future__ import annotations
 __all__ = ["Costs"]
 
 SMOOTHING = 0.3
-LEAST_COST = 32.0  # a sample is taken to cost at least 1/32 of the average: a wrong time lengthens a batch at most so much
-OUTLIER = 4.0  # a ratio of measured to expected time beyond this is the batch's own, such as a first kernel compilation
-MOST_FASTER, MOST_SLOWER = 1.5, 4.0  # corrections by the pace
+LEAST_COST = 32.0  # the cost is at least 1/32 of the average, which limits the effect of a wrong measurement
+OUTLIER = 4.0  # larger ratios of measured to expected time are ignored as outliers, such as a first kernel compilation
+MOST_FASTER, MOST_SLOWER = 1.5, 4.0  # limits of corrections by the pace
 
 
 class Costs:

@@ -1,8 +1,8 @@
-"""Keeps what a still looked like at 1, 2, 4, 8 ... samples a pixel.
+"""Stores snapshots of a still at 1, 2, 4, 8 ... samples per pixel.
 
-A snapshot is due when every tile has that many samples or is complete. Then the engine's thread only begins a moment of the
-film (store/film_moment.py); another thread reads and packs it. If that falls behind, snapshots are skipped, but those that are
-kept are complete.
+A snapshot is due when every tile has that many samples or is complete. The engine's thread then only opens a consistent view of
+the film (store/film_moment.py); another thread reads and packs it. If that thread falls behind, snapshots are skipped, but
+stored ones are always complete.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from service.watching.film_packet import film_packet
 
 __all__ = ["SnapshotKeeper"]
 
-AT_A_TIME = 2  # moments that wait to be read: as long as one is open, its film's log grows
+AT_A_TIME = 2  # pending film views; the film's log grows while one is open
 
 log = logging.getLogger(__name__)
 
 
 class _Progress:
-    """How far a frame is on its way to its next snapshot."""
+    """Progress of a frame towards its next snapshot."""
 
     def __init__(self, due: int) -> None:
         self.due = due
-        self._reached = 0  # tiles before this one have it
+        self._reached = 0  # all tiles before this index are done
 
     def is_reached(self, frame: ActiveFrame) -> bool:
-        """Whether every tile has what is due. A tile is looked at until it has, and then no more."""
+        """Whether every tile has the required samples. Each tile is checked only until it has them."""
         tiles = len(frame.plan.tiles)
         while self._reached < tiles and not frame.plan.lacks(self._reached, self.due):
             self._reached += 1
         return self._reached == tiles
 
     def go_on(self, due: int) -> None:
-        """Look for the next."""
+        """Starts tracking the next snapshot."""
         self.due, self._reached = due, 0
 
 
 class SnapshotKeeper:
-    """`look` is the engine's thread's; the files are written by another."""
+    """Creates snapshots. The engine's thread calls `look`; a separate thread writes the files."""
 
     def __init__(self, kept: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
-        """folder: for temporary files. is_rendered: whether a job is in the engine's hands."""
+        """Creates the keeper. folder: for temporary files. is_rendered: whether a job is active."""
         self._kept = kept
         self._folder = folder
         self._is_rendered = is_rendered
@@ -63,7 +63,7 @@ class SnapshotKeeper:
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
     def look(self, job: ActiveJob) -> None:
-        """Samples have come: see whether a snapshot is due. Of shots none is kept, nor of what has all that was asked for."""
+        """Checks whether a snapshot is due after new samples. Shots and finished pictures get none."""
         if job.shot is not None or self._kept.is_off:
             return
         (frame,) = job.frames.values()
@@ -85,12 +85,12 @@ class SnapshotKeeper:
             self._room.release()
             log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
             return
-        noise = job.noise_now if spp >= FIRST_LOOK else None  # until then not every tile was looked at
+        noise = job.noise_now if spp >= FIRST_LOOK else None  # before that, some tiles have no noise estimate
         facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
         self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
 
     def close(self) -> None:
-        """End after the snapshot in hand; the others are left out."""
+        """Stops after the current snapshot; pending ones are dropped."""
         self._writer.shutdown(cancel_futures=True)
 
     def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmMoment, film: Film) -> None:
@@ -104,7 +104,7 @@ class SnapshotKeeper:
             if not self._kept.keep(job, facts, packet.pieces()):
                 log.info("job %s: no room for its snapshot at %d samples", job, facts.spp)
             if not self._is_rendered(job):
-                film.settle()  # its log could not be taken in while the moment was open
+                film.settle()  # the film's log could not be merged while the view was open
         except (FarmError, OSError) as error:
             log.warning("job %s: no snapshot at %d samples: %s", job, facts.spp, error)
         finally:

@@ -1,4 +1,4 @@
-"""How many bytes are kept for frames: a shared blob counts once, and one that the scene has anyway not at all."""
+"""Bytes stored for compiled frames. A shared blob counts once; one that the scene refers to counts nothing."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ __all__ = ["alone", "held", "more"]
 
 
 def held(jobs: Iterable[ActiveJob]) -> dict[str, int]:
-    """The blobs of what is compiled for frames of these jobs, and their sizes."""
+    """Returns the sizes in bytes, by hash, of the blobs compiled for frames of these jobs."""
     return {sha256: size for job in jobs for frame in job.agenda.turns.owning() for sha256, size in _of_frame(job, frame)}
 
 
 def alone(job: ActiveJob, frame: ActiveFrame) -> int:
-    """The bytes that no other frame of the job needs."""
+    """Returns the bytes that only this frame of the job needs."""
     others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
     return _sum_without(_of_frame(job, frame), others)
 
 
 def more(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """The bytes that come on top by what a protocol.contract.BlobRef refers to."""
+    """Returns the additional bytes of a new BlobRef (worker.protocol.contract), given as JSON."""
     return _sum_without(_blobs(ref), {*held([job]), *job.of_scene})
 
 

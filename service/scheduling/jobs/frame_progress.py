@@ -1,4 +1,4 @@
-"""How far each frame of a job is, and how many are in each state."""
+"""Progress of each frame of a job, and the number of frames in each state."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ __all__ = ["Tally"]
 
 
 class Tally:
-    """Lives in the engine's thread; others read what `numbers` returns. `note` has to be told of every frame that changes."""
+    """Tracks the frames' progress. Call `note` for each change.
+
+    Used only by the engine's thread, except for the mappings that `numbers` returns.
+    """
 
     def __init__(self, frames: Mapping[int, ActiveFrame]) -> None:
         self._frames = frames
@@ -21,7 +24,7 @@ class Tally:
         self._changed: set[int] = set()
 
     def begin(self, some: int) -> Iterator[None]:
-        """Count all frames for the first time, some in each step."""
+        """Yields after each step of counting all frames for the first time. some: frames per step."""
         keys, numbers = list(self._frames), dict[int, FrameNumbers]()
         for at in range(0, len(keys), some):
             numbers |= self._counted(keys[at : at + some])
@@ -29,18 +32,18 @@ class Tally:
         self._numbers = numbers
 
     def note(self, key: int) -> None:
-        """A frame has changed."""
+        """Marks a frame as changed."""
         self._changed.add(key)
 
     def numbers(self) -> Mapping[int, FrameNumbers]:
-        """How far each is. Never changed: what is made anew is another mapping, with new entries for what has changed."""
+        """Returns the progress of each frame. The mapping is never modified: a change creates a new one."""
         if self._changed:
             self._numbers = {**self._numbers, **self._counted(self._changed)}
             self._changed = set()
         return self._numbers
 
     def states(self) -> tuple[Mapping[str, int], tuple[int, ...]]:
-        """How many of those are in each state, and which have failed, in their order."""
+        """Returns the number of frames in each state, and the sorted keys of those that failed."""
         return +self._states, tuple(sorted(self._failed))
 
     def _counted(self, keys: Iterable[int]) -> dict[int, FrameNumbers]:

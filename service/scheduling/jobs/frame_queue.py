@@ -1,5 +1,7 @@
-"""The frames of a job that are to be rendered, by whose turn it is. A shot may have a hundred thousand of them, and who comes
-next is asked for every batch: so they are kept in order, and only frames that have changed are looked at again.
+"""Priority queues of a job's frames.
+
+A shot may have a hundred thousand frames, and the next one is needed for every batch. So the frames are kept sorted, and only
+changed ones are examined again.
 """
 
 from __future__ import annotations
@@ -12,60 +14,63 @@ from service.scheduling.jobs.lazy_heap import LazyHeap
 
 __all__ = ["Turn", "Turns"]
 
-Turn = tuple[float, ...]  # the less, the sooner
+Turn = tuple[float, ...]  # sort key; the smallest comes first
 TurnOf = Callable[[ActiveFrame], Turn]
 Line = LazyHeap[Turn]
 
 
 class Turns:
-    """Lives in the engine's thread. `note` has to be told of every frame that changes."""
+    """Queues of a job's frames, by kind of workers. Call `note` for each change. Used only by the engine's thread."""
 
     def __init__(self, frames: Mapping[int, ActiveFrame], turn: TurnOf) -> None:
-        """turn: of a frame, as it is now."""
+        """Creates the queues. turn: returns the current sort key of a frame."""
         self._frames = frames
         self._turn = turn
         self._changed: dict[int, None] = {}
-        self._ready: dict[str, Line] = {}  # by kind of workers: those that can be rendered
-        self._lacking: dict[str, Line] = {}  # and those that are to be prepared first, and that nobody prepares yet
-        self._preparing: dict[int, None] = {}  # those that somebody prepares
-        self._owning: dict[int, None] = {}  # those for which something was compiled that only they need
+        self._ready: dict[str, Line] = {}  # by kind: frames that can be rendered
+        self._lacking: dict[str, Line] = {}  # by kind: frames that are not prepared and not being prepared
+        self._preparing: dict[int, None] = {}  # frames being prepared
+        self._owning: dict[int, None] = {}  # frames with their own compiled scene
         self.note(*frames)
 
     def note(self, *keys: int) -> None:
-        """Frames have changed."""
+        """Marks frames as changed."""
         self._changed.update(dict.fromkeys(keys))
 
     def ready(self, kind: str) -> ActiveFrame | None:
-        """The frame that workers of a kind render next; None where no frame that is prepared has work."""
+        """Returns the next frame for workers of a kind; None if no prepared frame has work."""
         first = self._line(self._ready, kind).first()
         return None if first is None else self._frames[first[1]]
 
     def ready_before(self, kind: str, turn: Turn, most: int) -> int:
-        """How many of those come before a turn; `most` where there are more."""
+        """Returns the number of prepared frames with a smaller sort key, at most `most`."""
         return self._line(self._ready, kind).before(turn, most)
 
     def lacking(self, kind: str, most: int) -> list[ActiveFrame]:
-        """The first frames that are to be prepared for a kind of workers."""
+        """Returns the first frames to prepare for a kind of workers, at most `most`."""
         return [self._frames[key] for key in self._line(self._lacking, kind).some(most)]
 
     def first_lacking(self, kind: str) -> Turn | None:
-        """The turn of the first frame that is not prepared for a kind, whether somebody is at it or not; None: there is none."""
+        """Returns the sort key of the first frame that is not prepared for a kind, being prepared or not.
+
+        None if there is none.
+        """
         first = self._line(self._lacking, kind).first()
         at_it = (self._turn(f) for f in self.preparing() if kind not in f.compiled and not f.is_over and not f.is_idle)
         return min(at_it if first is None else (first[0], *at_it), default=None)
 
     def preparing(self) -> list[ActiveFrame]:
-        """The frames that somebody prepares."""
+        """Returns the frames that are being prepared."""
         self.look()
         return [self._frames[key] for key in self._preparing]
 
     def owning(self) -> list[ActiveFrame]:
-        """The frames for which something was compiled that only they need."""
+        """Returns the frames with their own compiled scene."""
         self.look()
         return [self._frames[key] for key in self._owning]
 
     def expect(self, kind: str) -> None:
-        """Workers of a kind will ask for frames."""
+        """Creates the queues for a kind of workers, if they do not exist."""
         if kind not in self._ready:
             self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
             self.note(*self._frames)
@@ -76,7 +81,7 @@ class Turns:
         return lines[kind]
 
     def look(self, most: int | None = None) -> bool:
-        """Look at frames that have changed, at so many of them; whether that is all. By itself it happens when it matters."""
+        """Updates at most `most` changed frames (None: all); returns whether none is left. Queries update all frames first."""
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]

@@ -1,4 +1,4 @@
-"""How a job came to its picture: its noise over time, and what happened on the way. A few kilobytes, however long it takes."""
+"""A job's noise over time, and its events. Takes a few kilobytes, whatever the job's duration."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from service.scheduling.jobs.job_log import JobLog
 __all__ = ["History"]
 
 MOST_POINTS = 128
-MOST_EVENTS = 100  # of the latest; the first stays
-STEP = 1.04  # a point follows when so many times the samples are in
+MOST_EVENTS = 100  # the latest are kept, and the first
+STEP = 1.04  # factor of samples between points
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
     "taken": "begins with what job {} has rendered",
@@ -28,7 +28,10 @@ SENTENCES = {
 
 
 class History:
-    """Points (seconds of rendering, samples, noise or None) and events (unix time, kind, words); the engine's thread writes."""
+    """Points (seconds of rendering, samples, noise or None) and events (Unix time, kind, text).
+
+    Written by the engine's thread.
+    """
 
     def __init__(self, points: list[list[float | None]] | None = None, events: list[list[Any]] | None = None) -> None:
         self.points = points or []
@@ -44,7 +47,7 @@ class History:
 
     @classmethod
     def of(cls, data: Mapping[str, Any] | None) -> Self:
-        """From a row; what cannot be made out begins anew."""
+        """Reads the column of a job's row; an invalid value yields an empty history."""
         try:
             points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]
             events = [[float(at), str(kind), str(words)] for at, kind, words in (data or {}).get("events", [])]
@@ -53,22 +56,22 @@ class History:
         return cls(points, events)
 
     def to_json(self) -> dict[str, Any]:
-        """For the row."""
+        """Returns the JSON value for the job's row."""
         return {"points": self.points, "events": self.events}
 
     def measured(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
-        """So far it is now: noted where that is a step further, and at the end where it is further at all."""
+        """Adds a point if the samples have grown by the factor `STEP`, or at all if `is_end`."""
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0
         if samples <= has or (samples < STEP * has and not is_end):
             return
         if len(self.points) >= MOST_POINTS:
-            del self.points[1::2]  # what is early is seen well enough: the axes are logarithmic
+            del self.points[1::2]  # the axes are logarithmic, so early points stay dense enough
         self.points.append([round(seconds, 3), float(samples), noise])
         self.has_changed = True
 
     def happened(self, kind: str, words: str = "") -> None:
-        """Something happened now; what was the last already is not said again, but in the log."""
+        """Adds an event now and logs it; an event equal to the latest one is only logged."""
         self.log.say(SENTENCES.get(kind, kind).format(words or "somebody"))
         if self.events and self.events[-1][1:] == [kind, words]:
             return
@@ -78,13 +81,13 @@ class History:
         self.has_changed = True
 
     def rendered_by(self, worker: str) -> None:
-        """A batch came back from a worker."""
+        """Adds an event for the first batch of a worker."""
         if worker not in self._workers:
             self._workers.add(worker)
             self.happened("worker", worker)
 
     def left(self, workers: set[str]) -> None:
-        """These are connected; those that rendered and are not among them have left."""
+        """Adds an event for each contributing worker that is not among the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)
             self.happened("left", gone)

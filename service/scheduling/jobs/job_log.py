@@ -1,6 +1,6 @@
-"""A job's log: one text file each beside the films, of bounded size, which outlives the service.
+"""A job's log: one text file beside the films, of limited size, which survives restarts.
 
-Batches that were handed out and came back are only counted as they pass, and written down once a second.
+Batches handed out and returned are counted first, and the counts are written once a second.
 """
 
 from __future__ import annotations
@@ -19,43 +19,43 @@ from telemetry.log_lines import ids
 
 __all__ = ["KEPT", "JobLog", "JobLogs"]
 
-KEPT = 1 << 18  # bytes that are told
-LARGEST = 2 * KEPT  # bytes of a file; then all but the last of it is dropped
-LONGEST = 1000  # characters of a line
-MOST_LINES = 2000  # that wait for a disk which takes none; the oldest go
+KEPT = 1 << 18  # bytes that `text` returns
+LARGEST = 2 * KEPT  # bytes of a file; then only the last `KEPT` bytes are kept
+LONGEST = 1000  # characters per line
+MOST_LINES = 2000  # pending lines while the disk accepts none; the oldest are dropped
 FLUSH_EVERY_S = 1.0
 
 _service_log = logging.getLogger(__name__)
 
 
 class JobLog:
-    """The lines of one job that are not in its file yet; the engine's thread writes."""
+    """Lines of one job that are not in its file yet. Written by the engine's thread."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
         self._given = 0
-        self._back: dict[str, list[float]] = {}  # of a worker: batches, samples, seconds
+        self._back: dict[str, list[float]] = {}  # by worker: batches, samples, seconds
 
     def say(self, text: str, more: str = "") -> None:
-        """A line, and more that stands below it, further in."""
+        """Adds a line. more: further lines, indented below it."""
         self._tell_counts()
         self._add(text)
         for line in more.splitlines():
             self._add(f"    {line}")
 
     def given(self, batches: int) -> None:
-        """Batches are handed out."""
+        """Counts batches that were handed out."""
         self._given += batches
 
     def back(self, worker: str, samples: int, seconds: float) -> None:
-        """A batch came back."""
+        """Counts a returned batch."""
         counts = self._back.setdefault(worker, [0, 0, 0.0])
         counts[0] += 1
         counts[1] += samples
         counts[2] += seconds
 
     def take(self) -> str:
-        """What is new, and not told any more."""
+        """Returns the pending lines and clears them."""
         self._tell_counts()
         lines, self._lines = self._lines, []
         return "".join(f"{line}\n" for line in lines)
@@ -76,7 +76,7 @@ class JobLog:
 
 
 class JobLogs:
-    """The files, in a folder of their own. The engine's thread writes; any may read."""
+    """The log files of all jobs, in a folder. Written by the engine's thread, readable from any."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -85,11 +85,11 @@ class JobLogs:
         self.tiles = TileLogs()
 
     def of(self, job: str) -> JobLog:
-        """A job's log, to be told to."""
+        """Returns a job's log, to which lines can be added."""
         return self._logs.setdefault(job, JobLog())
 
     def flush(self, now: bool = True) -> None:
-        """Write down what is new; now: else only where the last time is a second ago. What no disk takes is lost."""
+        """Writes pending lines to the files; unless `now`, at most once a second. Lines that cannot be written are dropped."""
         if not now and time.monotonic() - self._flushed < FLUSH_EVERY_S:
             return
         self._flushed = time.monotonic()
@@ -103,25 +103,25 @@ class JobLogs:
                     self._append(self._path(job), text.encode(errors="replace"))
 
     def close(self, job: str) -> None:
-        """It is over: write down what is new, and keep nothing of it in memory."""
+        """Writes the pending lines of an ended job and drops it from memory."""
         self.flush()
         self._logs.pop(job, None)
 
     def text(self, job: str) -> bytes:
-        """The newest KEPT bytes of a job's log, whole lines; from any thread. Nothing where there is none."""
+        """Returns the last `KEPT` bytes of a job's log, as whole lines; empty if there is none. Safe to call from any thread."""
         with contextlib.suppress(OSError), self._path(job).open("rb") as file:
             return _end(file.fileno())
         return b""
 
     def delete(self, job: str) -> None:
-        """The job is deleted."""
+        """Deletes the log of a deleted job."""
         self._logs.pop(job, None)
         self.tiles.forget(job)
         with contextlib.suppress(OSError):
             self._path(job).unlink()
 
     def sweep(self, keep: set[str]) -> None:
-        """Remove the logs of all other jobs."""
+        """Deletes the logs of all other jobs."""
         with contextlib.suppress(OSError):
             for path in self._folder.glob("*.log"):
                 if path.stem not in keep:

@@ -1,5 +1,7 @@
-"""Things by a number or a tuple that changes, of which the least is asked for often. What has changed in the meantime stays in
-the heap and is passed over, so that a change costs the logarithm of their number."""
+"""A priority queue whose keys change their priorities often.
+
+Outdated entries stay in the heap and are skipped, so a change takes logarithmic time.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +10,11 @@ from typing import Any, Generic, Protocol, TypeVar
 
 __all__ = ["SLACK", "LazyHeap"]
 
-SLACK = 64  # entries that say what was before
+SLACK = 64  # outdated entries before the heap is rebuilt
 
 
 class Ordered(Protocol):
-    """What can be compared with its like."""
+    """Protocol of comparable values."""
 
     def __lt__(self, other: Any, /) -> bool: ...
 
@@ -21,7 +23,7 @@ Place = TypeVar("Place", bound=Ordered)
 
 
 class LazyHeap(Generic[Place]):
-    """Keys, each at its place; of equal places the least key comes first."""
+    """Keys sorted by place, a comparable value; equal places are sorted by key."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[Place, int]] = []
@@ -31,7 +33,7 @@ class LazyHeap(Generic[Place]):
         return len(self._places)
 
     def put(self, key: int, place: Place) -> None:
-        """It stands there from now on."""
+        """Adds a key, or changes its place."""
         if self._places.get(key) != place:
             self._places[key] = place
             heapq.heappush(self._heap, (place, key))
@@ -40,17 +42,17 @@ class LazyHeap(Generic[Place]):
                 heapq.heapify(self._heap)
 
     def drop(self, key: int) -> None:
-        """It is not among them any more, if it was."""
+        """Removes a key, if present."""
         self._places.pop(key, None)
 
     def first(self) -> tuple[Place, int] | None:
-        """The least place, and who stands there; None where nobody does."""
+        """Returns the smallest place with its key; None if the heap is empty."""
         while self._heap and not self._is_true(self._heap[0]):
             heapq.heappop(self._heap)
         return self._heap[0] if self._heap else None
 
     def some(self, most: int) -> list[int]:
-        """The first of them, in order."""
+        """Returns the first keys in order, at most `most`."""
         taken: dict[int, tuple[Place, int]] = {}
         while len(taken) < most and (first := self.first()) is not None:
             taken[first[1]] = heapq.heappop(self._heap)
@@ -59,7 +61,7 @@ class LazyHeap(Generic[Place]):
         return list(taken)
 
     def before(self, place: Place, most: int) -> int:
-        """How many stand before a place; `most` where there are more."""
+        """Returns the number of keys with a smaller place, at most `most`."""
         found: set[int] = set()
         look = [0]
         while look and len(found) < most:

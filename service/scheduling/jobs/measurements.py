@@ -1,4 +1,4 @@
-"""What a job has measured of its scene, so that the page can predict the next picture's time and noise."""
+"""Measured cost and noise of a job's scene, from which the page predicts the time and noise of the next picture."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["measured"]
 
-LEAST_S = 0.05  # on slots, before they say something of a scene
-TILES = 32  # of a frame, evenly over it, whose noise stands for the whole
+LEAST_S = 0.05  # slot-seconds, at least, for a usable measurement
+TILES = 32  # evenly spaced tiles of a frame used for its noise
 
 
 def measured(job: ActiveJob) -> dict[str, float | None] | None:
-    """Of a job at its end: `sample_s`, seconds that a slot takes for a sample of a pixel, and `noise`, the relative standard
-    error at one sample a pixel, which falls with their square root (None where there were too few). None where it rendered
-    too little.
+    """Returns the measurements of a finished job; None if it rendered too little.
+
+    `sample_s`: slot-seconds for one sample of a pixel. `noise`: relative standard error at one sample per pixel, which falls with
+    the square root of the samples; None if there were too few samples.
     """
     if job.rendered_s < LEAST_S:
         return None
@@ -35,7 +36,7 @@ def _noise(job: ActiveJob) -> float | None:
         try:
             spp = film.coverage(frame.key, tile).total
             sums = film.tile_planes(frame.key, tile, OF_NOISE)
-        except (FilmLost, FilmWaits):  # who needs it later will say so
+        except (FilmLost, FilmWaits):  # reported when the film is needed next
             return None
         if sums is None or spp < FIRST_LOOK:
             continue

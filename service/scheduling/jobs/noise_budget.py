@@ -1,8 +1,8 @@
-"""How much of the engine's time goes into noise estimates that are only for display.
+"""Time limit for noise estimates that are only displayed.
 
 A tile's noise is computed from all of its sums, which takes milliseconds, and on a farm of thousands of slots a hundred tiles
-may quadruple their samples within a moment. So such estimates have to wait for their share of time; until then a tile's noise
-is extrapolated from its number of samples.
+may quadruple their samples within a moment. So such estimates get a fixed fraction of the engine's time; until a tile's turn
+comes, its noise is extrapolated from its number of samples.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from contextlib import contextmanager
 __all__ = ["Looks"]
 
 SHARE = 0.01  # of a core
-AT_ONCE_S = 0.3  # that may have been saved up: a small picture's noise is told at once
+AT_ONCE_S = 0.3  # seconds that can be accumulated, so that a small picture gets its noise at once
 
 
 class Looks:
-    """Lives in the engine's thread."""
+    """The remaining time for noise estimates. Used only by the engine's thread."""
 
     def __init__(self) -> None:
         self._left_s = AT_ONCE_S
         self._since = time.monotonic()
 
     def may(self) -> bool:
-        """Whether there is time for another."""
+        """Whether there is time for another estimate."""
         now = time.monotonic()
         self._left_s = min(self._left_s + SHARE * (now - self._since), AT_ONCE_S)
         self._since = now
@@ -33,7 +33,7 @@ class Looks:
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """A look is taken."""
+        """Context that charges its processor time to the limit."""
         begun = time.thread_time()
         try:
             yield

@@ -1,9 +1,9 @@
-"""What a frame still needs: which tile is rendered next, and how many samples of it. No clock, no queue, no film.
+"""The plan of a frame: selects the next tile and its number of samples. Independent of clocks, queues and film files.
 
-The first wave is one sample of every tile, from the middle outwards, so that the whole picture is there at once. After that the
-tile with the fewest samples comes next, and the more it has the more it gets; tiles in a rectangle that somebody focused on
-come before all others. If a noise level was asked for, a tile ends at fixed sample counts only and depends on its own film
-alone, so the picture does not depend on which worker was faster.
+The first wave is one sample of every tile, from the centre outwards, so that the whole picture is visible at once. After that the
+tile with the fewest samples comes next, and batches grow with the samples of their tile; tiles in a focus rectangle come before
+all others. With a target noise, a tile ends only at fixed sample counts and depends only on its own film, so the picture does
+not depend on the workers' speeds.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from service.store.coverage import Coverage
 
 __all__ = ["FramePlan", "Range", "checkpoints", "first_check"]
 
-FIRST_CHECK = 32  # samples: below it the noise estimate of a tile says little
-FIRST_GUESS = 128  # samples that a tile is expected to need before its noise was looked at
-GROWTH = 7  # a batch has at most this many times the samples that its tile has
+FIRST_CHECK = 32  # samples; noise estimates of fewer are unreliable
+FIRST_GUESS = 128  # samples that a tile is expected to need before its first noise estimate
+GROWTH = 7  # maximum ratio of a batch's samples to those that its tile has
 
-ALONE_UNTIL = 32  # samples: the first come to all tiles alike
+ALONE_UNTIL = 32  # samples below which no consecutive batches of one tile are made
 
-_Turn = tuple[int, int, int, int]  # samples at which a tile's turn began, its place from the middle, its index, samples planned
+_Turn = tuple[int, int, int, int]  # samples at the start of the turn, rank from the centre, tile index, planned samples
 _NOBODY: tuple[tuple[int, int], int] = ((-1, -1), 0)
 
 
 class Range(NamedTuple):
-    """Samples first ... first + count - 1 of a tile, by its index, of a frame (renderer.frames.frame_key)."""
+    """A batch: samples first ... first + count - 1 of a tile, given by index, in a frame (renderer.frames.frame_key)."""
 
     tile: int
     first: int
@@ -47,9 +47,9 @@ def first_check(tile: Tile) -> int:
 
 
 def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK) -> int:
-    """The sample count up to which a tile with `covered` samples is rendered before its noise is looked at.
+    """Returns the sample count up to which a tile is rendered before its next noise estimate; `spp` without a target noise.
 
-    first: of the tile (`first_check`).
+    covered: samples that it has. first: its first checkpoint (`first_check`).
     """
     if noise is None:
         return spp
@@ -60,7 +60,7 @@ def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_
 
 
 class FramePlan:
-    """The plan of one frame. `coverage` and `tile_noise` (of a tile by its index) look into its film."""
+    """The plan of one frame. `coverage` and `tile_noise` query its film for a tile given by index."""
 
     def __init__(
         self,
@@ -72,7 +72,10 @@ class FramePlan:
         frame: int = 0,
         ceiling: int | None = None,
     ) -> None:
-        """What the film has already is planned around. ceiling: samples of a tile beyond which nothing is handed out for now."""
+        """Creates a plan for the samples that the film lacks.
+
+        ceiling: samples of a tile beyond which nothing is handed out for now.
+        """
         self.tiles = tiles
         self.ceiling = spp if ceiling is None else ceiling
         self._frame = frame
@@ -85,11 +88,11 @@ class FramePlan:
         self._open: set[int] = set()
         self._planned = [0] * len(tiles)
         self._limit = [0] * len(tiles)
-        self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # where a tile is expected to stop
+        self._guess = [spp if noise is None else min(spp, FIRST_GUESS)] * len(tiles)  # expected final samples of each tile
         self._heap: list[_Turn] = []
         self._focus: frozenset[int] = frozenset()
-        self._focused: list[_Turn] = []  # as the heap, of the tiles in focus
-        self._following = _NOBODY  # the tile whose turn goes on, and how many of its batches this turn has given
+        self._focused: list[_Turn] = []  # heap of the tiles in focus
+        self._following = _NOBODY  # tile and turn of a run of consecutive batches, and its length
         self.covered = [0] * len(tiles)
         for tile in range(len(tiles)):
             covered = coverage(tile)
@@ -102,35 +105,35 @@ class FramePlan:
 
     @property
     def done(self) -> bool:
-        """Whether every tile has what was asked for."""
+        """Whether every tile has reached its goal."""
         return not self._open
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile has a sample."""
+        """Whether every tile has at least one sample."""
         return all(self.covered)
 
     def has(self, samples: int) -> bool:
-        """Whether every tile has so many samples, or is complete with fewer."""
+        """Whether every tile has this many samples or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
     def lacks(self, tile: int, samples: int) -> bool:
-        """Whether a tile has fewer samples and is not complete."""
+        """Whether a tile is incomplete and has fewer samples."""
         return tile in self._open and self.covered[tile] < samples
 
     @property
     def target_samples(self) -> int:
-        """What the frame is expected to come to, all pixels together; exact where no noise level ends it."""
+        """Expected final samples of the frame, over all pixels; exact without a target noise."""
         ends = (max(self._guess[i], self._limit[i]) if i in self._open else self.covered[i] for i in range(len(self.tiles)))
         return sum(t.w * t.h * end for t, end in zip(self.tiles, ends, strict=True))
 
     @property
     def samples(self) -> int:
-        """What the frame has, all pixels together."""
+        """Rendered samples of the frame, over all pixels."""
         return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
 
     def focus(self, tiles: Iterable[int]) -> None:
-        """Once every tile has been handed out, these are rendered before the others. What each ends with stays the same."""
+        """Sets the tiles rendered first after the first wave. The final samples of the tiles do not change."""
         self._focus = frozenset(tiles)
         entries = self._focused + self._heap
         self._focused = [entry for entry in entries if entry[2] in self._focus]
@@ -139,11 +142,12 @@ class FramePlan:
         heapq.heapify(self._heap)
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
-        """The next batch, or None where all is handed out. samples_wanted(tile): how many samples suit the workers.
+        """Returns the next batch; None if all are handed out.
 
-        of_a_tile: so many of one tile follow each other once it has a few samples; they come back together.
+        samples_wanted: returns the suitable number of samples of a tile. of_a_tile: maximum length of a run of consecutive
+        batches of one tile, which return together.
 
-        The film is looked at before anything is taken off: where it has to be waited for, that is still the next.
+        The film is queried before the plan is changed, so an error of the film leaves the plan as it is.
         """
         while self._lost:
             lost = self._lost[0]
@@ -178,7 +182,7 @@ class FramePlan:
             start, end = gap
             most = 1 if start == 0 else min(max(1, samples_wanted(tile)), GROWTH * start)
             left = min(end, self.ceiling) - start
-            if left <= 0:  # what lies under the ceiling is there; it is looked at again when that is raised
+            if left <= 0:  # all samples below the ceiling are present; checked again when it rises
                 self._planned[tile] = start
                 self._push(tile)
                 continue
@@ -193,7 +197,7 @@ class FramePlan:
         return None
 
     def wants(self, batch: Range) -> bool:
-        """Whether these samples belong to the frame: a tile that is complete takes no more, so that its end stays exact."""
+        """Whether the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
         return (
             batch.tile in self._open
             and batch.count > 0
@@ -202,14 +206,14 @@ class FramePlan:
         )
 
     def lose(self, lost: Range) -> None:
-        """A batch did not come back: it is the first to be handed out again."""
+        """Queues a lost batch to be handed out first."""
         if lost.tile in self._open:
             self._lost.append(lost)
 
     def settle(self, back: Range) -> None:
-        """A batch came back and the film took it or dropped it; the film says what the tile has now.
+        """Updates the plan from the film after a batch was merged or dropped.
 
-        Where the film has to be waited for, nothing has changed, and it is called again.
+        An error of the film leaves the plan as it is; then call it again.
         """
         covered = self._coverage(back.tile)
         is_open = back.tile in self._open
@@ -246,14 +250,14 @@ class FramePlan:
         return noise <= self.noise
 
     def _push(self, tile: int, turn: int | None = None) -> None:
-        """turn: before whom it comes next; unless told, before those with more samples."""
+        """Adds a tile to its heap. turn: sort key; None: its number of planned samples."""
         heap = self._focused if tile in self._focus else self._heap
         planned = self._planned[tile]
         heapq.heappush(heap, (planned if turn is None else turn, self._order[tile], tile, planned))
 
 
 def _from_the_middle(tiles: list[Tile]) -> list[int]:
-    """Each tile's place in the order of distance from the frame's middle."""
+    """Returns each tile's rank by distance from the frame's centre."""
     middle_x = max(t.x + t.w for t in tiles) / 2
     middle_y = max(t.y + t.h for t in tiles) / 2
 

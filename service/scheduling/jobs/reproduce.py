@@ -1,4 +1,4 @@
-"""The complete command that shows an error again: the worker supplies the batch's settings, the rest comes from the request."""
+"""The complete command that reproduces an error: the worker supplies the batch's settings, the request the rest."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["reproduce"]
 
 
 def reproduce(command: str, job: ActiveJob, frame: ActiveFrame | None = None) -> str:
-    """A worker's command with the scene's own options; frame: with those of its moment and, where it moves, of its camera."""
+    """Returns a worker's command with the scene's options; frame: also with its time and, if animated, its camera."""
     words = list(job.scene_words)
     if frame is not None and job.shot is not None:
         shot = job.shot

@@ -1,16 +1,16 @@
-"""Whose batch is next among jobs of one priority: fair shares of the slots' time, by weights. No clock, no queue, no database.
+"""Fair sharing of slot time between jobs of one priority, by weights. Independent of clocks, queues and databases.
 
-A share is a user's, or a project's if it has been given its own terms: then all its jobs belong to that share, whoever's they
-are.
+A share belongs to a user, or to a project that has its own terms; all jobs of such a project use its share, whoever submitted
+them.
 
-Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, when its
-last one ended, or now if it was idle before; the earliest start is served, and "now" is the latest start so far. A batch of t
-seconds takes t / weight of virtual time: shares that always have work get slot seconds in proportion to their weights; an idle
-share saves nothing up, and the others use what it does not. The estimated time of a batch is charged when it is handed out, and
-corrected when it is back.
+Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, at the end of
+its previous one, or now if it was idle; the earliest start is served, and "now" is the latest start so far. A batch of t seconds
+takes t / weight of virtual time, so busy shares get slot-seconds in proportion to their weights; an idle share accumulates
+nothing, and the others use its part. The estimated time of a batch is charged when it is handed out, and corrected when it
+returns.
 
-Within a share: first the jobs that are expected to miss their deadline, earliest deadline first; then the job with the fewest
-batches in hand, and among those the one that has waited longest.
+Within a share: first the late jobs, earliest deadline first; then the job with the fewest outstanding batches, and among those
+the one that was served longest ago.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ from typing import Generic, Protocol, TypeVar
 
 __all__ = ["EVERYBODY", "Claim", "Line", "Shares", "Terms", "share_of"]
 
-EVERYBODY = "everybody"  # the share of jobs that are nobody's, as all are of a farm that asks nobody who they are
+EVERYBODY = "everybody"  # the share of jobs without a user, such as all jobs of a farm without authentication
 NO_LIMIT = 1 << 30
 
 
 class Claim(Protocol):
-    """What is looked at of a job."""
+    """Protocol of a job: the attributes that determine its order."""
 
     @property
     def id(self) -> str:
-        """Of the job."""
+        """The job's id."""
 
     @property
     def share(self) -> str:
-        """Out of whose share it is rendered."""
+        """The name of the job's share."""
 
     @property
     def urgency(self) -> float:
-        """Its deadline where it is expected to miss that, else infinity."""
+        """The deadline of a late job; otherwise infinity."""
 
     @property
     def served(self) -> int:
-        """When it was given a batch last, as a place in the order of all batches."""
+        """Sequence number of its latest batch among all batches."""
 
     @property
     def created(self) -> float:
-        """When it was asked for."""
+        """Creation time."""
 
     @property
     def max_slots(self) -> int | None:
-        """That may work on it at a time."""
+        """Maximum number of slots at once; None: no limit."""
 
 
 Job = TypeVar("Job", bound=Claim)
 
 
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
-    """Out of whose share a job is rendered: its project's, where that has terms of its own, else its user's."""
+    """Returns the name of a job's share: its project's if that has its own terms, else its user's."""
     if project and f"project:{project}" in terms:
         return f"project:{project}"
     return f"user:{user}" if user else EVERYBODY
@@ -68,7 +68,7 @@ def share_of(user: str | None, project: str = "", terms: Container[str] = ()) ->
 
 @dataclass(frozen=True)
 class Terms:
-    """What a share gets: slots in proportion to its weight, at most so many at a time."""
+    """The terms of a share: slots in proportion to its weight, at most `max_slots` at a time."""
 
     weight: float = 1.0
     max_slots: int | None = None
@@ -76,15 +76,15 @@ class Terms:
 
 @dataclass
 class _Clock:
-    """Virtual time, of workers of one kind."""
+    """Virtual time for workers of one kind."""
 
     now: float = 0.0
-    ends: dict[str, float] = field(default_factory=dict)  # of each share's latest batch
+    ends: dict[str, float] = field(default_factory=dict)  # virtual end time of each share's latest batch
     served: dict[str, int] = field(default_factory=dict)
 
 
 class Shares:
-    """What each share has had, of the workers of each kind."""
+    """The shares' use of the workers, by kind."""
 
     def __init__(self) -> None:
         self.terms: Mapping[str, Terms] = {}
@@ -92,33 +92,36 @@ class Shares:
         self._turn = count(1)
 
     def of(self, share: str) -> Terms:
-        """A share's terms."""
+        """Returns a share's terms."""
         return self.terms.get(share, _USUAL)
 
     def name_of(self, user: str | None, project: str) -> str:
-        """As `share_of`, by the terms of now."""
+        """Returns the name of a job's share by the current terms."""
         return share_of(user, project, self.terms)
 
     def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> Line[Job]:
-        """Jobs of one priority, in line for workers of a kind.
+        """Returns the queue of jobs of one priority for workers of a kind.
 
-        held: of each job, how many messages with batches are out. shares_held: of each share, whatever their priority and kind;
-        what is given is added to it.
+        held: number of outstanding messages of each job. shares_held: the same of each share, over all priorities and kinds;
+        updated when work is handed out.
         """
         return Line(self, kind, jobs, held, shares_held)
 
     def start(self, kind: str, share: str) -> tuple[float, int]:
-        """When a share's next batch starts in virtual time, and when the share was served last; the less, the sooner."""
+        """Returns the virtual start time of a share's next batch and the sequence number of its latest.
+
+        The smallest is served.
+        """
         clock = self._clocks.setdefault(kind, _Clock())
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
 
     def rest(self, kind: str, share: str) -> None:
-        """A share has had nothing to do, or may have no more: it saves nothing up."""
+        """Resets the virtual time of an idle or full share, so that it accumulates no credit."""
         clock = self._clocks.setdefault(kind, _Clock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
     def serve(self, kind: str, share: str, seconds: float) -> None:
-        """A batch that is expected to take so long is handed out."""
+        """Charges a share for a batch with this expected duration, when it is handed out."""
         clock = self._clocks.setdefault(kind, _Clock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
@@ -126,7 +129,7 @@ class Shares:
         clock.served[share] = next(self._turn)
 
     def correct(self, kind: str, share: str, seconds: float) -> None:
-        """A batch took so many seconds more than was charged for it, or less."""
+        """Corrects a share's charge by the difference between actual and expected seconds."""
         clock = self._clocks.setdefault(kind, _Clock())
         clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.of(share).weight
 
@@ -136,7 +139,7 @@ _Place = tuple[float, int, int, float, str]
 
 
 class Line(Generic[Job]):
-    """Who is next. Whoever was given something, or has nothing to be given, is said by `gave` or by nothing."""
+    """Queue of jobs, ordered by share and job. Call `gave` after handing out work; a job without work is skipped."""
 
     def __init__(
         self, shares: Shares, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]
@@ -154,12 +157,12 @@ class Line(Generic[Job]):
         self._turns = [(shares.start(kind, share), share) for share in self._queues]
         heapify(self._turns)
         self._is_heap: set[str] = set()
-        self._place: _Place | None = None  # of whose turn it is
-        self.left = 0  # how many slots that one may have more at the most
-        self.held = 0  # how many it has
+        self._place: _Place | None = None  # sort key of the current job
+        self.left = 0  # maximum number of further slots for the current job
+        self.held = 0  # slots that the current job occupies
 
     def next(self) -> Job | None:
-        """Whose turn it is; None where nobody may have more. Who does not get anything then is not asked again."""
+        """Returns the next job; None if no job may have more slots. A job that is not served then is not returned again."""
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
@@ -179,14 +182,14 @@ class Line(Generic[Job]):
         return None
 
     def gave(self, job: Job, messages: int, seconds: float) -> None:
-        """Whose turn it is got something, that is expected to take so many seconds of a slot."""
+        """Records that the current job was given messages, and charges its share for their expected slot-seconds."""
         assert self._place is not None
         urgency, held, _, created, id = self._place
         share = job.share
         heappush(self._queues[share], ((urgency, held + messages, job.served, created, id), job))
         self._held[share] += messages
         self._shares.serve(self._kind, share, seconds)
-        heappop(self._turns)  # it is the first: `next` has looked at nobody else since
+        heappop(self._turns)  # its share is still the first, since `next` has examined no other
         heappush(self._turns, (self._shares.start(self._kind, share), share))
 
     @staticmethod

@@ -1,6 +1,6 @@
-"""What happened to each tile lately: which worker rendered which samples, how long that took, and its warnings.
+"""Log of the latest batches of each tile: worker, samples, duration and warnings.
 
-Kept in memory, for the latest jobs. The engine's thread writes, any thread may read: nothing written is ever changed.
+Kept in memory for the latest jobs. Written by the engine's thread, readable from any: entries are immutable.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from datetime import UTC, datetime
 __all__ = ["TileLogs", "words_of"]
 
 JOBS = 32
-TILES = 4096  # of a job; a shot has more, and the oldest go
-BATCHES = 16  # of a tile
-NOTEWORTHY_S = 0.05  # of a step: opening a scene that is open takes nothing
+TILES = 4096  # tiles per job; the oldest are dropped
+BATCHES = 16  # batches per tile
+NOTEWORTHY_S = 0.05  # minimum duration of a step to be shown
 
-Tile = tuple[int, int]  # frame and number
+Tile = tuple[int, int]  # frame key and tile index
 
 
 class TileLogs:
-    """By job, frame and tile."""
+    """The logs, by job, frame and tile."""
 
     def __init__(self) -> None:
         self._jobs: OrderedDict[str, OrderedDict[Tile, tuple[str, ...]]] = OrderedDict()
 
     def note(self, job: str, frame: int, tile: int, text: str) -> None:
-        """A batch of a tile came back."""
+        """Adds a line for a returned batch."""
         tiles = self._jobs.get(job)
         if tiles is None:
             tiles = self._jobs[job] = OrderedDict()
@@ -38,18 +38,18 @@ class TileLogs:
             tiles.popitem(last=False)
 
     def text(self, job: str, frame: int, tile: int) -> str:
-        """What came of a tile, a line a batch; nothing where nothing is known."""
+        """Returns the log of a tile, one line per batch; empty if there is none."""
         tiles = self._jobs.get(job)
         lines = tiles.get((frame, tile), ()) if tiles is not None else ()
         return "".join(f"{line}\n" for line in lines)
 
     def forget(self, job: str) -> None:
-        """The job is deleted."""
+        """Drops the logs of a deleted job."""
         self._jobs.pop(job, None)
 
 
 def words_of(worker: str, first: int, count: int, seconds: float, took: dict[str, float], lines: list[str]) -> str:
-    """One line: `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`."""
+    """Returns the log line of a batch, such as `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`."""
     steps = ", ".join(f"{name} {spent:.2f} s" for name, spent in took.items() if spent >= NOTEWORTHY_S and name != "trace paths")
     warned = "".join(f"; {line}" for line in lines)
     samples = f"samples {first} to {first + count - 1}" if count > 1 else f"sample {first}"

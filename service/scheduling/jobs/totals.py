@@ -1,4 +1,4 @@
-"""Sums over all frames of a job, updated as frames change: they are asked for often, and a shot may have very many frames."""
+"""Sums over all frames of a job, updated incrementally because they are read often and a shot may have very many frames."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ __all__ = ["Greatest", "Totals"]
 
 
 class Greatest:
-    """The greatest of some numbers that change, of which some may not be known."""
+    """Maximum of a set of changing values, some of which may be unknown."""
 
     def __init__(self) -> None:
-        self._known = LazyHeap[float]()  # each with its sign turned
+        self._known = LazyHeap[float]()  # negated values
         self._unknown: set[int] = set()
 
     def set(self, key: int, value: float | None) -> None:
-        """One of them, from now on."""
+        """Sets the value of a key; None: unknown."""
         if value is None:
             self._known.drop(key)
             self._unknown.add(key)
@@ -29,13 +29,13 @@ class Greatest:
             self._unknown.discard(key)
 
     def drop(self, key: int) -> None:
-        """One is not among them any more."""
+        """Removes a key."""
         self._known.drop(key)
         self._unknown.discard(key)
 
     @property
     def value(self) -> float | None:
-        """The greatest; None where there is none, or some are not known."""
+        """The maximum; None if there are no values or any is unknown."""
         first = None if self._unknown else self._known.first()
         return None if first is None else -first[0]
 
@@ -48,9 +48,9 @@ class _Counted(NamedTuple):
 
 
 class Totals:
-    """Of the frames of a job, as of the latest `renewed`.
+    """Sums over a job's frames, as of the latest call of `renewed`.
 
-    The target, the noise and the noise at the end leave out frames that failed.
+    Failed frames are excluded from the target and from both noise values.
     """
 
     def __init__(self, frames: Mapping[int, ActiveFrame]) -> None:
@@ -58,20 +58,20 @@ class Totals:
         self._changed = dict.fromkeys(frames)
         self._counted: dict[int, _Counted] = {}
         self.samples = self.target = self.over = self.bad_samples = 0
-        self.noise = Greatest()  # of each frame
-        self.ends = Greatest()  # and what it is expected to come to
+        self.noise = Greatest()  # current noise of the frames
+        self.ends = Greatest()  # expected final noise of the frames
 
     def note(self, key: int) -> None:
-        """A frame has changed."""
+        """Marks a frame as changed."""
         self._changed[key] = None
 
     def renewed(self) -> Totals:
-        """Count what has changed."""
+        """Updates the sums and returns this object."""
         self.count()
         return self
 
     def count(self, most: int | None = None) -> bool:
-        """Count some of what has changed, at most so many frames; whether that is all."""
+        """Updates the sums from at most `most` changed frames (None: all); returns whether none is left."""
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]

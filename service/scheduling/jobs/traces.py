@@ -1,4 +1,4 @@
-"""The spans of jobs and scenes, if tracing is on (telemetry/tracing.py)."""
+"""Tracing spans of jobs and scenes, if tracing is on (worker/telemetry/tracing.py)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["headers_of", "job_over", "merged"]
 
 
 def headers_of(what: str, id: str) -> dict[str, str] | None:
-    """What a task's message carries, so that the worker's spans belong to a `job` or a `scene`."""
+    """Returns the headers of a task's message that attach the worker's spans to a `job` or `scene`; None if tracing is off."""
     return {tracing.HEADER: str(tracing.root_of(what, id))} if tracing.is_on() else None
 
 
 def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
-    """A job has ended: from when it was asked for, with a link to the upload of its scene."""
+    """Records the span of an ended job, from its creation, with a link to the upload of its scene."""
     if not tracing.is_on():
         return
     tracing.record(
@@ -41,7 +41,7 @@ def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
 
 
 def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
-    """Batches were added to a job's film. of: the spans that they were rendered in."""
+    """Records the span of a merge into a job's film. of: the spans in which the batches were rendered."""
     if tracing.is_on():
         links = [tracing.where(each) for each in of]
         tracing.record("merge", begun, time.time(), tracing.root_of("job", job.id), links=links, job=job.id, batches=batches)
