@@ -57,8 +57,8 @@ from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 
-REMEDY = "Then let it go on."  # a worker of another release
-UNREAD_EVERY_S = 0.5  # that is looked for, unless there was more than could be read
+REMEDY = "Then let it go on."  # by a worker of another release
+UNREAD_EVERY_S = 0.5  # interval of counting unread results
 
 
 log = logging.getLogger(__name__)
@@ -113,13 +113,13 @@ class Answers:
         self._tell = tell
         self._events = events
         self._settled = settled
-        self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read, and not stored yet
+        self._kept: dict[str, list[_Answer]] = {}  # by job or scene: read but not stored
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
         self._took_in = 0.0
-        self._looked = 0.0  # for what waits unread
-        self._batches = 0  # whose sums were read with the latest results
-        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; results of them
+        self._looked = 0.0  # time of the latest count of unread results
+        self._batches = 0  # number of batches in the latest results
+        self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; and their results
 
     def take_in(self, block_ms: int) -> None:
         """Reads new messages, blocking for at most `block_ms` milliseconds, and stores those that can be stored.
@@ -256,7 +256,7 @@ class Answers:
             def add(answer: _Answer) -> None:
                 arrived.extend(self._add(job, [answer]))
 
-            for answer in rendered:  # one of them, or some: each by itself
+            for answer in rendered:  # one at a time, since only some may be faulty
                 self._apart(answer.entry, answer.message, partial(add, answer))
         spans = (each for answer in rendered if isinstance(answer.message, BatchDone) for each in answer.message.traceparents)
         traces.merged(job, begun, len(arrived), spans)
@@ -274,7 +274,7 @@ class Answers:
     def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
         """Updates leases, logs, statistics and listeners after a merge into the film."""
         tiles: dict[int, set[int]] = {}
-        with_bad: set[int] = set()  # frames of which new samples were left out
+        with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
             noted = partial(self._note_one, job, each, answer.sums or b"")
             self._apart(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
@@ -406,11 +406,11 @@ class Answers:
         """
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:
-            return  # whatever that was, it was not handed out
+            return  # not a batch that was handed out
         self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
         if self._scheduler.suspicion.misunderstood(message.worker) >= FAILURES_ALLOWED:
             self._scheduler.set_aside(message.worker, f"{message.error} {REMEDY}")
-            if not job.samples:  # nothing of it is that release's
+            if not job.samples:  # no sample of the job is from that release
                 self._scheduler.withdraw(job)
                 job.kind = None
         self._tell("job", job.id)

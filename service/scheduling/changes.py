@@ -8,9 +8,9 @@ from itertools import islice
 
 __all__ = ["Changes"]
 
-AT_A_TIME = 200  # of what has time
+AT_A_TIME = 200  # low-priority changes per step
 
-Change = tuple[str, str]  # what ("job", "scene", "worker", "terms") and which
+Change = tuple[str, str]  # kind ("job", "scene", "worker", "terms") and id
 
 
 class Changes:

@@ -53,13 +53,13 @@ from service.store.films import Film
 __all__ = ["Engine"]
 
 BLOCK_MS = 200
-READ_BYTES = 1 << 20  # at a time, of results of some megabytes
+READ_BYTES = 1 << 20  # bytes read at a time; a result may have megabytes
 PAUSE_AFTER_FAULT_S = 0.5
-SERVICE_KEY = "rayfarm:service"  # when the service last wrote into Redis, in seconds since 1970
+SERVICE_KEY = "rayfarm:service"  # Unix time of the service's latest write to Redis
 SERVICE_KEY_TTL_S = 10
 REPAIR_EVERY_S = 10.0
-TRACE_EVERY_S = 60.0  # of the same fault
-STUCK_S = 60.0  # without a round: another service may try
+TRACE_EVERY_S = 60.0  # interval of tracebacks of the same fault
+STUCK_S = 60.0  # seconds without a round after which another service may take over
 
 log = logging.getLogger(__name__)
 
@@ -122,14 +122,14 @@ class Engine:
             events=events,
             settled=self._keeper.look,
         )
-        self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # scenes, each for a kind of workers
-        self._terms: dict[str, Terms] = {}  # that workers are asked for, by name
+        self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # (scene, kind of workers)
+        self._terms: dict[str, Terms] = {}  # terms of workers, by name
         self._has_begun = False
         self._looked_around = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
         self._fault: str | None = self._board.latest.fault
-        self._refused: str | None = None  # why Redis takes nothing down, or a part of a second's work fails
+        self._refused: str | None = None  # why Redis accepts no writes, or a periodic task fails
         self._step_fault: str | None = None
         self._traced = 0.0
         self._repaired = 0.0
@@ -230,7 +230,7 @@ class Engine:
             if any(is_wrong_type(each) for each in causes(error)):
                 self._repair()
             return fault
-        except FarmError as error:  # the database, while the engine begins
+        except FarmError as error:  # the database, during start-up
             if self._fault != str(error):
                 log.warning("%s", error)
             return str(error)
@@ -253,7 +253,7 @@ class Engine:
 
     def _own_fault(self, error: Exception) -> str:
         sentence = f"The engine has a fault ({type(error).__name__}: {error}); the log says more."
-        if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may be met at every step
+        if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may recur at every step
             self._traced = time.monotonic()
             log.error("a fault in the engine", exc_info=error)
         return sentence
@@ -313,12 +313,12 @@ class Engine:
             elif not self._lifecycle.may_apply(what, id):
                 continue
             elif id in self._bulkheads.verdicts:
-                continue  # it is to be ended first: what was changed meanwhile, also a deletion, counts on top
+                continue  # ended first; changes made meanwhile, even a deletion, are applied afterwards
             elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
                 continue
             self._changes.close((what, id))
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
-                self._keeper.look(job)  # a picture that goes on was the job's own until now
+                self._keeper.look(job)  # first snapshot of a job that continues a previous picture
 
     def _with_database(self, id: str, action: Callable[[], object]) -> bool:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)

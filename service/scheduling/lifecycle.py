@@ -1,6 +1,6 @@
-"""A job's way from the database into the scheduler's hands and out again: taken up, begun, changed, finished, failed.
+"""The life cycle of a job in the scheduler: loaded from the database, started, changed, finished or failed.
 
-All of it runs in the engine's thread. The database decides: what a person changed there in the meantime is never overwritten.
+Used only by the engine's thread. The database takes precedence: a user's concurrent change is never overwritten.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ from service.store.models import ACTIVE, Job, Scene, blobs_of
 __all__ = ["Lifecycle"]
 
 
-READ_AT_ONCE = 16  # jobs that are to be taken up, besides the one that is taken up now
+READ_AT_ONCE = 16  # further jobs read together with the one being loaded
 
 
 class Lifecycle:
-    """Begins and ends jobs, and lets scenes be prepared for them."""
+    """Loads, starts and ends jobs, and requests the preparation of their scenes."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Lifecycle:
         tell: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
-        """tell: notes a change of a job or scene for the next snapshot."""
+        """Creates the life cycle. tell: notes a change of a job or scene for the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -72,36 +72,36 @@ class Lifecycle:
         self._tell = tell
         self._events = events
         self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
-        self._pending: dict[str, PendingJob] = {}  # read in this round and not taken up yet
-        self._autos: dict[str, dict[str, Any]] = {}  # of a job with a shot: the view that frames its scene at the beginning
+        self._pending: dict[str, PendingJob] = {}  # read in this round and not loaded yet
+        self._autos: dict[str, dict[str, Any]] = {}  # by job of a shot: the view that frames its scene at the start time
 
     def apply(self, what: str, id: str) -> bool:
-        """Apply what the database says of a job or a scene now. False where that has to wait or cannot be."""
+        """Applies the current row of a job or scene. Returns False if that has to wait or failed."""
         is_done: list[bool] = []
         step = self._apply_job if what == "job" else self._apply_scene
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
 
     def begin_round(self) -> None:
-        """Start a round, in which there is time again to take up jobs."""
+        """Starts a round with a new time limit for loading jobs."""
         self._loading.begin_round()
         self.expect(())
 
     def expect(self, jobs: Iterable[str]) -> None:
-        """Name the jobs whose changes are applied next, in their order: those that are to be taken up are read together."""
+        """Sets the jobs whose changes are applied next, in order, so that the rows of jobs to be loaded are read together."""
         self._expected = (id for id in jobs if id not in self._scheduler.jobs)
         self._pending.clear()
 
     @property
     def is_loading(self) -> bool:
-        """Whether a job waits for the next round to be taken up."""
+        """Whether jobs remain to be loaded in a later round."""
         return self._loading.is_under_way or self._changes.is_behind
 
     def may_apply(self, what: str, id: str) -> bool:
-        """Whether a change can be applied in this round: jobs are taken up as long as there is time."""
+        """Whether a change can be applied in this round: loading a job requires time left in it."""
         return what != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
-        """Whether a job is about to be taken up, as soon as its film or the database can be read."""
+        """Whether a job will be loaded as soon as its film and the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
     def _apply_job(self, id: str) -> bool:
@@ -129,7 +129,7 @@ class Lifecycle:
         return True
 
     def _read(self, id: str) -> PendingJob | None:
-        """Returns what is known of a job that the scheduler does not have; None where it has no row."""
+        """Returns the data of a job that is not in the scheduler; None if it has no row."""
         if id not in self._pending:
             ids = [id, *islice(self._expected, READ_AT_ONCE)]
             try:
@@ -137,17 +137,17 @@ class Lifecycle:
             except Exception:
                 if len(ids) == 1:
                     raise
-                self._pending = self._records.pending([id])  # the fault may be of another job's row
+                self._pending = self._records.pending([id])  # another job's row may be at fault
         return self._pending.pop(id, None)
 
     def _take_up(self, pending: PendingJob) -> bool:
         if not self._loading.go_on(pending):
             return False
         job = self._scheduler.jobs.get(pending.row.id)
-        return job is None or self._adjust(job, pending.row)  # what was changed since it was begun to be taken up
+        return job is None or self._adjust(job, pending.row)  # changes made while it was being loaded
 
     def _adjust(self, job: ActiveJob, row: Job) -> bool:
-        """Take over what a person changed in a job that is being rendered; whether all of it is."""
+        """Applies a user's changes to an active job; returns whether all were applied."""
         shot = Shot.of(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.progress(job)
@@ -177,21 +177,21 @@ class Lifecycle:
         if job.shot is not None:
             self._autos[job.id] = (scene.info or {})["cameras"][-1]["view"]
         if job.started or job.shot is not None or job.film.has_file or not all(f.was_recorded for f in job.frames.values()):
-            self.record(job)  # else its row says all of it
+            self.record(job)  # otherwise its row is up to date
 
     def again(self, job: ActiveJob) -> None:
-        """Take a job up anew: what some worker has sent of it is not believed any more, and is rendered again."""
+        """Reloads a job after a worker became distrusted, so that this worker's samples are removed and rendered again."""
         self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.progress(job), needs_database=True)
         self._drop(job)
         self._changes.note("job", job.id)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
-        """Whether the job can be rendered by workers of this kind now; if so its kind is fixed."""
+        """Whether workers of this kind can render the job now; if so, the job's kind is set."""
         if kind not in job.compiled:
             self._errands.preparing.want(job.scene, kind)
             return False
         if job.shot is not None and not job.started and job.agenda.next(kind) is None:
-            return False  # its first frame is being prepared
+            return False  # its first frame is still being prepared
         if not job.started or job.kind is None or job.state == "queued":
             if not self._records.started(job.id, kind):
                 return False
@@ -202,7 +202,7 @@ class Lifecycle:
         return True
 
     def record(self, job: ActiveJob) -> None:
-        """Write down how far a job is, and finish it where it has all that was asked for."""
+        """Stores a job's progress, and finishes the job if it has reached its goal."""
         self._bulkheads.run(job.id, Step.RECORD, lambda: self._record(job), needs_database=True)
 
     def _record(self, job: ActiveJob) -> None:
@@ -232,20 +232,20 @@ class Lifecycle:
         self._tell("job", job.id)
 
     def lay_out(self, job: ActiveJob) -> None:
-        """Begin a round in which noise is evened out, once it is written down what each frame gets of it."""
+        """Stores the frames' goals of the next round of a shot, then starts the round."""
         self._records.goals(job)
         job.agenda.begin_round()
 
     def auto_of(self, job: ActiveJob) -> dict[str, Any]:
-        """The view that frames a job's scene as it is at its beginning."""
+        """Returns the view that frames a job's scene at its start time."""
         return self._autos[job.id]
 
     def frame_answered(self, message: FramePrepared | FrameFailed) -> None:
-        """A frame of a shot is prepared, or cannot be: then it is named, and the others go on."""
+        """Handles the result of a frame's preparation; if it failed, the other frames continue."""
         job = self._scheduler.jobs.get(message.job)
         frame = job.frames.get(message.frame) if job is not None else None
         if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
-            return  # a still has no frames that are prepared by themselves
+            return  # a still has no separately prepared frames
         found = message.info if isinstance(message, FramePrepared) else None
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
         name = f"frame {frame_text(frame_number(message.frame))}"
@@ -267,17 +267,17 @@ class Lifecycle:
         self._tell("job", job.id)
 
     def frame_lost(self, job: ActiveJob, frame: ActiveFrame) -> None:
-        """The workers that prepared a frame were lost too often."""
+        """Fails a frame whose preparation was lost with its worker too often."""
         error = "The worker was lost three times while it prepared this frame. It may be too large."
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
 
     def end(self, id: str, verdict: Verdict) -> None:
-        """Stop a job that cannot go on, or give up a scene; what a job has rendered stays."""
+        """Fails a job or a scene; the job's samples are kept."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.say(f"failed: {verdict.error}", verdict.reproduce or "")
             job_over(job, "failed", verdict.error)
-            self._drop(job)  # first: it is over also while the database cannot say so
+            self._drop(job)  # first, since it ends even if the database is away
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce
         if self._records.failed(id, verdict.error, command) or job is not None:
             if job is not None:
@@ -290,7 +290,7 @@ class Lifecycle:
             self.prepare_failed(id, None, verdict.error)
 
     def prepared(self, scene: str, info: SceneInfo) -> None:
-        """A scene is ready for a kind of worker: its jobs can go on."""
+        """Marks a scene as ready for a kind of workers, and continues its jobs."""
         self._errands.preparing.forget_kind(scene, info.kind)
         if (error := self._records.refuse(scene, info.warnings)) is not None:
             self.prepare_failed(scene, None, error)
@@ -308,7 +308,7 @@ class Lifecycle:
                 self._changes.note("job", id)
 
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
-        """The scene's error ends the jobs that wait for it: all, or those that need it for this kind of worker."""
+        """Fails the jobs that wait for a scene: all, or those that require this kind of workers."""
         if self._records.prepare_failed(scene, error):
             self._errands.preparing.forget(scene)
         elif kind is not None:
@@ -328,22 +328,22 @@ class Lifecycle:
         self._tell("scene", scene)
 
     def lost_while_preparing(self, scene: str, kind: str | None) -> None:
-        """The workers that prepared a scene were lost too often."""
+        """Fails a scene whose preparation was lost with its worker too often."""
         error = "The worker was lost three times while it prepared this scene. It may be too large."
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:
-        """No worker's machine can prepare a scene."""
+        """Fails a scene that no worker's machine can prepare."""
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def _apply_scene(self, id: str) -> bool:
-        self._pending.clear()  # of jobs of this scene
+        self._pending.clear()  # data of jobs of this scene
         scene = self._records.scene(id)
         if scene is None:
             self._errands.preparing.forget(id)
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
-            if base is None or base.status != "preparing":  # else it is looked at again when that one is prepared
+            if base is None or base.status != "preparing":  # otherwise this scene is applied again once its base is prepared
                 self._errands.preparing.want(id, None, by_blender=self._records.is_to_be_opened(scene))
         self._tell("scene", id)
         return True
@@ -357,12 +357,12 @@ class Lifecycle:
         self._rest(job.id)
 
     def _give_back(self, job: ActiveJob) -> None:
-        """The job is over: let go of what was compiled for its frames."""
+        """Releases the compiled frames of an ended job."""
         gone = job.release(all_frames=True)
         if gone:
             self._records.progress(job)
             self._events.publish(BlobsReleased(gone))
 
     def _rest(self, id: str) -> None:
-        with suppress(FarmError):  # a film that cannot rest now rests later
+        with suppress(FarmError):  # a film that is in use is unpinned later
             self._films.unpin(id)

@@ -40,7 +40,7 @@ class Loading:
         logs: JobLogs,
         loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
-        """loaded: called with each job that was added to the scheduler."""
+        """Creates the loader. loaded: called with each job that was added to the scheduler."""
         self._records = records
         self._films = films
         self._scheduler = scheduler

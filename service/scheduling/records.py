@@ -1,5 +1,7 @@
-"""What the engine reads from and writes to the database. Every write is one transaction, and respects what a person decided in
-the meantime: a job that was cancelled stays cancelled."""
+"""Database access of the engine.
+
+Every write is one transaction and respects concurrent changes by users: a cancelled job stays cancelled.
+"""
 
 from __future__ import annotations
 
@@ -31,18 +33,19 @@ from service.store.models import WorkerTerms as Asked
 
 __all__ = ["PendingJob", "Records"]
 
-NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")  # of a frame, that the engine tells
-AT_A_TIME = 2000  # frames of a shot that are read at once
-AS_TOLD = {"synchronize_session": False}  # no row was read that would have to know of it
+# columns of a frame that the engine writes
+NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")
+AT_A_TIME = 2000  # frames of a shot read at once
+AS_TOLD = {"synchronize_session": False}  # no loaded row needs the new values
 
 
-# Those of FrameRow. Settings are most of a row: they are read when they are needed.
+# The columns of FrameRow. Settings make up most of a row and are read when needed.
 _FRAME_COLUMNS = [
     *(getattr(Frame, name) for name in FrameRow._fields if name != "has_settings"),
     Frame.settings.is_not(None),
 ]
 
-# Queries for `Records.pending`, made once: making one takes longer than carrying it out.
+# Queries for `Records.pending`, built once: building one takes longer than running it.
 _IDS: BindParameter[Any] = bindparam("ids", expanding=True)
 _PENDING = select(Job, exists().where(Wait.job == Job.id), exists().where(FrameChange.job == Job.id), Job.history).where(
     Job.id.in_(_IDS)
@@ -53,52 +56,52 @@ _FRAMES = select(Frame.job, *_FRAME_COLUMNS).where(Frame.job.in_(_IDS)).order_by
 
 @dataclass(frozen=True)
 class PendingJob:
-    """A job that the scheduler does not have yet, and all that decides whether it may begin."""
+    """A job that is not in the scheduler, with the data that decides whether it may start."""
 
     row: Job
-    scene: Scene | None  # whose compiled form is rendered
-    waits: bool  # for other jobs
-    frames_change: bool  # a change of its frames is being carried out; the job is noted as changed once that is over
+    scene: Scene | None  # the scene whose compiled form is rendered
+    waits: bool  # whether it depends on unfinished jobs
+    frames_change: bool  # whether its frames are being changed; the job is noted as changed afterwards
     history: dict[str, Any] | None
-    frames: list[FrameRow] | None  # None: of a shot, whose frames are read some at a time
+    frames: list[FrameRow] | None  # None for a shot, whose frames are read in parts
 
 
 class Records:
-    """The engine's view of the database."""
+    """The database operations of the engine."""
 
     def __init__(self, sessions: Sessions, max_pixels: int) -> None:
         self._sessions = sessions
         self._max_pixels = max_pixels
 
     def active_jobs(self) -> list[str]:
-        """The jobs that are not over: first those that are rendered, then by priority and age."""
+        """Returns the unfinished jobs: running ones first, then by priority and age."""
         with self._sessions() as session:
             order = case((Job.state == "running", 0), else_=1), Job.priority.desc(), Job.created
             return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE)).order_by(*order)))
 
     def all_jobs(self) -> set[str]:
-        """All jobs."""
+        """Returns the ids of all jobs."""
         with self._sessions() as session:
             return set(session.scalars(select(Job.id)))
 
     def jobs_of(self, scene: str) -> list[str]:
-        """The jobs that render a scene and are not over."""
+        """Returns the unfinished jobs that render a scene."""
         with self._sessions() as session:
             stage = func.coalesce(Job.lit, Job.scene)
             return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE))))
 
     def waiting_for(self, scene: str) -> list[str]:
-        """The scenes that are to be made of this one, and are not prepared yet."""
+        """Returns the scenes derived from this one that are not prepared yet."""
         with self._sessions() as session:
             return list(session.scalars(select(Scene.id).where(Scene.of == scene, Scene.status == "preparing")))
 
     def preparing_scenes(self) -> list[str]:
-        """The scenes that nobody has prepared yet."""
+        """Returns the scenes that are not prepared yet."""
         with self._sessions() as session:
             return list(session.scalars(select(Scene.id).where(Scene.status == "preparing")))
 
     def blobs(self) -> set[str]:
-        """The hashes of all blobs that rows refer to."""
+        """Returns the hashes of all blobs that rows refer to."""
         with self._sessions() as session:
             frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
             owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
@@ -106,33 +109,33 @@ class Records:
             return {sha256 for owner in owners for sha256 in owner.blobs}
 
     def job(self, id: str) -> Job | None:
-        """A job's row."""
+        """Returns a job's row; None if it does not exist."""
         with self._sessions() as session:
             return session.get(Job, id)
 
     def history(self, id: str) -> dict[str, Any] | None:
-        """How a job has come so far."""
+        """Returns a job's stored history (service/scheduling/jobs/history.py)."""
         with self._sessions() as session:
             return session.scalar(select(Job.history).where(Job.id == id))
 
     def samples(self, job: str, frame: int = 0) -> int:
-        """The samples of a job's frame that are in its film, as they were last written down."""
+        """Returns the stored number of samples of a frame, over all pixels."""
         with self._sessions() as session:
             found = session.get(Frame, (job, frame))
             return found.samples if found is not None else 0
 
     def has_frame(self, job: str, frame: int) -> bool:
-        """Whether a job has a frame of this key."""
+        """Whether a job has a frame with this key."""
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
     def believed(self, job: str) -> None:
-        """All that was doubted of its film is taken out of it."""
+        """Clears the list of distrusted workers whose samples were to be removed from a job's film."""
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job).values(doubted=None))
 
     def pending(self, ids: Collection[str]) -> dict[str, PendingJob]:
-        """Returns those of these jobs that have a row, all read together: thousands may be submitted at once."""
+        """Returns the data of those jobs that have a row, all read together: thousands may be submitted at once."""
         with self._sessions() as session:
             found = session.execute(_PENDING, {"ids": list(ids)}).all()
             stages = {job.stage for job, *_ in found}
@@ -146,12 +149,15 @@ class Records:
         }
 
     def all_waiting(self) -> set[str]:
-        """The jobs that wait for others and are not over."""
+        """Returns the unfinished jobs that wait for others."""
         with self._sessions() as session:
             return set(session.scalars(select(Wait.job).join(Job, Job.id == Wait.job).where(Job.state.in_(ACTIVE)).distinct()))
 
     def ended_waits(self) -> list[tuple[str, str, str | None, str | None]]:
-        """Jobs that wait for one that is over: which, for which, and the name and the state of that; None: it was deleted."""
+        """Returns (job, predecessor, predecessor's name, its state) for unfinished jobs whose predecessor ended.
+
+        The state is None if the predecessor was deleted.
+        """
         other = aliased(Job)
         query = select(Wait.job, Wait.other, other.name, other.state).join(Job, Job.id == Wait.job)
         query = query.join(other, other.id == Wait.other, isouter=True)
@@ -160,12 +166,12 @@ class Records:
             return [(job, id, name, state) for job, id, name, state in session.execute(query)]
 
     def shares(self) -> dict[str, Terms]:
-        """The terms of the shares that have any."""
+        """Returns the terms of the shares that have their own, by name."""
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
     def worker_terms(self) -> dict[str, WorkerTerms]:
-        """What is asked of workers, by name; what another release wrote and this one does not understand is left out."""
+        """Returns the administrators' settings of workers, by name; those of an incompatible release are left out."""
         found = {}
         with self._sessions() as session:
             for row in session.scalars(select(Asked)):
@@ -174,24 +180,24 @@ class Records:
         return found
 
     def waited(self, other: str) -> None:
-        """A job is finished: none waits for it any more."""
+        """Removes the dependencies on a finished job."""
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
 
     def late(self, id: str, since: float | None) -> bool:
-        """Write down since when a job is expected to miss its deadline; None: it is not. False where it is over or gone."""
+        """Stores since when a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
         with self._sessions.begin() as session:
             changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE)).values(late=since))
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def overdue(self, now: float) -> list[str]:
-        """The unfinished jobs whose deadline has passed and that are not known to be late."""
+        """Returns the unfinished jobs whose deadline has passed and that are not yet stored as late."""
         with self._sessions() as session:
             query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
     def frames(self, job: str) -> Iterator[list[FrameRow]]:
-        """The frames of a job, in their order, some at a time."""
+        """Yields the rows of a job's frames, in order, `AT_A_TIME` at once."""
         query = select(*_FRAME_COLUMNS).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
         last = -1
         while True:
@@ -204,7 +210,7 @@ class Records:
             last = rows[-1].number
 
     def frame_settings(self, job: str, frame: int) -> RenderSettings:
-        """What a frame is rendered with, as its row says. Raises Conflict, SettingsError."""
+        """Returns the stored render settings of a frame. Raises Conflict, SettingsError."""
         with self._sessions() as session:
             found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
         if found is None:
@@ -212,17 +218,17 @@ class Records:
         return RenderSettings.from_json(found)
 
     def is_to_be_opened(self, scene: Scene) -> bool:
-        """Whether Blender has to open a scene's file before it can be prepared."""
+        """Whether Blender has to open a scene's file before the scene can be prepared."""
         with self._sessions() as session:
             return is_to_be_opened(session, scene)
 
     def scene(self, id: str) -> Scene | None:
-        """A scene's row."""
+        """Returns a scene's row; None if it does not exist."""
         with self._sessions() as session:
             return session.get(Scene, id)
 
     def resolve(self, id: str, scene: Scene) -> Job | None:
-        """Fix a job's settings by its scene, once; a request that the scene cannot fulfil fails the job."""
+        """Sets a job's render settings from its scene, once. Fails the job if its request does not fit the scene."""
         with self._sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is not None and job.settings is None:
@@ -233,7 +239,10 @@ class Records:
             return job
 
     def started(self, id: str, kind: str) -> bool:
-        """The job's first batch is about to go to workers of a kind. False where the job is no longer to be rendered."""
+        """Marks a job as running on a kind of workers, before its first batch.
+
+        Returns False if it must not be rendered any more.
+        """
         with self._sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is None or job.state not in ("queued", "running"):
@@ -244,7 +253,7 @@ class Records:
             return True
 
     def progress(self, job: ActiveJob) -> None:
-        """Write down how far a job is: of a shot those of its frames that have changed."""
+        """Stores a job's progress; of a shot, that of changed frames."""
         with self._sessions.begin() as session:
             told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
             session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=AS_TOLD)
@@ -256,7 +265,7 @@ class Records:
         job.history.has_changed = False
 
     def forgot(self, id: str, keys: list[int]) -> None:
-        """The samples of these frames are removed from the film."""
+        """Records that the samples of these frames were removed from the film."""
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
             shot = Shot.of(row.shot) if row is not None else None
@@ -265,16 +274,18 @@ class Records:
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
     def goals(self, job: ActiveJob) -> None:
-        """Write down what a round gives each frame of a job."""
+        """Stores the goals of a shot's next round, for each frame."""
         with self._sessions.begin() as session:
             goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
             session.connection().execute(row.values(spp=bindparam("goal")), goals)
 
     def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
-        """A job has all that was asked for: of a shot, all but the frames that failed; where all of them did, it has failed.
-        measured: what it says of its scene (service/scheduling/jobs/measurements.py).
-        False where it was over already, or something else was asked for in the meantime."""
+        """Marks a job as finished, or as failed if all of its frames failed.
+
+        measured: measurements of its scene (service/scheduling/jobs/measurements.py). Returns False if the job has already ended
+        or its goal was changed meanwhile.
+        """
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
             if row is None or row.state not in ACTIVE or (row.spp, row.noise, row.seconds) != (job.spp, job.noise, job.seconds):
@@ -290,12 +301,12 @@ class Records:
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
                 row.state, row.error = "failed", f"No frame can be rendered. {first.error}"
-            else:  # here, as it may be deleted a moment later
+            else:  # removed here, since the job may be deleted soon
                 session.execute(delete(Wait).where(Wait.other == job.id))
             return True
 
     def failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
-        """A job cannot go on. False where it was over or gone already."""
+        """Marks a job as failed. Returns False if it has already ended or is deleted."""
         with self._sessions.begin() as session:
             changed = session.execute(
                 update(Job)
@@ -305,7 +316,7 @@ class Records:
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def prepared(self, id: str, info: SceneInfo) -> bool:
-        """A scene is prepared for a kind of worker. False where it is gone."""
+        """Marks a scene as prepared for a kind of workers. Returns False if it is deleted."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None:
@@ -319,7 +330,7 @@ class Records:
     def refuse(self, id: str, warnings: Sequence[str]) -> str | None:
         """Fails a strict scene that was prepared with warnings, and returns its error; None for other scenes.
 
-        One that is ready for another kind of worker stays ready. The warnings, with the upload's own, become the scene's notes.
+        A scene that is ready for another kind of workers stays ready. The warnings are added to the scene's notes.
         """
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
@@ -333,7 +344,7 @@ class Records:
             return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:
-        """A scene cannot be prepared. False where it is gone, or is ready for another kind."""
+        """Marks a scene as failed. Returns False if it is deleted or ready for another kind."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None or scene.status != "preparing":
@@ -350,7 +361,7 @@ def _write_still(session: Session, job: ActiveJob) -> None:
 
 
 def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
-    """Those of its frames that have changed."""
+    """Stores the changed frames of a shot."""
     if not job.unwritten:
         return
     row = session.get(Job, job.id)
@@ -358,16 +369,16 @@ def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:
     changed = list(job.unwritten)
     names: tuple[str, ...]
     if shot is None or shot.revision != asked.revision:
-        # Somebody has asked for something else: the frames are what that made of them, and those anew have nothing.
+        # A user has changed the shot: the frames' states are those of the change, and frames rendered anew have no samples.
         anew = set(shot.anew_keys) if shot is not None else set()
         changed = [key for key in changed if key not in anew]
-        # What they come to is as that says too, and so is how far they are.
+        # The change has also set their targets and progress.
         names = tuple(name for name in NUMBERS if name not in ("target", "progress"))
     else:
         names = (*NUMBERS, "state", "error")
     given = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
     values: dict[str, Any] = {name: bindparam(f"new_{name}", type_=getattr(Frame, name).type) for name in names}
-    values["settings"] = func.coalesce(values["settings"], Frame.settings)  # of one that was over it is not known any more
+    values["settings"] = func.coalesce(values["settings"], Frame.settings)  # unknown here for a frame that had ended
     given = given.values(values)
     rows = [_row(job, job.frames[key], names) for key in changed]
     if rows:

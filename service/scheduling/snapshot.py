@@ -1,4 +1,4 @@
-"""What the other threads see of the engine: an immutable view that the engine's thread replaces."""
+"""The immutable view of the engine that other threads read and the engine's thread replaces."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NUMBERS_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class JobNumbers:
-    """How far a job is that is being rendered."""
+    """Progress of an active job."""
 
     state: str
     samples: int
@@ -30,19 +30,19 @@ class JobNumbers:
     eta_s: float | None
     samples_per_s: float
     frames: Mapping[int, FrameNumbers] = field(default_factory=dict)
-    states: Mapping[str, int] = field(default_factory=dict)  # how many of these are in each
-    failed: tuple[int, ...] = ()  # their keys
-    revision: int = 0  # of the shot that it is rendered as
-    noise: float | None = None  # the greatest of its frames
-    forecast: float | None = None  # and at its end
-    handed_back: str | None = None  # why a worker gave its batch back, where none was rendered since
-    slots_wanted: int = 0  # that would have enough to do for it to be worth starting them
-    expected: float | None = None  # when it is to be ready, in unix time, where it has a deadline
-    unforeseen: str | None = None  # why that is not known
+    states: Mapping[str, int] = field(default_factory=dict)  # number of frames in each state
+    failed: tuple[int, ...] = ()  # keys of failed frames
+    revision: int = 0  # of the rendered shot
+    noise: float | None = None  # maximum over the frames
+    forecast: float | None = None  # expected final noise
+    handed_back: str | None = None  # why a worker returned a batch, if none was rendered since
+    slots_wanted: int = 0  # slots that the remaining work can occupy efficiently
+    expected: float | None = None  # expected completion as Unix time, if there is a deadline
+    unforeseen: str | None = None  # why there is no expected completion
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
-        """The job's numbers now."""
+        """Creates the current numbers of a job."""
         return cls(
             job.state,
             job.samples,
@@ -65,24 +65,24 @@ class JobNumbers:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The engine at a moment."""
+    """The state of the engine at one time."""
 
-    fault: str | None = "The service is starting."  # why nothing at all goes on
+    fault: str | None = "The service is starting."  # why the whole engine is stopped
     roster: Roster = field(default_factory=Roster)
     jobs: Mapping[str, JobNumbers] = field(default_factory=dict)
-    ahead: Mapping[str, int] = field(default_factory=dict)  # of a job: how many of a higher priority are rendered first
-    waits: Mapping[str, str] = field(default_factory=dict)  # of a job or scene: why it does not go on
+    ahead: Mapping[str, int] = field(default_factory=dict)  # by job: number of higher-priority jobs served first
+    waits: Mapping[str, str] = field(default_factory=dict)  # by job or scene: why it waits
     preparing: Mapping[str, Progress] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)  # batches merged, dropped, failed, lost
     batches_out: int = 0
     results_unread: int = 0
-    batch_cost_s: float = 0.0  # of the engine's processor time
-    failures: Mapping[str, int] = field(default_factory=dict)  # of batches, by worker, since the service started
+    batch_cost_s: float = 0.0  # engine's processor time per batch
+    failures: Mapping[str, int] = field(default_factory=dict)  # failed batches by worker, since the service started
     made: float = field(default_factory=time.monotonic)
 
     @property
     def not_ready(self) -> str | None:
-        """Why the farm cannot work now, as a sentence; None where it can."""
+        """Why the farm cannot work now, as a sentence; None if it can."""
         age = time.monotonic() - self.made
         if age > STUCK_S:
             return f"The engine has been busy with one thing for {age:.0f} s: a disk, the database or Redis is slow to answer."
@@ -106,7 +106,7 @@ class Board:
 
     @property
     def roster(self) -> Roster:
-        """The workers of the latest snapshot."""
+        """The workers in the latest snapshot."""
         return self.latest.roster
 
     def change(self, what: ItemKind, id: str) -> None:
@@ -114,7 +114,7 @@ class Board:
         self._changed[what, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
-        """Renew the snapshot. The numbers of a job that changes all the time are renewed ten times a second."""
+        """Replaces the snapshot. The numbers of a continuously changing job are updated ten times a second."""
         now = time.monotonic()
         late: dict[tuple[ItemKind, str], None] = {}
         numbers = {}

@@ -30,7 +30,7 @@ from service.store.blobs import BlobStore, is_sha256
 __all__ = ["Aside", "MadeAside"]
 
 PATIENCE_S_PER_PIXEL = 1e-5
-UNSEEN_ALLOWED = 10  # looks in a row at which nobody has in hand what a worker had: a slot that died is asked again by itself
+UNSEEN_ALLOWED = 10  # consecutive polls without a holder, since a crashed slot restarts its work
 SENT_AT_MOST = 3
 Key = tuple[str, int]  # job, frame
 
@@ -62,7 +62,7 @@ class Aside(ABC, Generic[Wish]):
     """
 
     _patience_s = 60.0
-    _doing: str  # what reports of workers call the job whose frame they have in hand
+    _doing: str  # the job name in workers' reports about this work
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self._dispatcher = dispatcher
@@ -112,7 +112,7 @@ class Aside(ABC, Generic[Wish]):
         """
         job, frame = wish.job, wish.frame
         made = self._made.get((job, frame))
-        # Asked without the lock, for which the engine's thread would wait: the store may be far away.
+        # Queried without the lock, which the engine's thread needs: the store may be slow.
         if made is not None and made.version == version and self._blobs.exists(made.sha256):
             done: Future[MadeAside] = Future()
             done.set_result(made)
@@ -160,7 +160,7 @@ class Aside(ABC, Generic[Wish]):
             if key is not None and (lease := self._wanted[key].lease) is not None:
                 lease.has_arrived = True
         if key is None:
-            return  # too late, or of an earlier life of the service
+            return  # late, or from before a restart
         if made is None and unfit is not None:
             with self._lock:
                 if (wanted := self._wanted.get(key)) is not None:
@@ -177,7 +177,7 @@ class Aside(ABC, Generic[Wish]):
         is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)
         with self._lock:
             if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
-                return  # given up meanwhile, or its job is deleted
+                return  # given up meanwhile, or its job was deleted
             del self._wanted[key]
             self._unfit.forget(_owner(key))
             old = self._made.get(key)
@@ -232,7 +232,7 @@ class Aside(ABC, Generic[Wish]):
         self._aside.shutdown(wait=False, cancel_futures=True)
 
     def _later(self, function: Callable[..., None], *arguments: object) -> None:
-        with contextlib.suppress(RuntimeError):  # the service ends
+        with contextlib.suppress(RuntimeError):  # during shutdown
             self._aside.submit(function, *arguments)
 
     def _failed(self, why: str) -> FarmError:
@@ -242,11 +242,11 @@ class Aside(ABC, Generic[Wish]):
         try:
             size = self._blobs.size(sha256)
         except FarmError:
-            return False  # the store is away: as good as missing
+            return False  # an unreachable store counts as a missing blob
         return size is not None and self._is_size(size, wish)
 
     def _delete(self, sha256: str) -> None:
-        self._events.publish(BlobsReleased(Counter([sha256])))  # named by a worker, so other references may exist
+        self._events.publish(BlobsReleased(Counter([sha256])))  # other references to this blob may exist
 
     def _waiting(self) -> list[tuple[Key, _Wanted[Wish]]]:
         with self._lock:

@@ -8,7 +8,7 @@ from service.scheduling.artifacts.artifact_task import Aside
 
 __all__ = ["Environments"]
 
-MOST_BYTES = 1 << 20  # of a small picture
+MOST_BYTES = 1 << 20  # of a thumbnail
 
 
 class Environments(Aside[ShowEnvironment]):

@@ -27,11 +27,11 @@ __all__ = ["Moments"]
 LOSSES_ALLOWED = 3
 AHEAD = 4  # frames, at least
 MOST_AT_ONCE = 32
-MOST_WITHOUT_ROOM = 500  # of frames that take none: only the camera moves
-AIM_S = 1.0  # that handing out frames together takes
+MOST_WITHOUT_ROOM = 500  # frames without a compiled scene, if only the camera moves
+AIM_S = 1.0  # target duration of frames handed out together
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
-FrameOf = Callable[[ActiveJob], dict[str, object]]  # the view that frames the scene, as PrepareFrames takes it
+FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that frames the scene, for PrepareFrames
 
 
 class Moments:
@@ -47,12 +47,12 @@ class Moments:
         self._deadline_s = deadline_s
         self._room = room
         self.leases = Leases()
-        self._frames: dict[str, set[int]] = {}  # of a lease: those that are not answered
-        self._seconds: dict[str, float] = {}  # of a job: that its frames take each
-        self._sizes: dict[str, int] = {}  # and the bytes that the latest took beside what it shares
+        self._frames: dict[str, set[int]] = {}  # unanswered frames, by lease
+        self._seconds: dict[str, float] = {}  # preparation time per frame, by job
+        self._sizes: dict[str, int] = {}  # unshared bytes of the latest frame, by job
         self._losses: Counter[tuple[str, int]] = Counter()
         self._unfit = Unfit()
-        self._unfit_kind: dict[str, str] = {}  # of a job: the kind of the workers that are
+        self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
         """Hands out the frames needed next. Raises QueueError.
@@ -103,7 +103,7 @@ class Moments:
             self._seconds[job.id] = before + (info.seconds - before) / 2
             if info.compiled is None:
                 self._sizes[job.id] = 0
-            elif not info.compiled.parts or held([job]):  # else it is not known what others share of it
+            elif not info.compiled.parts or held([job]):  # otherwise the shared part is unknown
                 self._sizes[job.id] = more(job, asdict(info.compiled))
         lease = self.leases.get(work)
         if lease is None:
@@ -159,7 +159,7 @@ class Moments:
             if job is None:
                 self._end(lease)
                 continue
-            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+            if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
                 self._dispatcher.take_back(lease.queue, {lease.id})
                 self._is_prepared(job, self._end(lease))
                 continue
@@ -170,7 +170,7 @@ class Moments:
                 continue
             lost = self._end(lease)
             self._is_prepared(job, lost)
-            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the one that somebody was at
+            for frame in sorted(lost)[:1] if lease.id not in waiting else ():  # the frame that was in progress
                 self._losses[job.id, frame] += 1
                 if self._losses[job.id, frame] >= LOSSES_ALLOWED and frame in job.frames:
                     hopeless.append((job, job.frames[frame]))

@@ -37,7 +37,7 @@ class Preparing:
         self._dispatcher = dispatcher
         self._workers = workers
         self._deadline_s = deadline_s
-        self._wanted: dict[tuple[str, str | None], int] = {}  # -> how often it was lost
+        self._wanted: dict[tuple[str, str | None], int] = {}  # (scene, kind) -> number of losses
         self._by_blender: set[str] = set()
         self._unfit = Unfit()
         self.leases = Leases()
@@ -163,7 +163,7 @@ class Preparing:
         hopeless = []
         there = {report.name for report in self._workers.roster.ready()}
         for lease in self.leases:
-            if lease.only and lease.id in waiting and lease.only not in there:  # another may be
+            if lease.only and lease.id in waiting and lease.only not in there:  # another worker may be
                 self._dispatcher.take_back(lease.queue, {lease.id})
                 self.leases.end(lease.id)
                 continue

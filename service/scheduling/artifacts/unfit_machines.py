@@ -12,7 +12,7 @@ from protocol.contract import WorkerReport, own_prepare_queue
 
 __all__ = ["Fault", "Place", "Unfit"]
 
-MOST_TRIED = 5  # machines: what none of so many can prepare, the others are spared
+MOST_TRIED = 5  # after this many unfit machines, no others are tried
 
 
 @dataclass(frozen=True)

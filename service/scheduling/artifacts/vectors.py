@@ -14,7 +14,7 @@ class Vectors(Aside[FrameVectors]):
 
     _name = "motion vectors"
     _doing = "vectors"
-    _patience_s = 600.0  # the scene is read and compiled for them
+    _patience_s = 600.0  # the scene is read and compiled first
 
     def _kind(self) -> str | None:
         return self._workers.roster.pointing_kind()

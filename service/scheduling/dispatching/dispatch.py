@@ -48,7 +48,7 @@ class Dispatcher:
         """Connects to the broker. guard: raises FarmError if nothing may be sent."""
         self._redis = connection
         self._guard = guard
-        self._producer: Any = None  # while more than one message is sent at once
+        self._producer: Any = None  # set while several messages are sent at once
         self._celery = Celery("rayfarm-service", set_as_current=False)
         self._celery.conf.update(celery_config(redis_url))
         self._celery.conf.broker_connection_timeout = 2
@@ -169,7 +169,7 @@ class Dispatcher:
                 "retry": False,
                 "argsrepr": "",
                 "kwargsrepr": "",
-            }  # nobody reads the reprs
+            }  # the reprs are unused
             if traced is not None and (headers := headers_of(*traced)) is not None:
                 options["headers"] = headers
             self._celery.send_task(name, kwargs=arguments, queue=queue, task_id=lease, producer=self._producer, **options)

@@ -16,8 +16,8 @@ class Held:
 
     def __init__(self, roster: Roster) -> None:
         self._by_message: dict[Any, str] = {}
-        self._by_range: dict[str, str] = {}  # of workers of an older release, which do not tell the lease
-        self._at_work: set[Any] = set()  # leases
+        self._by_range: dict[str, str] = {}  # for workers of an older release, which do not report leases
+        self._at_work: set[Any] = set()  # leases being rendered
         self._at_sites = {batch for site in roster.sites.values() for batch in site.in_hand}
         for report in roster.reports.values():
             self._by_message.update(dict.fromkeys(report.in_hand, report.name))
@@ -50,4 +50,4 @@ class Held:
 
 
 def _key(*about: Any) -> str:
-    return repr(about)  # whatever a report says, it can be compared
+    return repr(about)  # always comparable, whatever a report contains

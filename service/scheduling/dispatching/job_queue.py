@@ -20,7 +20,7 @@ class LineUp:
     def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
         self._workers = workers
         self._jobs = jobs
-        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # and when that was found out
+        self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # time and result of the latest count
 
     def kind_for(self, job: ActiveJob) -> str | None:
         """Returns the kind of workers that renders a job: the kind it started with, else the one with most slots."""

@@ -14,36 +14,36 @@ from service.scheduling.jobs.plan import Range
 __all__ = ["UNSEEN_ALLOWED", "Lease", "Leases"]
 
 HELD_FACTOR = 4
-UNSEEN_ALLOWED = 3  # looks, one a second
+UNSEEN_ALLOWED = 3  # polls, one per second
 
 
 @dataclass
 class Lease:
     """A batch of a job held by a worker or its queue; without a range, the preparation of a scene."""
 
-    owner: str  # the job or the scene
+    owner: str  # job or scene
     kind: str
     batch: Range | None
-    patience_s: float  # until it is handed out again
+    patience_s: float  # seconds until it is handed out again
     expected_s: float = 0.0
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     issued: float = field(default_factory=time.monotonic)
-    holder: str | None = None  # the worker that was last seen with it
-    held_since: float | None = None  # since somebody was first seen with it
-    is_held: bool = False  # whether it was seen there at the last look
-    unseen: int = 0  # looks in a row at which it neither waited nor was worked on
-    answered_by: Position | None = None  # the results' end when it was plainly unseen: its answer, if there is one, lies before
-    has_arrived: bool = False  # its answer was read, and is stored as soon as the film takes it
+    holder: str | None = None  # the worker last seen with it
+    held_since: float | None = None  # when a worker was first seen with it
+    is_held: bool = False  # whether a worker had it at the latest poll
+    unseen: int = 0  # consecutive polls at which it was neither queued nor held
+    answered_by: Position | None = None  # end of the results at the last allowed unseen poll; an answer, if any, is before it
+    has_arrived: bool = False  # its answer was read, and is stored once the film accepts it
     waited: float = 0.0  # when it was last seen in its queue
-    is_away: bool = False  # whether who has it does not report itself, though Redis knows that it lives
-    has_begun: bool = False  # whether a slot was seen at work on it
-    is_rendered: bool = False  # of a joint: its slot does something else by now, and its sums wait for the others on the machine
+    is_away: bool = False  # whether its holder is connected but does not report
+    has_begun: bool = False  # whether a slot was seen rendering it
+    is_rendered: bool = False  # joint only: its slot is free, and its sums wait for the others on the machine
     doubled: bool = False
-    queue: str = ""  # in which its message waits, or waited
-    only: str = ""  # the worker that alone takes from that queue
-    charged_s: float = 0.0  # to its share, for what it takes of a slot
-    message: str = ""  # with which it was sent: its own, unless it went with others
-    is_joint: bool = False  # those in its message are rendered at a time, by slots of one machine, and not in turn by one slot
+    queue: str = ""  # queue of its message
+    only: str = ""  # the only worker that serves that queue
+    charged_s: float = 0.0  # slot-seconds charged to its share
+    message: str = ""  # id of its message, which may contain other batches
+    is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
 
     def __post_init__(self) -> None:
         """Sets the message id to the lease's own id unless one is given."""
@@ -100,7 +100,7 @@ class Leases:
     def __init__(self) -> None:
         self._all: dict[str, Lease] = {}
         self._of: dict[str, dict[str, Lease]] = {}
-        self._turns: Counter[tuple[str, str]] = Counter()  # batches of each owner's turns whose answers were not read yet
+        self._turns: Counter[tuple[str, str]] = Counter()  # batches with unread answers in each unit of each owner
         self._held: Counter[str] = Counter()
         self._waiting: Counter[str] = Counter()
         self._kinds: Counter[str] = Counter()

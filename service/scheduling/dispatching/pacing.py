@@ -16,26 +16,24 @@ from contextlib import contextmanager
 
 __all__ = ["Pace"]
 
-SHARE = (
-    0.5  # of the engine's time that results may take: the rest is for people, for bad moments and for other work on the machine
-)
+SHARE = 0.5  # fraction of the engine's time for results; the rest is for users, peaks and other programs
 SMOOTHING = 0.3
 RENEWED_EVERY_S = 1.0
-BEHIND_S = 0.75  # a backlog of so long a time is none that comes with a burst
+BEHIND_S = 0.75  # a backlog of this age is not just a burst
 MOST_STRETCH = 20.0
-GROWTH = 1 / 16  # of what a job has taken each slot so far: so a batch adds at most that share to a picture
-MOST_GROWN = 3.0  # times the shortest: who comes later waits for a slot so long
-SEEN_EVERY_S = 0.25  # a result of a long job: with few slots batches stay short; on a busy machine they take a multiple
-FIRST_GUESS_S = 0.001  # of a core a batch: until some have come, a farm of thousands of slots must not begin with short ones
-FEW = 8  # batches or results: less say nothing
+GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
+MOST_GROWN = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
+SEEN_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
+FIRST_GUESS_S = 0.001  # core-seconds per batch, assumed until measured, so that a large farm does not start with short batches
+FEW = 8  # minimum number of batches or results for a measurement
 AHEAD_S = 1.0
-UNTOLD_S = 1.25  # after a slot is done with its part of a tile: its machine reports it, and the service looks, once a second each
-SLOTS_ALONE = 32  # so many take batches of as many tiles
+UNTOLD_S = 1.25  # mean delay until the service notices a finished part of a tile: a report and a poll, once a second each
+SLOTS_ALONE = 32  # up to this number of slots, each gets a batch of another tile
 MOST_OF_A_TILE = 8
 MOST_JOINT = 16
 MOST_OF_A_SITE = 64
 SHORTEST_HOLD_S = 1.0
-GATHERED_FROM = 40.0  # results a second: fewer are taken in one by one, as they come
+GATHERED_FROM = 40.0  # results per second; below this rate they are taken in one by one
 GATHER_S = 0.15
 
 
@@ -54,15 +52,15 @@ class Pace:
         self._shortest_s = shortest_s
         self._longest_s = max(shortest_s, longest_s)
         self._unread_bytes = unread_bytes
-        self.batch_cost_s = 0.0  # of the engine's processor time, that a batch takes, also where sums of some came as one result
+        self.batch_cost_s = 0.0  # engine's processor time per batch, also for results of several batches
         self.results_per_s = 0.0
         self._unread = 0
         self._size = 0.0
-        self._grown_s = self._shortest_s  # of the batches handed out last
-        self._travels: deque[float] = deque(maxlen=2 * FEW)  # of the latest results, in seconds
-        self._stretch = 1.0  # of batches, where results wait for other things than this thread's work: a disk, other programs
+        self._grown_s = self._shortest_s  # duration of the latest batches
+        self._travels: deque[float] = deque(maxlen=2 * FEW)  # transit times of the latest results, in seconds
+        self._stretch = 1.0  # factor for batches while storing waits for a disk or other programs
         self._busy_s = 0.0
-        self._storing_s = 0.0  # by the wall's clock
+        self._storing_s = 0.0  # wall time
         self._results = self._batches = 0
         self._since = time.monotonic()
 
@@ -90,7 +88,8 @@ class Pace:
         if (batches := max(self._batches, self._results)) >= FEW:
             cost = self._busy_s / batches
             self.batch_cost_s += (cost - self.batch_cost_s) * (SMOOTHING if self.batch_cost_s else 1.0)
-        able = max(self.results_per_s, self._results / self._storing_s if self._storing_s else 0.0)  # of so many a second
+        # results per second that could be stored
+        able = max(self.results_per_s, self._results / self._storing_s if self._storing_s else 0.0)
         behind = self._unread > max(FEW, BEHIND_S * able)
         self._stretch = min(self._stretch * 1.2, MOST_STRETCH) if behind else max(self._stretch * 0.95, 1.0)
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now

@@ -29,10 +29,10 @@ __all__ = ["Bulkheads", "Step", "Verdict", "is_of_what_was_said"]
 
 RETRY_S = 1.0
 RETRY_AT_MOST_S = 5.0
-SHARE_OF_A_FAULT = 10  # a step that failed slowly (a lock was waited for) is tried so many times more rarely than it takes
+SHARE_OF_A_FAULT = 10  # a slowly failing step, such as one waiting for a lock, is retried after this multiple of its duration
 
 DATABASE_FAULTS = (exc.DBAPIError, exc.TimeoutError)
-# These are of a row, not of the database.
+# Errors of a row, not of the database.
 ROW_FAULTS = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSupportedError)
 
 log = logging.getLogger(__name__)
@@ -51,10 +51,10 @@ def is_of_what_was_said(error: Exception) -> bool:
 class Step(StrEnum):
     """A step that the engine takes for a job or a scene. Each step waits by itself after an error."""
 
-    CHANGE = "change"  # apply what the database says of it
-    RESULTS = "results"  # store what workers answered
+    CHANGE = "change"  # apply its row of the database
+    RESULTS = "results"  # store workers' answers
     HAND_OUT = "hand out"
-    RECORD = "record"  # write down how far it is, and finish it
+    RECORD = "record"  # store its progress, and finish it
     END = "end"  # carry out a verdict
 
 

@@ -10,9 +10,9 @@ from service.errors import Unavailable
 
 __all__ = ["RedisTrouble", "away", "causes", "trouble_of"]
 
-RedisTrouble = tuple[str, str]  # what is wrong, and what to do
+RedisTrouble = tuple[str, str]  # fact and remedy
 
-# By the code that Redis answers with, or the text where it has none; the first that is found counts.
+# By error code, or by text where Redis sends no code; the first match counts.
 ANSWERS: tuple[tuple[str, str, str], ...] = (
     (r"\bBUSY\b|running a script", "Redis is busy with a script that does not end ({error}).", "End it: redis-cli SCRIPT KILL."),
     (

@@ -36,7 +36,7 @@ TYPES = (
         for key in (*(order_key, offer_key, terms_key, vitals_key, log_key, log_wanted_key, site_key, secret_key, view_key),)
     ),
     ("rayfarm:service", "string"),
-    ("unacked", "hash"),  # these three: kombu's
+    ("unacked", "hash"),  # these three belong to kombu
     ("unacked_index", "zset"),
     ("_kombu.binding.*", "set"),
 )

@@ -8,7 +8,7 @@ from itertools import count
 
 __all__ = ["Suspicion"]
 
-FORGIVENESS = 0.02  # failures a success makes up for: what fails once in fifty batches is not set aside
+FORGIVENESS = 0.02  # failures cancelled by one success, so one failure in fifty batches is tolerated
 
 
 class Suspicion:
@@ -25,7 +25,7 @@ class Suspicion:
         self._success: dict[str, int] = {}
         self._clock = count()
         self._misunderstood: Counter[str] = Counter()  # since its last success
-        self.failures: Counter[str] = Counter()  # of all batches, by worker, whoever was to blame
+        self.failures: Counter[str] = Counter()  # all failed batches, by worker, whatever the cause
 
     def failed(self, worker: str, batch: Hashable) -> None:
         """Records a failed batch of a worker."""

@@ -20,10 +20,10 @@ __all__ = ["is_plain", "report_of"]
 MAX_SLOTS = 4096
 MOST_BYTES = 4 << 20
 LONGEST_NAME = 200
-LONGEST_KIND = 128  # as a job's row has it
+LONGEST_KIND = 128  # as in a job's row
 LONGEST_TEXT = 4000
-FASTEST = 1e12  # samples a second of a slot
-LARGEST = 1e15  # a number that nothing overflows with
+FASTEST = 1e12  # samples per second of a slot
+LARGEST = 1e15  # no arithmetic on it overflows
 DEEPEST = 4
 
 _REPORT = TypeAdapter(WorkerReport)
@@ -56,7 +56,7 @@ def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) ->
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):
-        return abs(value) <= LARGEST  # not of what is no number
+        return abs(value) <= LARGEST  # False for NaN
     if isinstance(value, list | tuple | dict) and deepest > 0:
         inside = [*value, *value.values()] if isinstance(value, dict) else value
         return all(is_plain(each, deepest - 1, longest) for each in inside)

@@ -28,12 +28,12 @@ BY_A_PERSON = "Paused by a person."
 
 LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S
-AWAY_S = 30.0  # that a worker is waited for, if it lives: a host without power leaves its connection behind
-ORDER_TTL_S = 7 * 86400  # a worker of that name may come back; some day nobody remembers why it was paused
-LOOK_SOON_S = 0.05  # while nobody is ready, or somebody starts: the first work should not wait for the next look
+AWAY_S = 30.0  # seconds until a silent but connected worker is given up; a host without power leaves its connection open
+ORDER_TTL_S = 7 * 86400  # a worker of that name may return, but the reason is outdated some day
+LOOK_SOON_S = 0.05  # poll interval while no worker is ready or one is starting, so that the first job starts early
 MOST_STRANGE = 1000  # keys
-FEW = 100  # workers: to look at so many takes a hundredth of that
-PUT_BACK_S = 2.0  # a clock that shows so much less than it should was set
+FEW = 100  # polling this many workers takes a hundredth of a core
+PUT_BACK_S = 2.0  # a clock that differs by this much was set back
 LOG_PATIENCE_S = 3.0
 MAX_LINES, MAX_LINE = 500, 2000
 
@@ -45,11 +45,11 @@ class Roster:
     """Immutable snapshot of the workers, safe to read from any thread."""
 
     reports: Mapping[str, WorkerReport] = field(default_factory=dict)
-    orders: Mapping[str, str] = field(default_factory=dict)  # why a worker is paused, by its name
-    vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of those that tell
-    speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as Speeds has them
-    offers: Mapping[str, Offer] = field(default_factory=dict)  # of those that tell
-    sites: Mapping[str, SiteReport] = field(default_factory=dict)  # of reducers whose workers are here
+    orders: Mapping[str, str] = field(default_factory=dict)  # reason of each paused worker, by name
+    vitals: Mapping[str, Vitals] = field(default_factory=dict)  # of the workers that report them
+    speeds: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # as in Speeds
+    offers: Mapping[str, Offer] = field(default_factory=dict)  # of the workers that report them
+    sites: Mapping[str, SiteReport] = field(default_factory=dict)  # reducers at the sites of connected workers
 
     def ready(self) -> list[WorkerReport]:
         """Returns the reports of the workers that accept work."""
@@ -146,10 +146,10 @@ class Workers:
         self._redis = connection
         self._on_change = on_change
         self._looked = -math.inf
-        self._strange: set[bytes] = set()  # keys whose reports make no sense, each named in the log once
+        self._strange: set[bytes] = set()  # keys with invalid reports, each logged once
         self._speeds = Speeds()
-        self._vanished: dict[str, float] = {}  # workers whose report is gone, and since when
-        self._ahead = math.inf  # that Redis' clock was of this process' own, which nobody sets, at the last look
+        self._vanished: dict[str, float] = {}  # workers whose report has expired, and since when
+        self._ahead = math.inf  # difference between Redis' clock and this process' monotonic clock at the latest poll
         self.roster = Roster()
 
     def look(self, now: bool = False) -> None:

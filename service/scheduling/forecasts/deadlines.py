@@ -19,9 +19,9 @@ from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["Deadlines", "Recorded"]
 
-SURE_AFTER_S = 5.0  # the first figures of a job that begins are those of kernels being compiled
+SURE_AFTER_S = 5.0  # the first forecasts of a job are distorted by kernel compilation
 RECORDS_EVERY_S = 5.0
-RESTS = 20  # times as long as a review takes, until the next: ten thousand deadlines must not hold the engine
+RESTS = 20  # minimum interval of reviews, as a multiple of their duration
 
 
 Run = Callable[[str, Callable[[], object]], bool]
@@ -47,7 +47,7 @@ class Deadlines:
         self._records = records
         self._run = run
         self._tell = tell
-        self._since: dict[str, float] = {}  # since when the forecast says the other of what is known of a job
+        self._since: dict[str, float] = {}  # by job: since when its forecast contradicts its known state
         self._looked = -math.inf
         self._rests_until = -math.inf
         self._now = -math.inf
@@ -57,7 +57,7 @@ class Deadlines:
 
         forecast: returns the forecast of a job at a time. now: Unix time.
         """
-        if now < self._now:  # the clock was put back
+        if now < self._now:  # the clock was set back
             self._since.clear()
             self._looked = self._rests_until = -math.inf
         self._now = now

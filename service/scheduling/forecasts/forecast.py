@@ -27,7 +27,7 @@ from service.scheduling.jobs.shares import Shares
 __all__ = ["Crowd", "Forecast", "Forecaster", "Lines"]
 
 RENEWED_EVERY_S = 1.0
-RESTS = 20  # times as long as it takes to look at all jobs, that look holds
+RESTS = 20  # validity of a computation, as a multiple of its duration
 
 NO_SLOTS = "No worker that could render it takes work now."
 NO_COST = "Nobody knows yet how long a sample of it takes."
@@ -63,7 +63,7 @@ class _Share:
 
     works: list[float] = field(default_factory=list)
     sums: list[float] = field(default_factory=lambda: [0.0])
-    urgent: dict[str, tuple[float, float]] = field(default_factory=dict)  # urgency and work of those that are late, by id
+    urgent: dict[str, tuple[float, float]] = field(default_factory=dict)  # late jobs: deadline and work, by id
 
     def close(self) -> None:
         """Sorts the works and computes their prefix sums; call it after the last job was added."""
@@ -95,7 +95,7 @@ class Crowd:
         """Sums up the remaining work by priority and share. slots: available to these jobs."""
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
-        self.is_known = True  # what each of them takes
+        self.is_known = True  # whether the work of all jobs is known
         self.jobs = 0
         for priority, jobs in lines.items():
             found = self._of.setdefault(priority, {})
@@ -135,7 +135,7 @@ class Forecaster:
     def __init__(self, lines: Lines, shares: Shares) -> None:
         self._lines = lines
         self._shares = shares
-        self._crowds: dict[str, tuple[float, Crowd]] = {}  # of a kind, and until when it holds
+        self._crowds: dict[str, tuple[float, Crowd]] = {}  # by kind: end of validity, crowd
 
     def of(self, job: ActiveJob, now: float) -> Forecast:
         """Returns the forecast of a job. now: Unix time. A paused job is treated as if it resumed and ran alone."""

@@ -1,5 +1,5 @@
-"""Batches that two workers have rendered, held against each other.
+"""Verification of batches by rendering them on two workers.
 
-trust.py  compares them, and throws out what a liar has sent
-votes.py  decides who is right
+trust.py  compares the results, and removes the samples of a worker that was wrong
+votes.py  decides which result is correct
 """

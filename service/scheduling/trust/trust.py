@@ -1,10 +1,10 @@
-"""Trust, but verify: a share of the batches is rendered a second time by another worker, and compared to the bit.
+"""Verification: a fraction of the batches is rendered again by another worker, and the results are compared bit by bit.
 
-The second is handed out as any other batch, through the same queue, so that no worker knows which of its answers is looked at.
-If the first takes it again, it is handed out once more. Where two workers differ, further answers decide: what two different
-workers agree on is right. Whoever has said otherwise is set aside, and all that it has sent is taken out of the films of jobs
-that are not over, and rendered again; those that are over are marked (service/maintenance/taint.py). While nobody can decide, the
-job goes on but does not end.
+The repetition is sent like any other batch, through the same queue, so a worker cannot detect which of its results are verified.
+If the first worker takes it again, it is sent once more. If two results differ, further ones decide: the result of two different
+workers is correct. A worker with another result is paused; its samples are removed from the films of unfinished jobs and rendered
+again, and finished jobs are marked (service/maintenance/taint.py). While a decision is pending, the job continues but does not
+end.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from service.scheduling.trust.votes import Votes
 
 __all__ = ["Trust"]
 
-MOST_OPEN = 64  # batches that are looked at at a time: each is kept in memory until then
-MOST_ASKED = 24  # answers to one of them that agree and are all of one worker's; then it is let be
+MOST_OPEN = 64  # batches verified at once; their results are held in memory
+MOST_ASKED = 24  # equal results of one worker alone after which a verification is dropped
 SAID = "Set aside: it rendered something else than other workers"
 
 log = logging.getLogger(__name__)
@@ -44,19 +44,19 @@ Answer = tuple[BatchDone, bytes]
 
 @dataclass
 class _Check:
-    """A batch that is looked at."""
+    """A batch under verification."""
 
     job: str
     kind: str
     batch: Range
     votes: Votes
     patience_s: float
-    asked: set[str] = field(default_factory=set)  # leases under which it was handed out again
-    waits_since: float | None = None  # since it was; None: it is not out
+    asked: set[str] = field(default_factory=set)  # leases of its repetitions
+    waits_since: float | None = None  # time at which the current repetition was sent; None: none is outstanding
 
 
 class Trust:
-    """Lives in the engine's thread."""
+    """Verifies batches and pauses workers with wrong results. Used only by the engine's thread."""
 
     def __init__(self, scheduler: Scheduler, workers: Workers, dispatcher: Dispatcher, deadline_s: float, events: Events) -> None:
         self._scheduler = scheduler
@@ -64,21 +64,23 @@ class Trust:
         self._dispatcher = dispatcher
         self._deadline_s = deadline_s
         self._open: list[_Check] = []
-        self._wrong: dict[str, tuple[str, str]] = {}  # workers that were found out, and not dealt with yet: a job, and why
+        self._wrong: dict[str, tuple[str, str]] = {}  # workers found wrong and not handled yet: job, reason
         self._chance = random.Random()
         self._events = events
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
-        """Know again whom an earlier life of the service has set aside. Raises redis.RedisError."""
+        """Restores the distrusted workers of a previous run. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if why.startswith(SAID)}
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerSetAside(worker, None))
 
     def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
-        """Of what came back for a job, what is to go into its film: neither what was only to be compared, nor what comes from a
-        worker that is not believed; nor, where batches are looked at, what is nobody's or of several, which nobody could take
-        back."""
+        """Returns the results that may be merged into the job's film.
+
+        Left out are repetitions for verification and results of distrusted workers; and, if the job is verified, results with no
+        or several senders, which could not be removed later.
+        """
         kept = []
         for message, sums in answers:
             check = next((each for each in self._open if message.batch in each.asked), None)
@@ -93,7 +95,7 @@ class Trust:
         return kept
 
     def taken(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
-        """The film took a batch: it may be one that is looked at."""
+        """Randomly starts the verification of a batch that the film accepted."""
         if (
             not job.verify
             or len(message.senders) != 1
@@ -110,11 +112,11 @@ class Trust:
         check.votes.add(sender, sums)
         self._open.append(check)
         self._count()
-        with suppress(QueueError):  # the next review asks
+        with suppress(QueueError):  # sent at the next review
             self._ask(job, check)
 
     def review(self) -> None:
-        """Hand out what is to be rendered again, and let be what cannot be. Raises QueueError."""
+        """Sends due repetitions, and drops verifications that cannot be completed. Raises QueueError."""
         for check in list(self._open):
             job = self._scheduler.jobs.get(check.job)
             ready = self._ready(check.kind)
@@ -135,7 +137,7 @@ class Trust:
                 self._decide_by_hand(check)
 
     def carry_out(self, again: Callable[[ActiveJob], None]) -> None:
-        """Set aside whom the latest answers have found out. again(job): it is taken up anew, without what they have sent."""
+        """Distrusts and pauses the workers found wrong. again: reloads a job without their samples."""
         for worker, (found_in, why) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
             for check in self._open:
@@ -156,7 +158,7 @@ class Trust:
         self._count()
 
     def sentences(self) -> Mapping[str, str]:
-        """Of jobs that wait for a decision: what is asked of people."""
+        """Returns the action required of a user for each job that waits for a decision, as a sentence."""
         return {
             check.job: (
                 f"{' and '.join(sorted(check.votes.workers))} rendered the same batch differently, and no other worker is there "
@@ -173,7 +175,7 @@ class Trust:
         if batch != check.batch or check not in self._open:
             return
         did_differ = check.votes.differ
-        with suppress(ValueError):  # no sums at all: somebody else is asked
+        with suppress(ValueError):  # invalid sums: another repetition is sent
             check.votes.add(message.worker, sums)
         if check.votes.differ and not did_differ:
             self.counts["differed"] += 1
@@ -181,7 +183,7 @@ class Trust:
             log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(check.votes.workers)), where)
             job.history.log.say(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
         if check.votes.right is None:
-            with suppress(QueueError):  # the next review asks
+            with suppress(QueueError):  # sent at the next review
                 if check.votes.may_help(self._ready(check.kind)) and len(check.votes.cast) < MOST_ASKED:
                     self._ask(job, check)
             return
@@ -192,7 +194,7 @@ class Trust:
         self._close(check)
 
     def _decide_by_hand(self, check: _Check) -> None:
-        """Whom a person has paused of those who differ is the one that is wrong."""
+        """Takes the workers that a user has paused, among those whose results differ, as wrong."""
         orders = self._workers.roster.orders
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
@@ -207,17 +209,18 @@ class Trust:
 
     def _pause(self, worker: str, why: str) -> None:
         sentence = f"{why}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on."
-        with suppress(redis.RedisError):  # its answers are refused meanwhile
+        with suppress(redis.RedisError):  # its results are rejected meanwhile
             self._workers.pause(worker, sentence)
             self._workers.look(now=True)
 
     def _ask(self, job: ActiveJob, check: _Check) -> None:
-        """Hand it out once more. Raises QueueError."""
+        """Sends a repetition of a batch. Raises QueueError."""
         frame = job.frames.get(check.batch.frame)
-        if frame is None or check.kind not in frame.compiled:  # of a shot, what the frame was compiled to is gone
+        if frame is None or check.kind not in frame.compiled:  # the compiled frame of the shot was released
             self._close(check)
             return
-        lease = Lease(job.id, check.kind, check.batch, check.patience_s)  # of our own: the plan has this batch already
+        # a separate lease, since the plan has this batch already
+        lease = Lease(job.id, check.kind, check.batch, check.patience_s)
         lease.queue = job.queue(check.kind)
         check.asked.add(lease.id)
         check.waits_since = time.monotonic()
@@ -232,7 +235,7 @@ class Trust:
         self._count()
 
     def _count(self) -> None:
-        """Tell jobs how many decisions they wait for; while somebody is found out, all wait."""
+        """Updates the number of pending decisions of each job; all jobs wait while a worker found wrong is not handled."""
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:

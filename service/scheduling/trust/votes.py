@@ -1,4 +1,4 @@
-"""What workers rendered of one batch, and who is right: the value on which two workers agree. No clock, no queue."""
+"""Results of several workers for one batch; the one on which two workers agree is correct. Independent of clocks and queues."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from renderer.settings import Tile
 
 __all__ = ["Votes"]
 
-ASKED_AT_MOST = 2  # answers of one worker, where others may give some
+ASKED_AT_MOST = 2  # results per worker, if others are available
 
 
 @dataclass
 class Votes:
-    """Of one batch, by worker. Values that are equal to the bit are one."""
+    """The results for one batch, by worker. Bitwise equal results count as one value."""
 
     tile: Tile
-    values: list[bytes] = field(default_factory=list)  # packed sums, each other than those before it
-    cast: list[tuple[str, int]] = field(default_factory=list)  # by whom, for which of the values
+    values: list[bytes] = field(default_factory=list)  # distinct packed sums
+    cast: list[tuple[str, int]] = field(default_factory=list)  # (worker, index of the value)
 
     def add(self, worker: str, sums: bytes) -> None:
-        """A worker's answer. Raises ValueError where it is none."""
+        """Adds a worker's result. Raises ValueError if it cannot be decoded."""
         known = (number for number, value in enumerate(self.values) if self._is_equal(value, sums))
         if (found := next(known, None)) is None:
             unpack_sums(sums, self.tile)
@@ -33,22 +33,22 @@ class Votes:
         self.cast.append((worker, found))
 
     def take_back(self, worker: str) -> None:
-        """Whatever it has said means nothing."""
+        """Removes all results of a worker."""
         self.cast = [vote for vote in self.cast if vote[0] != worker]
 
     @property
     def workers(self) -> set[str]:
-        """Who has answered."""
+        """The workers with a result."""
         return {worker for worker, _ in self.cast}
 
     @property
     def differ(self) -> bool:
-        """Whether there are answers other than the first."""
+        """Whether there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
     @property
     def right(self) -> int | None:
-        """The value on which two workers agree; None while there is none."""
+        """Index of the value on which two workers agree; None if there is none."""
         supporters: dict[int, set[str]] = {}
         for worker, value in self.cast:
             supporters.setdefault(value, set()).add(worker)
@@ -57,15 +57,15 @@ class Votes:
 
     @property
     def wrong(self) -> set[str]:
-        """Who has answered otherwise, be it once; nobody while it is not known what is right."""
+        """The workers with any other value than the correct one; empty while that is unknown."""
         right = self.right
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def may_help(self, ready: set[str]) -> bool:
-        """Whether some of these workers can still say something new."""
+        """Whether another result of any of these workers could decide."""
         answers = Counter(worker for worker, _ in self.cast)
         return any(answers[worker] < ASKED_AT_MOST for worker in ready) and len(ready | self.workers) > 1
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
-        """The same sums may be packed by releases of LZ4 that find other bytes for them."""
+        """Whether two results are equal. Decoded if needed, since releases of LZ4 may compress the same sums differently."""
         return value == sums or np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
