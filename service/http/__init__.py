@@ -1,1 +1,1 @@
-"""The HTTP side of the service: who is let in, problems, headers, uploads and compression."""
+"""The HTTP layer of the service: authorization, problems, headers, uploads and compression."""

@@ -157,7 +157,7 @@ THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "en
 
 
 def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
-    """The kind and id of the project resource that a path names; None if there is none. pattern: from `need_of`."""
+    """Returns the kind and id of the project resource that a path names; None if there is none. pattern: from `need_of`."""
     _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
     if collection not in THINGS or name != "{id}":
         return None
@@ -165,7 +165,7 @@ def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
 
 
 def need_of(method: str, path: str) -> tuple[str, Need]:
-    """The pattern of a path and its requirement: that of the strictest matching pattern.
+    """Returns the pattern of a path and its requirement: that of the strictest matching pattern.
 
     method: WS for a WebSocket. HEAD counts as GET; an unsupported method has the least strict requirement of the path.
     """

@@ -1,8 +1,8 @@
-"""Client addresses behind proxies: which header fields are believed, and from whom.
+"""Client addresses behind proxies: the trusted header fields, and the proxies from which they are trusted.
 
 X-Forwarded-For and X-Forwarded-Proto count only if the connection comes from an address of RAYFARM_TRUSTED_PROXIES; then the
-client is the rightmost address that is not itself a trusted proxy. A standby of the same farm signs what it passes on. From
-anybody else these fields are ignored: the client is the other end of the connection.
+client is the rightmost address that is not itself a trusted proxy. A standby of the same farm signs the origin of the requests
+that it forwards. From other addresses these fields are ignored: the client is the peer of the connection.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ __all__ = ["PASSED_ON", "ClientAddress", "is_from_proxy", "signed_origin"]
 
 log = logging.getLogger(__name__)
 
-PASSED_ON = "x-rayfarm-passed-on"  # on requests from a standby; they are not passed on again
-PEER = "rayfarm.peer"  # in the scope: the other end of the connection
+PASSED_ON = "x-rayfarm-passed-on"  # on requests from a standby, which are not forwarded again
+PEER = "rayfarm.peer"  # key in the scope of the connection's peer
 NO_ADDRESS = "-"
 SCHEMES = ("http", "https", "ws", "wss")
 FORWARDED = frozenset(
@@ -61,7 +61,7 @@ class ClientAddress:
         self._has_warned = False
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Set the client's address and pass the request on."""
+        """Sets the client's address and passes the request on."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -77,7 +77,7 @@ class ClientAddress:
         await self._believing(scope, receive, send)
 
     async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Keep the peer's address where the proxy sent something that is not an address."""
+        """Keeps the peer's address if the proxy sent an invalid one."""
         peer = scope.pop(PEER)
         if scope.get("client") != peer:
             try:
@@ -87,15 +87,15 @@ class ClientAddress:
             else:
                 scope["client"] = (str(getattr(address, "ipv4_mapped", None) or address), scope["client"][1])
         elif not self._has_warned and peer is not None and any(name == b"x-forwarded-for" for name, _ in scope["headers"]):
-            self._has_warned = True  # once: anybody can send the header
+            self._has_warned = True  # once, since any client can send the header
             log.warning(UNTRUSTED, peer[0], peer[0])
         await self._app(scope, receive, send)
 
 
 def is_from_proxy(scope: Scope) -> bool:
-    """Returns whether a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
+    """Whether a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
 
-    nginx speaks HTTP/1.0 to what is behind it unless told otherwise, sends that program's own address as Host and adds no field.
+    By default nginx uses HTTP/1.0 to its upstream, with the upstream's own address as Host, and adds no field.
     """
     return scope.get("http_version") == "1.0" or _names_proxy(name for name, _ in scope["headers"])
 
@@ -106,13 +106,13 @@ def _names_proxy(names: Iterable[bytes]) -> bool:
 
 
 def signed_origin(scope: Scope, address: str, secret: str) -> str:
-    """Returns the field PASSED_ON by which a standby states a client's address ("" for none) and scheme to the owner."""
+    """Returns the field PASSED_ON, in which a standby sends a client's address ("" for none) and scheme to the owner."""
     said = f"{address or NO_ADDRESS} {scope['scheme']}"
     return f"{said} {_signature(said, secret)}"
 
 
 def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
-    """Returns address and scheme of `signed_origin`; None where the field is missing or not signed by this farm."""
+    """Returns address and scheme of `signed_origin`; None if the field is missing or its signature invalid."""
     said, _, signature = word.rpartition(" ")
     if not secret or not said or not hmac.compare_digest(signature.encode(), _signature(said, secret).encode()):
         return None

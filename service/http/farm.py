@@ -13,7 +13,7 @@ __all__ = ["FarmDependency"]
 
 
 async def get_farm(connection: HTTPConnection) -> Farm:
-    """The farm of the application that answers."""
+    """Returns the farm of the application that handles the connection."""
     farm: Farm = connection.app.state.farm
     return farm
 

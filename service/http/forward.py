@@ -1,6 +1,6 @@
-"""Requests to a service that stands by are forwarded to the one that runs the farm, and its answers are streamed back.
+"""Forwarding of requests from a standby to the service that owns the farm; responses are streamed back.
 
-The owner treats them as if they had been sent to it: the standby states the client's address and scheme in a signed field.
+The owner treats them as if they had been sent to it: the standby sends the client's address and scheme in a signed field.
 """
 
 from __future__ import annotations
@@ -28,32 +28,32 @@ from service.settings import Settings
 __all__ = ["Forward"]
 
 CONNECT_S = 3.0
-GOING_DOWN = 1012  # a WebSocket's close code: come again
+GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
 NO_CODE = (None, 1005, 1006)
 T = TypeVar("T")
 NO_PATH = Problem(400, "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
 AWAY = "The service that works as the farm does not answer"
-# Of one connection alone (RFC 9110, 7.6.1), and what the next one makes anew.
+# Fields of one connection only (RFC 9110, 7.6.1), and those that the next server sets.
 HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
-SERVERS = {"date", "server"}  # which the server here says too
+SERVERS = {"date", "server"}  # also set by this server
 HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocket-extensions", "sec-websocket-protocol"}
 
 
 class Forward:
-    """The way to the service that works as the farm."""
+    """HTTP and WebSocket client for the owner of the farm."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._http: httpx.AsyncClient | None = None
 
     async def close(self) -> None:
-        """End all of it."""
+        """Closes the connections."""
         if self._http is not None:
             await self._http.aclose()
             self._http = None
 
     async def is_ready(self, url: str, over: asyncio.Event) -> bool:
-        """Whether the service at an address can work now; False where it is `over` before that is known."""
+        """Whether the service at this address is ready; False if `over` is set first."""
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
             answer = await _until(over, asking)
@@ -62,13 +62,13 @@ class Forward:
         return answer is not None and answer.is_success
 
     async def request(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on a request, until `over`. Raises Unavailable where nobody answers; then nothing was sent."""
+        """Forwards a request, until `over` is set. Raises Unavailable if the owner does not respond; then nothing was sent."""
         headers = Headers(scope=scope)
         has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         path = _path(scope)
         try:
             if not path.startswith("/"):
-                raise httpx.InvalidURL("no path")  # `*@elsewhere/` behind an address would make another's address of it
+                raise httpx.InvalidURL("no path")  # a path such as `*@elsewhere/` would change the host of the URL
             request = self._client().build_request(
                 scope["method"], url + path, headers=self._headers(scope, HOP), content=_body(receive) if has_body else None
             )
@@ -89,7 +89,7 @@ class Forward:
             await answer.aclose()
 
     async def socket(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on a WebSocket, until `over`. Raises Unavailable where nobody answers."""
+        """Forwards a WebSocket, until `over` is set. Raises Unavailable if the owner does not respond."""
         await receive()
         there, path = urlsplit(url), _path(scope)
         if not path.startswith("/"):
@@ -118,7 +118,7 @@ class Forward:
             raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
-        """Header fields for the owner, with the client's origin; an address on loopback means nothing on other machines."""
+        """Returns the header fields for the owner, with the client's origin, unless that is a loopback address."""
         client = (scope.get("client") or ("", 0))[0]
         origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
         kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
@@ -128,11 +128,11 @@ class Forward:
         if self._http is None:
             limits = httpx.Limits(max_connections=None, max_keepalive_connections=20)
             timeout = httpx.Timeout(None, connect=CONNECT_S)
-            # What the owner gives one who asks is not shown for another: no cookie is kept.
+            # Cookies of the owner belong to the clients, so this client stores none.
             no_cookies = CookieJar(DefaultCookiePolicy(allowed_domains=()))
             self._http = httpx.AsyncClient(limits=limits, timeout=timeout, trust_env=False, cookies=no_cookies)
             for name in ("accept", "accept-encoding", "user-agent"):
-                del self._http.headers[name]  # whoever asks says these, or nobody does
+                del self._http.headers[name]  # set only if the client sets them
         return self._http
 
 
@@ -172,18 +172,18 @@ async def _until_gone(receive: Receive) -> None:
 
 
 async def _between(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
-    """Carry messages both ways, until one of them leaves or it is `over`."""
+    """Forwards messages in both directions, until either side disconnects or `over` is set."""
     await send({"type": "websocket.accept", "subprotocol": far.subprotocol})
     going = asyncio.create_task(_up(far, receive))
     try:
-        with suppress(ConnectionClosed):  # it has died, and another takes its place
+        with suppress(ConnectionClosed):  # the owner died, and another service takes its place
             await _until(over, _down(far, send), going)
         if not going.done():
             code = far.close_code if far.close_code not in NO_CODE else GOING_DOWN
             await send({"type": "websocket.close", "code": code, "reason": far.close_reason or ""})
     finally:
         going.cancel()
-        far.transport.abort()  # its goodbye is not waited for: it may stand still
+        far.transport.abort()  # without a closing handshake, since the owner may be suspended
 
 
 async def _up(far: ClientConnection, receive: Receive) -> None:
@@ -199,7 +199,7 @@ async def _down(far: ClientConnection, send: Send) -> None:
 
 
 async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """What comes of something; None where it was `over`, or one of the others came to its end, first."""
+    """Returns the result of a coroutine; None if `over` is set or another task ends first."""
     task, ending = asyncio.create_task(doing), asyncio.create_task(over.wait())
     try:
         await asyncio.wait((task, ending, *others), return_when=asyncio.FIRST_COMPLETED)

@@ -1,8 +1,8 @@
-"""The gate, behind the door: who may do what. Every request and every WebSocket passes it before any route sees it.
+"""Authorization of every request and WebSocket, before its route is called.
 
-A direct connection on loopback, from this machine, is let in as it is. Anybody else sends a session's cookie or a token
-(Authorization: Bearer TOKEN). Connections that stay open are checked again every few seconds: logging out, withdrawing a token
-or changing a role ends them.
+A direct connection on loopback, from this machine, is accepted without credentials. Other clients send a session's cookie or a
+token (Authorization: Bearer TOKEN). Long-lived connections are checked again every few seconds: logging out, revoking a token or
+changing a role ends them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs th
 log = logging.getLogger(__name__)
 
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
-UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # whose bodies may take hours to come
+UPLOADS = ("/api/scenes", "/api/environments", "/api/references")  # routes whose bodies may take hours to arrive
 AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
@@ -54,13 +54,13 @@ CLOSED_SINCE = "It is no longer yours to see: you are no member of its project a
 
 
 class Gate:
-    """ASGI middleware between the door and the routes."""
+    """ASGI middleware that authorizes requests, between `Door` and the routes."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Find out who calls, and let pass who may."""
+        """Identifies the caller, and passes the request on if the caller is authorized."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -96,7 +96,7 @@ class Gate:
                 await _write_down(access, caller, address, f"{method} {pattern}", path, 404)
             await _not_there(thing, scope, receive, send)
             return
-        project = access.projects.known(*thing) if thing is not None else None  # it was looked up just now
+        project = access.projects.known(*thing) if thing is not None else None  # cached by the lookup above
         if need.role is not None and need.role > Role.VIEW and project is not None and not sight.changes(project):
             await refuse(Problem(403, str(only_looks(project)), {"Connection": "close"}), scope, receive, send)
             return
@@ -112,29 +112,29 @@ class Gate:
 
 
 def cookie_name(access: Access, scope: Scope) -> str:
-    """What the session's cookie is called. Over TLS browsers let nobody else set one of this name."""
+    """Returns the name of the session's cookie. Over TLS its prefix prevents other hosts from setting it."""
     return f"__Host-{access.cookie}" if scope["scheme"] in ("https", "wss") else access.cookie
 
 
 def _path(scope: Scope) -> str:
-    """The path that routes are found by."""
+    """Returns the path by which routes are found, without the application's root path."""
     path: str = scope["path"]
     root: str = scope.get("app_root_path", scope.get("root_path", ""))
     return path.removeprefix(root) if root and path.startswith(f"{root}/") else path
 
 
 def _shown(headers: Headers, cookie: str) -> str:
-    """The secret that a request shows; a token counts before a cookie."""
+    """Returns the secret of a request, from its token or else its cookie."""
     if token := shown_secret(headers):
         return token
     return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
 
 
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
-    """Returns whether this request needs a login.
+    """Whether this request needs a login.
 
-    On a farm that is open to its own machine: one from another machine, through a proxy, or by a name other than loopback's.
-    In a container every client has another address, so only the proxy counts there.
+    On a farm that is open to its own machine, these do: requests from another machine, through a proxy, or by a name other than
+    loopback's. In a container every client has another address, so only the proxy counts there.
     """
     if access.needs_login or access.is_open:
         return access.needs_login
@@ -147,7 +147,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
 
 @cache
 def _warn_of_proxy() -> None:
-    """Log, once, that a proxy reaches a farm that needs no login on this machine."""
+    """Logs, once, that a proxy forwards to a farm that needs no login on this machine."""
     log.warning(
         "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
         "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
@@ -160,7 +160,7 @@ async def _known(access: Access, shown: str) -> Caller | None:
 
 
 async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Sight:
-    """What a caller sees; where nobody is asked for a login, nothing is closed to anybody."""
+    """Returns the projects that a caller may see; all of them if no login is needed."""
     if not needs_login and caller is not None and not caller.is_worker:
         return EVERYTHING
     known = access.projects.remembered(caller)
@@ -168,7 +168,7 @@ async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Si
 
 
 async def _sees(access: Access, sight: Sight, thing: tuple[Kind, str]) -> bool:
-    """Whether somebody sees a thing; what is not there at all is not told from what is another project's."""
+    """Whether a caller may see a resource; False for a missing one too, so that both look the same."""
     if sight.everything:
         return True
     project = access.projects.known(*thing)
@@ -176,12 +176,12 @@ async def _sees(access: Access, sight: Sight, thing: tuple[Kind, str]) -> bool:
         try:
             project = await run_in_threadpool(access.projects.of, *thing)
         except FarmError:
-            return False  # the database is away, and nobody knows whose it is
+            return False  # the database is away, so its project is unknown
     return sight.sees(project) if project is not None else thing[0] == "environment"  # presets have no row
 
 
 async def _not_there(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
-    """Answer as the route does where there is no such thing: that it is another project's is not told either."""
+    """Sends the route's answer for a missing resource, also for one in a hidden project."""
     sentence = str(no_thing(*thing))
     if scope["type"] == "http":
         await refuse(Problem(404, sentence), scope, receive, send)
@@ -210,7 +210,7 @@ async def _write_down(access: Access, caller: Caller, address: str, what: str, p
 
 
 def _written_down(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
-    """Into the record, once it is known what came of it."""
+    """Wraps `send` to add the request with its status to the audit log."""
 
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -222,7 +222,7 @@ def _written_down(access: Access, caller: Caller, address: str, what: str, path:
 
 
 def _kept_private(send: Send) -> Send:
-    """What a browser may keep for its user no proxy may keep for others."""
+    """Wraps `send` to mark cacheable responses as private, so that shared proxies do not store them."""
 
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -236,7 +236,7 @@ def _kept_private(send: Send) -> Send:
 
 
 class _Lasting:
-    """A WebSocket, or an answer that goes on: it ends when who opened it is not let in any more."""
+    """A WebSocket, a streaming response or an upload, which ends when its caller is no longer authorized."""
 
     def __init__(
         self,
@@ -254,10 +254,10 @@ class _Lasting:
         self._looks = visit.caller is not None and visit.caller.is_known
         self._looked = time.monotonic()
         self._is_over = False
-        self._why = LOG_IN_AGAIN, "You are logged out. Log in again."  # of a WebSocket that ends: code and reason
+        self._why = LOG_IN_AGAIN, "You are logged out. Log in again."  # close code and reason of a WebSocket
 
     async def receive(self) -> Message:
-        """What comes in, or that nobody is there any more."""
+        """Returns the next message; a disconnection once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "websocket.receive" and not await self._may_go_on():
             await self._end("websocket")
@@ -266,16 +266,16 @@ class _Lasting:
         return message
 
     async def take(self) -> Message:
-        """What comes in of an upload, which is taken from nobody who may not send it any more. Raises Problem."""
+        """Returns the next message of an upload. Raises Problem once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "http.request" and not message.get("more_body"):
-            self._looked = -math.inf  # before any of it is kept
+            self._looked = -math.inf  # checks again before the upload is stored
         if message["type"] == "http.request" and not await self._may_go_on():
             raise Problem(401, LOG_IN, {"Connection": "close"})
         return message
 
     async def send(self, message: Message) -> None:
-        """Send, or end it."""
+        """Sends a message, or ends the connection if the caller is no longer authorized."""
         if message["type"] in ("websocket.send", "http.response.body") and not await self._may_go_on():
             await self._end(message["type"].partition(".")[0])
         elif not self._is_over:
@@ -309,4 +309,4 @@ class _Lasting:
             self._why = NOT_THERE, CLOSED_SINCE
             return False
         except FarmError:
-            return True  # the database is away for a moment: that withdraws nothing
+            return True  # an unreachable database revokes nothing

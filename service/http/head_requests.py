@@ -1,4 +1,4 @@
-"""HEAD requests for content that is made on demand: the headers known in advance, without making the content."""
+"""HEAD requests for content that is made on demand: returns the known headers without making the content."""
 
 from __future__ import annotations
 
@@ -24,5 +24,5 @@ def is_head(request: Request) -> bool:
 
 
 def headers_alone(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
-    """The answer to a HEAD request, without a length, which is unknown before the content is made."""
+    """Returns the response to a HEAD request, without a length, which is unknown before the content is made."""
     return StreamingResponse(iter(()), media_type=media_type, headers=headers)

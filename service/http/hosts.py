@@ -21,7 +21,7 @@ HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9.
 
 
 def name_of(host: str) -> str | None:
-    """A Host header without its port, in lower case; None if it is malformed (RFC 9110, 7.2)."""
+    """Returns a Host header without its port, in lower case; None if it is malformed (RFC 9110, 7.2)."""
     found = HOST.fullmatch(host)
     if found is None:
         return None
@@ -31,7 +31,7 @@ def name_of(host: str) -> str | None:
 
 
 def is_here(address: str) -> bool:
-    """Whether a client's address is this machine's. A Unix socket has no address and counts as local."""
+    """Whether a client's address belongs to this machine. A Unix socket has no address and counts as local."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -53,7 +53,7 @@ class Hosts:
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def know(self, name: str) -> bool:
-        """Whether the service answers to this name or address."""
+        """Whether the service accepts this host name or address."""
         return name in self._names or (self._takes_addresses and is_address(name))
 
     def _ask_for_full_name(self) -> None:

@@ -1,4 +1,4 @@
-"""Which methods a path supports: for Allow, in answers to OPTIONS and to an unsupported method (RFC 9110, 10.2.1)."""
+"""Supported methods of a path: for Allow, in responses to OPTIONS and to an unsupported method (RFC 9110, 10.2.1)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ENDLESS = "/api/events"  # endless stream, so HEAD is not supported
 
 
 def methods_of(app: Starlette, scope: Scope) -> list[str]:
-    """The methods of a request's path; empty for an unknown path."""
+    """Returns the methods that a request's path supports; empty for an unknown path."""
     path = scope["path"]
     asked = {"type": "http", "path": path, "root_path": scope.get("app_root_path", scope.get("root_path", "")), "headers": []}
     # The mounted files match every path without a route; they exist only outside /api/.

@@ -19,19 +19,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Page:
-    """The requested part of a list. The answer's header X-Total-Count has the total number."""
+    """The requested part of a list. The response's header X-Total-Count contains the total number."""
 
     limit: int
     offset: int
     response: Response
 
     def of(self, things: Sequence[T]) -> Sequence[T]:
-        """The requested part of a list in memory."""
+        """Returns the requested part of a list in memory."""
         self.response.headers[TOTAL] = str(len(things))
         return things[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
-        """The requested part of an ordered query's rows, preceded by items that are in no table: `first`."""
+        """Returns the requested part of `first` followed by an ordered query's rows. first: items that are in no table."""
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.of(first)
         self.response.headers[TOTAL] = str(len(first) + count)

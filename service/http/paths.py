@@ -1,4 +1,4 @@
-"""Parameters in paths."""
+"""Path parameters of routes."""
 
 from __future__ import annotations
 

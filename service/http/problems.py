@@ -1,4 +1,4 @@
-"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do about it."""
+"""Errors as application/problem+json (RFC 9457): a title, and a detail with the fault and its remedy."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class ProblemResponse(JSONResponse):
 
 
 class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
-    """An error answer. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
+    """An error response. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
 
     def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
         super().__init__(detail)
@@ -108,7 +108,7 @@ ProblemBody: dict[str, Any] = {
 
 
 def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
-    """The response for a status and a sentence."""
+    """Returns the response for a status and a sentence."""
     if status == 503:
         headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
     body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
@@ -172,13 +172,13 @@ JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-
 
 
 def told(error: Mapping[str, Any]) -> str:
-    """One of a request's validation errors as text: the field and its fault."""
+    """Returns a validation error of a request as text: the field and its fault."""
     field, message = _field(error["loc"]), _message(error)
     return f"{field}: {message}" if field else message
 
 
 def _field(location: Sequence[Any]) -> str:
-    """`("body", "view", "eye", 0)` as `view.eye[0]`."""
+    """Returns the path of a field as text: `("body", "view", "eye", 0)` as `view.eye[0]`."""
     text = ""
     for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)

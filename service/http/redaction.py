@@ -13,7 +13,7 @@ NAMES: dict[str, Kind] = {"job": "job", "scene": "scene", "denoise": "job", "vec
 
 
 def seen_slots(slots: list[dict[str, Any]], sight: Sight, projects: Projects) -> list[dict[str, Any]]:
-    """The current work of each slot, redacted to what the caller may see. May query the database."""
+    """Returns the current work of each slot, redacted to what the caller may see. May query the database."""
     if sight.everything:
         return slots
 

@@ -1,7 +1,7 @@
-"""Security headers on every answer, and rejection of cross-site requests.
+"""Security headers on every response, and rejection of cross-site requests.
 
-A foreign page may post to a service on the reader's own machine (CSRF), or point its own name at it and read the answers too
-(DNS rebinding). So a service answers only to its own names (service.http.hosts), and requests whose Origin differs from their
+A foreign page may post to a service on the reader's own machine (CSRF), or point its own name at it and read the responses too
+(DNS rebinding). So a service responds only to its own names (service.http.hosts), and requests whose Origin differs from their
 Host can change nothing and open no WebSocket.
 """
 
@@ -86,7 +86,7 @@ class Door:
 
 
 async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
-    """Answers a request, or a WebSocket that is not open yet, with an error."""
+    """Responds with an error to a request, or to a WebSocket that is not open yet."""
     if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
         await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
     else:
@@ -94,7 +94,7 @@ async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -
 
 
 def _host_of(origin: str) -> str | None:
-    """Host and port of an Origin; None if it has none."""
+    """Returns host and port of an Origin; None if it has none."""
     try:
         return urlsplit(origin).netloc.lower() or None
     except ValueError:
@@ -109,7 +109,7 @@ def is_beyond(length: str, limit: int) -> bool:
 def _head_as_get(scope: Scope) -> Scope:
     """Rewrites HEAD requests as GET, so that every GET route supports HEAD.
 
-    Except the stream of events, whose answer never ends.
+    Except for the stream of events, whose response never ends.
     """
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
         return as_get(scope)

@@ -28,7 +28,7 @@ def forget_login(request: Request, response: Response, farm: Farm) -> None:
 
 
 def way_out(request: Request, farm: Farm) -> str | None:
-    """The address that logs the browser out at the provider; None if there is none."""
+    """Returns the URL that logs the browser out at the provider; None if there is none."""
     shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
     if not shown or farm.access.oidc is None:
         return None
@@ -36,7 +36,7 @@ def way_out(request: Request, farm: Farm) -> str | None:
 
 
 def base_url(request: Request, farm: Farm) -> str:
-    """The address of the page, without the trailing slash."""
+    """Returns the address of the page, without the trailing slash."""
     return farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
 
 

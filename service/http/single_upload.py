@@ -63,7 +63,7 @@ async def read_one(request: Request, farm: Farm, what: str) -> Form:
 
 
 def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
-    """The base name and the bytes of the only file in a form. what: a clause on what was expected. Raises Invalid."""
+    """Returns the base name and the bytes of the only file in a form. what: a clause on the expected content. Raises Invalid."""
     if len(form.files) != 1 or form.files[0][1].size == 0:
         raise Invalid(f"The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.")
     name, writer = form.files[0]

@@ -1,4 +1,4 @@
-"""What a service does with requests while another one runs the farm: it forwards them, and says that it stands by."""
+"""Requests to a standby, while another service owns the farm: they are forwarded to the owner."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ AGAIN = {"Retry-After": "1"}
 
 
 class StandingBy:
-    """ASGI middleware between the door and the gate: behind it there is a farm."""
+    """ASGI middleware between `Door` and `Gate`, which forwards requests while this service stands by."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
         self._forward = Forward(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let through what is asked of the farm, where this service is the farm."""
+        """Handles a request here if this service owns the farm, and forwards it otherwise."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             await self._forward.close()
@@ -37,7 +37,7 @@ class StandingBy:
             try:
                 await life.confirm()
             except NotOwner:
-                pass  # it stood still, and has just found out
+                pass  # ownership was lost while this process was suspended
             except Unavailable as error:
                 await refuse(Problem(503, str(error), AGAIN), scope, receive, send)
                 return
@@ -48,7 +48,7 @@ class StandingBy:
             await self._answer(life, scope, receive, send)
         except Unavailable as error:
             if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
-                await self._app(scope, receive, send)  # it waited for an owner that is none any more
+                await self._app(scope, receive, send)  # this service has become the owner meanwhile
             else:
                 await refuse(Problem(503, f"{life.why} {error}", AGAIN), scope, receive, send)
 

@@ -19,18 +19,18 @@ VISIT = "rayfarm.visit"  # key in the ASGI scope
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """The address that a request came from."""
+    """Returns the client's address of a connection."""
     return connection.client.host if connection.client else ""
 
 
 def shown_secret(headers: Headers) -> str:
-    """The bearer token of a request; empty if it has none."""
+    """Returns the bearer token of a request; empty if it has none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""
 
 
 async def get_visit(connection: HTTPConnection) -> Visit:
-    """The visit that the gate stored in the connection's scope."""
+    """Returns the visit that the gate stored in the connection's scope."""
     visit: Visit = connection.scope[VISIT]
     return visit
 

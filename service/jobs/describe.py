@@ -51,7 +51,7 @@ UNREADABLE = (
 
 
 def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
-    """A job for the API, with the engine's latest numbers if it is being rendered.
+    """Returns a job for the API, with the engine's latest numbers if it is being rendered.
 
     A row that this release cannot interpret is described as far as possible, as failed.
     """
@@ -66,7 +66,7 @@ def describe(id: str, farm: Farm) -> JobOut:
 
 
 def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:
-    """Jobs for the API, with one query for the frames of all of them.
+    """Returns jobs for the API, with one query for the frames of all of them.
 
     view: a snapshot of the engine, taken before the rows were read. A job leaves the engine once its numbers are stored, so a
     later snapshot might miss numbers that the rows do not have yet.
@@ -80,7 +80,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
-    """The stored numbers of the frames of still jobs, by job."""
+    """Returns the stored numbers of the frames of still jobs, by job."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
     for at in range(0, len(jobs), MOST_NAMED):
@@ -153,7 +153,7 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
 
 
 def _light_of(job: Job) -> dict[str, Any] | None:
-    """The requested environment; None if it is the scene's own."""
+    """Returns the requested environment; None if it is the scene's own."""
     found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
     return {**found, "name": job.light} if "image" in found else found or None
 
@@ -181,7 +181,7 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
 
 
 def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
-    """Why a job does not progress, as a sentence for the user; None if it does."""
+    """Returns the reason why a job does not progress, as a sentence for the user; None if it does."""
     if job.state == "paused" or job.state not in ACTIVE:
         return None
     if why := waits_sentence(waits):
@@ -218,14 +218,14 @@ def _is_stranded(job: Job, roster: Roster) -> bool:
 
 
 def _unmet(job: Job, roster: Roster) -> str | None:
-    """Why no worker that could render a job meets its requirements; None if one does."""
+    """Returns the reason why no worker that could render a job meets its requirements; None if one does."""
     needs = Needs.of(job.needs)
     able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
     return needs.lacking(map(roster.offers.get, able)) if needs else None
 
 
 def _holes(job: Job, shot: ShotOut | None) -> str | None:
-    """A sentence about the frames that a finished job lacks; None if there are none."""
+    """Returns a sentence about the frames that a finished job lacks; None if there are none."""
     if shot is None or not shot.failed or job.state != "finished":
         return None
     which = f"frame {shot.failed}" if shot.states.get("failed") == 1 else f"the frames {shot.failed[:200]}"
@@ -233,7 +233,7 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
 
 
 def why_nothing_runs(roster: Roster) -> str | None:
-    """Why the whole farm does not progress; None if a worker takes work."""
+    """Returns the reason why the whole farm does not progress; None if a worker accepts work."""
     if roster.ready():
         return None
     if not roster.reports:

@@ -41,7 +41,7 @@ RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
 def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
-    """The numbers of a still's frame, whose state follows from its job. is_live: it is being rendered."""
+    """Returns the numbers of a still's frame, whose state follows from its job. is_live: it is being rendered."""
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []
     for key, f in recorded:
@@ -58,10 +58,9 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
 def frame_numbers(
     job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None, page: tuple[int, int | None] = (0, None)
 ) -> Recorded:
-    """The numbers of a job's frames, or of those with these keys, with the engine's latest values: pairs of key and numbers, in
-    order.
+    """Returns (key, numbers) pairs of a job's frames, in order, with the engine's latest values.
 
-    page: offset and maximum number (None: no limit).
+    keys: only these frames. page: offset and maximum number (None: no limit).
     """
     known = engine.snapshot.jobs.get(job.id)
     if live_numbers(job, known) is not None and known is not None:
@@ -82,7 +81,7 @@ def frame_numbers(
 def frames_json(
     job: Job, session: Session, engine: Engine, state: str | None = None, page: tuple[int, int | None] = (0, None)
 ) -> bytes:
-    """The frames of a job as JSON. state: only frames in this state."""
+    """Returns the frames of a job as JSON. state: only frames in this state."""
     is_paged = state is None
     found = frame_numbers(job, session, engine, page=page if is_paged else (0, None))
     if state is not None:
@@ -92,7 +91,7 @@ def frames_json(
 
 
 def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
-    """The fields of FrameOut as plain dicts, without validation, which would take seconds for a hundred thousand frames."""
+    """Returns the fields of FrameOut as plain dicts. Skips validation, which would take seconds for a hundred thousand frames."""
     size = job.settings or {}
     pixels = size.get("width", 1) * size.get("height", 1)
     return [
@@ -112,7 +111,7 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
 
 
 def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """The latest numbers of a shot's frame. Shortly after a cancellation the engine's are newer than the database's."""
+    """Returns the latest numbers of a shot's frame. Shortly after a cancellation the engine's are newer than the database's."""
     live = known.frames.get(key) if known is not None else None
     if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
         return recorded
@@ -120,7 +119,7 @@ def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers)
 
 
 def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
-    """A job's frame for the API, with its first bad samples; None if the job has no such frame."""
+    """Returns a job's frame for the API, with its first bad samples; None if the job has no such frame."""
     found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
         found.bad = bad_samples_of(job, found, engine)
@@ -128,7 +127,7 @@ def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut 
 
 
 def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
-    """A frame for the API, from its numbers."""
+    """Returns a frame for the API, from its numbers."""
     size = job.settings or {}
     return FrameOut(
         number=frame_number(key),
@@ -144,7 +143,7 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
-    """The first of a frame's samples that were left out as not finite."""
+    """Returns the first of a frame's samples that were discarded as not finite."""
     if not frame.bad_samples or job.settings is None or job.tile_size is None:
         return []
     try:

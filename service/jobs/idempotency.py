@@ -20,12 +20,12 @@ __all__ = ["earlier", "kept_key", "repeat"]
 
 
 def kept_key(key: str | None, user: str | None) -> str | None:
-    """The key as stored in a job's row. user: None without authentication."""
+    """Returns the key as stored in a job's row. user: None without authentication."""
     return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
 
 
 def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
-    """The user's job created with this key. Jobs of releases without per-user keys store the plain key."""
+    """Returns the user's job created with this key. Jobs of releases without per-user keys store the plain key."""
     if not key:
         return None
     with farm.sessions() as session:
@@ -37,7 +37,7 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
 
 
 def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: Sight) -> JobOut:
-    """The current answer for the job of the first request. Raises Conflict if the key was used for another request."""
+    """Returns the current answer for the job of the first request. Raises Conflict if the key was used for another request."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
     with farm.sessions() as session:

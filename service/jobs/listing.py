@@ -39,22 +39,22 @@ class Chosen:
     project: str | None = None
 
     def count(self, session: Session) -> int:
-        """The number of matching jobs."""
+        """Returns the number of matching jobs."""
         return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
-        """The number of matching jobs by state, ignoring the filter on states."""
+        """Returns the number of matching jobs by state, ignoring the filter on states."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
         query = replace(self, states=())._of(query)
         return {row[0]: row[1] for row in session.execute(query)}
 
     def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
-        """The ids of matching jobs, in order."""
+        """Returns the ids of matching jobs, in order."""
         query = self._of(select(Job.id)).order_by(*_ordered(order))
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
-        """The rows of matching jobs, in order, as tuples with the names of a Job's columns.
+        """Returns the rows of matching jobs, in order, as tuples with the names of a Job's columns.
 
         Tuples, since a thousand ORM objects take a quarter of the time of a list.
         """
@@ -81,14 +81,14 @@ class Chosen:
 
 
 def words_of(search: str) -> tuple[str, ...]:
-    """The words of a search text."""
+    """Returns the words of a search text."""
     return tuple(search.lower().split()[:MOST_WORDS])
 
 
 def says(
     word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
 ) -> ColumnElement[bool]:
-    """SQL condition: the word occurs in the name, or is a prefix of the id."""
+    """Returns the SQL condition that the word occurs in the name, or is a prefix of the id."""
     if "\0" in word:  # NUL ends a pattern in SQLite, and is an error in PostgreSQL; no name has it
         return false()
     return or_(func.lower(name).contains(word, autoescape=True), id.startswith(word, autoescape=True))

@@ -29,7 +29,7 @@ __all__ = [
 
 
 def find_job(id: str, farm: Farm) -> Job:
-    """The job's row. Raises NotFound."""
+    """Returns the job's row. Raises NotFound."""
     with farm.sessions() as session:
         job = session.get(Job, id)
     if job is None:
@@ -38,7 +38,7 @@ def find_job(id: str, farm: Farm) -> Job:
 
 
 def find_scene(id: str, farm: Farm) -> Scene:
-    """The scene's row. Raises NotFound."""
+    """Returns the scene's row. Raises NotFound."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
     if scene is None or scene.of is not None:
@@ -53,7 +53,7 @@ def is_lit(id: str, session: Session) -> bool:
 
 
 def find_film(id: str, n: float, farm: Farm) -> Film:
-    """The film of a job that has frame n. Raises NotFound; Conflict if there is no film yet; FilmLost and FilmWaits."""
+    """Returns the film of a job that has frame n. Raises NotFound; Conflict if there is no film yet; FilmLost and FilmWaits."""
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):
         raise no_frame(n)
@@ -64,7 +64,7 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
 
 
 def find_picture(id: str, n: float, farm: Farm) -> Film:
-    """The film of a frame that has samples. Raises Conflict if it has none, and as `find_film`."""
+    """Returns the film of a frame that has samples. Raises Conflict if it has none, and as `find_film`."""
     film = find_film(id, n, farm)
     if not film.samples(frame_key(n)):
         raise without_samples(find_job(id, farm), farm, n)
@@ -72,7 +72,7 @@ def find_picture(id: str, n: float, farm: Farm) -> Film:
 
 
 def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
-    """The error for frame n, or for all frames, without samples in the film."""
+    """Returns the error for frame n, or for all frames, without samples in the film."""
     frames = select(func.max(Frame.samples), func.max(Frame.error)).where(Frame.job == job.id)
     with farm.sessions() as session:
         recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
@@ -87,30 +87,30 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
 
 
 def no_job(id: str) -> NotFound:
-    """The error for a missing job."""
+    """Returns the error for a missing job."""
     return NotFound(f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")
 
 
 def no_frame(frame: float) -> NotFound:
-    """The error for a missing frame."""
+    """Returns the error for a missing frame."""
     return NotFound(f"The job has no frame {frame_text(frame)}. Its own are listed at /api/jobs/{{id}}/frames.")
 
 
 def no_scene(id: str) -> NotFound:
-    """The error for a missing scene."""
+    """Returns the error for a missing scene."""
     return NotFound(f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")
 
 
 def no_environment(id: str) -> NotFound:
-    """The error for a missing environment."""
+    """Returns the error for a missing environment."""
     return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")
 
 
 def no_reference(id: str) -> NotFound:
-    """The error for a missing reference picture."""
+    """Returns the error for a missing reference picture."""
     return NotFound(f"There is no reference picture {id[:60]!r}. GET /api/references lists those that are there.")
 
 
 def no_thing(kind: Kind, id: str) -> NotFound:
-    """The error for a resource that is missing or not visible to the caller, with the same message for both."""
+    """Returns the error for a resource that is missing or not visible to the caller, with the same message for both."""
     return {"job": no_job, "scene": no_scene, "environment": no_environment, "reference": no_reference}[kind](id)

@@ -21,13 +21,13 @@ SHOWN = 3
 
 
 def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
-    """The requirements as stored in the job's row; None if there are none."""
+    """Returns the requirements as stored in the job's row; None if there are none."""
     needs = Needs.parse(texts)
     return None if needs is None else needs.to_json()
 
 
 def warning_of(job: Job, expected: float | None, now: float) -> str | None:
-    """A warning that an unfinished job is late, and by how much; None if it is not."""
+    """Returns a warning that an unfinished job is late, and by how much; None if it is not."""
     if job.deadline is None or job.late is None or job.state not in ACTIVE:
         return None
     if now > job.deadline:
@@ -63,7 +63,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
 
 
 def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
-    """The dependencies of jobs, by job id."""
+    """Returns the dependencies of jobs, by job id."""
     ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
     for at in range(0, len(ids), MOST_NAMED):
@@ -75,7 +75,7 @@ def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
 
 
 def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
-    """A sentence about a job's unfinished dependencies; None if there are none."""
+    """Returns a sentence about a job's unfinished dependencies; None if there are none."""
     if not waits:
         return None
     named = ", ".join(f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN])

@@ -70,7 +70,7 @@ _memory = _Memory()
 
 
 def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Session) -> dict[str, ShotSums]:
-    """The sums of shots, by job id. live: the engine's latest numbers, used for jobs that have not ended."""
+    """Returns the sums of shots, by job id. live: the engine's latest numbers, used for jobs that have not ended."""
     found: dict[str, ShotSums] = {}
     asked: list[Job] = []
     changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
@@ -97,7 +97,7 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
 
 
 def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
-    """The engine's numbers of a shot if they are valid: it is being rendered, and in the current revision of its request."""
+    """Returns the engine's numbers of a shot if it is being rendered in the current revision of its request, else None."""
     shot = Shot.of(job.shot)
     is_as_asked = known is not None and shot is not None and known.revision == shot.revision
     return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
@@ -112,7 +112,7 @@ def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
 
 
 def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
-    """The sums of the stored numbers."""
+    """Returns the sums of the stored numbers."""
     ids = [job.id for job in jobs]
     counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
     sums = (func.coalesce(func.sum(each), 0) for each in (Frame.samples, Frame.bad_samples, Frame.progress))
@@ -153,7 +153,7 @@ def _added_up(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | No
 
 
 def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
-    """The frame ranges of shots: from their rows, or from the frames for jobs of earlier releases, which store no range."""
+    """Returns the frame ranges of shots from their rows, or from their frames for jobs of earlier releases."""
     shots = {job.id: Shot.of(job.shot) for job in jobs}
     texts = {id: shot.frames for id, shot in shots.items() if shot is not None and shot.frames is not None}
     numbers: dict[str, list[int]] = {id: [] for id in shots if id not in texts}
@@ -165,7 +165,7 @@ def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
 
 
 def _state(job: Job) -> str:
-    """A fingerprint that changes with every request and progress of a job."""
+    """Returns a fingerprint that changes with every request and progress of a job."""
     return json.dumps(
         [job.state, job.started, job.finished, job.active_s, job.spp, job.noise, job.seconds, job.shot, job.doubted]
     )

@@ -1,1 +1,4 @@
-"""Looks after a farm's work over the years: films are checked (scrub), marked (taint), copied (backup) and restored."""
+"""Maintenance of a farm: films are checked (scrub), marked (taint), backed up (backup) and restored.
+
+Old data is deleted (retention).
+"""

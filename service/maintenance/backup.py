@@ -1,15 +1,15 @@
-"""Copies everything that a farm must not lose while the farm runs; restore.py makes a data folder of the copy.
+"""Backup of a farm's data while it runs; restore.py creates a data folder from it.
 
-The order makes the copy consistent. First comes the database, by SQLite's online backup. Then what it refers to: blobs never
-change and are named by their hash; films only gain samples, so each, copied in one read transaction, has at least what the
-database says. If something was deleted meanwhile, it is missing, and the database is copied once more. Whatever a film still
-lacks is rendered again when the copy is started as a farm (service/maintenance/scrub.py).
+The order makes the backup consistent. First comes the database, by SQLite's online backup. Then the data that it refers to: blobs
+are immutable and named by their hash; films only gain samples, so each, copied in one read transaction, has at least the samples
+that the database records. If a blob or film is missing because it was deleted meanwhile, the database is copied once more.
+Samples that a film still lacks are rendered again when the restored farm is started (scrub.py).
 
-manifest.json   what is in it, with sizes and hashes; written last, so a copy without it is incomplete
+manifest.json   the files with their sizes and hashes; written last, so a backup without it is incomplete
 rayfarm.sqlite  scenes, jobs, frames
 films/  blobs/  as in the data folder
-snapshots/  logs-of-jobs/  likewise; nothing depends on these, and they are as they were when they were copied
-token, owner-token, secrets.json   so that workers and programs are admitted as before
+snapshots/  logs-of-jobs/  likewise; optional files, in their state at the time of copying
+token, owner-token, secrets.json   so that workers and programs remain authorized
 webhook-secret                     so that receivers of webhooks still recognise the farm
 """
 
@@ -45,12 +45,12 @@ BESIDE = ("snapshots", "logs-of-jobs")
 ROUNDS = 3
 PATIENCE_S = 30.0
 
-Progress = Callable[[int, int, str], None]  # bytes that are copied, of how many, and what is being copied
+Progress = Callable[[int, int, str], None]  # bytes copied, total bytes, and the kind of data being copied
 
 
 @dataclass
 class Manifest:
-    """What a backup holds. files: path -> bytes and SHA-256; stamps: of films, by which one that is unchanged is known."""
+    """The content of a backup. files: path -> size in bytes and SHA-256. stamps: of films, to detect unchanged ones."""
 
     version: str = __version__
     made: float = 0.0
@@ -59,7 +59,7 @@ class Manifest:
 
     @classmethod
     def of(cls, text: bytes | str) -> Manifest:
-        """Read one. Raises Invalid."""
+        """Parses a manifest file. Raises Invalid."""
         try:
             data = json.loads(text)
             files = {str(path): (int(size), str(sha256)) for path, (size, sha256) in data["files"].items()}
@@ -69,13 +69,13 @@ class Manifest:
             raise Invalid(f"{MANIFEST} of the backup cannot be read ({error}).") from None
 
     def to_json(self) -> bytes:
-        """As a file."""
+        """Returns the content of the manifest file."""
         return json.dumps(asdict(self), indent=1).encode()
 
 
 @dataclass
 class Report:
-    """What was copied. lacking: what the farm itself has lost, in sentences."""
+    """The result of a backup. lacking: data that is missing or damaged in the farm itself, as sentences."""
 
     films: int = 0
     blobs: int = 0
@@ -85,7 +85,7 @@ class Report:
 
 
 def back_up(data: Path, target: Target, progress: Progress = lambda done, total, what: None) -> Report:
-    """Copy the farm of a data folder, which may be running. Raises Invalid, NotFound and OSError."""
+    """Backs up the farm of a data folder, which may be running. Raises Invalid, NotFound and OSError."""
     if not (data / DATABASE).is_file():
         raise NotFound(f"{data} holds no farm: there is no {DATABASE} in it. Name a data folder with --data.")
     before, manifest = target.manifest(MANIFEST), Manifest(made=time.time())
@@ -114,11 +114,14 @@ class _Run:
 
     @contextmanager
     def database(self) -> Iterator[tuple[set[str], set[str]]]:
-        """Take the database; gives the hashes of its blobs and its jobs with films, and keeps the copy at the end."""
+        """Context that copies the database and adds the copy to the backup at its end.
+
+        Yields the hashes of the blobs and the ids of the jobs with films that the copy refers to.
+        """
         with self.target.scratch() as folder:
             copy = folder / DATABASE
             _snapshot(self.data / DATABASE, copy)
-            engine, sessions = connect(sqlite_url(copy))  # and brought to this release's tables
+            engine, sessions = connect(sqlite_url(copy))  # also migrates the copy to this release's schema
             try:
                 blobs = Records(sessions, 0).blobs()
                 with sessions() as session:
@@ -129,7 +132,7 @@ class _Run:
             self.keep(DATABASE, copy)
 
     def copy(self, blobs: set[str], films: set[str]) -> list[str]:
-        """Copy what the database refers to; returns what is not there, in words."""
+        """Copies blobs and films; returns a sentence for each that is missing or damaged."""
         paths = {sha256: self.data / "blobs" / sha256[:2] / sha256 for sha256 in sorted(blobs)}
         sources = {job: self.data / "films" / f"{job}.sqlite" for job in sorted(films)}
         total = sum(_size(path) for path in (*paths.values(), *sources.values()))
@@ -155,16 +158,16 @@ class _Run:
         return missing
 
     def copy_beside(self) -> None:
-        """Copy what lies beside the record: each file as it is now, where it is still there."""
+        """Copies the optional files in their current state; ones deleted meanwhile are skipped."""
         for folder in BESIDE:
             for path in sorted((self.data / folder).rglob("[!.]*")):
                 with suppress(FileNotFoundError), self.target.scratch() as scratch:
                     if path.is_file():
-                        shutil.copyfile(path, scratch / "copy")  # what grows meanwhile has one size and one hash
+                        shutil.copyfile(path, scratch / "copy")  # a fixed state for both size and hash, since the file may grow
                         self.keep(path.relative_to(self.data).as_posix(), scratch / "copy")
 
     def keep(self, name: str, path: Path) -> None:
-        """Put a file into the copy under a name."""
+        """Adds a file to the backup under this name."""
         size, sha256 = _hash(path)
         self.target.put(name, path)
         self.manifest.files[name] = (size, sha256)
@@ -183,7 +186,7 @@ class _Run:
 
     def _film(self, job: str, path: Path) -> None:
         name = f"films/{job}.sqlite"
-        stamp = _stamp(path)  # taken before it is copied: what is written meanwhile makes it another
+        stamp = _stamp(path)  # taken before the copy, so that later writes change it
         if self.known.stamps.get(name) == stamp and name in self.known.files and self.target.has(name, self.known.files[name][0]):
             self.manifest.files[name] = self.known.files[name]
             self.report.unchanged += 1
@@ -200,12 +203,12 @@ class _Run:
 
 
 def _snapshot(source: Path, copy: Path) -> None:
-    """Copy a database that others write, in one read transaction: in WAL mode they go on meanwhile."""
+    """Copies a database in one read transaction; in WAL mode, concurrent writers continue."""
     _must_be(source)
     uri = f"{source.resolve().as_uri()}?mode=rw"
     with closing(sqlite3.connect(uri, uri=True, timeout=PATIENCE_S)) as a, closing(sqlite3.connect(copy)) as b:
         a.backup(b, pages=-1)
-        b.execute("PRAGMA journal_mode=DELETE")  # one file, with nothing beside it
+        b.execute("PRAGMA journal_mode=DELETE")  # a single file without a WAL
 
 
 def _must_be(path: Path) -> int:

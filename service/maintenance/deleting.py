@@ -1,4 +1,4 @@
-"""Deleting jobs: with their pictures, and however many frames they have."""
+"""Deletion of jobs with their films and frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["Deleted", "Deleting"]
 
 
 class Deleted(NamedTuple):
-    """A job that was there, and how it was."""
+    """A deleted job, with its last state and priority."""
 
     id: str
     state: str
@@ -30,7 +30,7 @@ class Deleted(NamedTuple):
 
 
 class Deleting:
-    """May be used from any thread."""
+    """Deletes jobs. Thread-safe."""
 
     def __init__(self, sessions: Sessions, garbage: Garbage, reserve: Reserve, events: Events) -> None:
         self._sessions = sessions
@@ -40,8 +40,10 @@ class Deleting:
         self.frames = FrameChanges(sessions, events, self._forget_one)
 
     def delete(self, ids: Sequence[str]) -> list[Deleted]:
-        """Delete jobs and their pictures; those that are being rendered are stopped. Returns those that were there. Raises
-        FarmError; a long shot that is not gone then goes later."""
+        """Deletes jobs and their pictures, and stops active ones; returns those that existed.
+
+        A long shot may be deleted in the background afterwards. Raises FarmError.
+        """
         long = self._condemn(ids)
         for job in long:
             self._events.publish(RowWritten("job", job))
@@ -49,7 +51,7 @@ class Deleting:
         return [long.get(each.id, each) for each in self._forget(ids)]
 
     def _condemn(self, ids: Sequence[str]) -> dict[str, Deleted]:
-        """Stop those of many frames, which go some at a time: first of all it is written down that they go."""
+        """Cancels long shots and records that their frames are to be deleted in parts."""
         with self._sessions() as session:
             counted = select(Frame.job).where(Frame.job.in_(ids)).group_by(Frame.job).having(func.count() > AT_A_TIME)
             many = list(session.scalars(counted))
@@ -88,7 +90,7 @@ class Deleting:
 
         self._reserve.spend_on(lambda: self._garbage.collect(forget))
         for each in deleted:
-            self._events.publish(RowWritten("job", each.id))  # which removes the film, once it is out of its hands
+            self._events.publish(RowWritten("job", each.id))  # the engine then deletes the film once it is unused
         return deleted
 
 

@@ -1,4 +1,7 @@
-"""Makes a data folder from a backup. Every byte is checked against the manifest's hashes before the folder gets its name."""
+"""Creation of a data folder from a backup.
+
+All files are checked against the manifest's hashes before the folder gets its name.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from service.store.blobs import CHUNK
 
 __all__ = ["restore"]
 
-# What a backup has; a file of any other name would be somebody's attempt to write elsewhere.
+# Files that a backup may contain; other names are rejected, since they could write outside the folder.
 NAMES = re.compile(
     r"rayfarm\.sqlite|(owner-)?token|webhook-secret|secrets\.json|manifest\.json"
     r"|films/[\w-]{1,80}\.sqlite|blobs/[0-9a-f]{2}/[0-9a-f]{64}"
@@ -32,9 +35,9 @@ Opener = Callable[[], BinaryIO]
 
 
 def restore(source: Path, data: Path, progress: Progress = lambda done, total, what: None) -> Manifest:
-    """Make a data folder, which must be new or empty. Raises NotFound, Conflict, Invalid and OSError.
+    """Creates a data folder, which must be new or empty. Raises NotFound, Conflict, Invalid and OSError.
 
-    Nothing is left of one that could not be made as a whole.
+    Leaves nothing behind after an error.
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
         raise Conflict(f"{data} is not empty. Name a new folder with --data: a farm is never restored over another.")
@@ -64,10 +67,10 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
 
 
 def _forget_who_was_in(database: Path) -> None:
-    """Sessions and links that were ended since the backup let nobody in again: people log in anew."""
+    """Deletes all sessions and login links, since some may have been revoked after the backup; users log in again."""
     if not database.exists():
         return
-    with closing(sqlite3.connect(database)) as connection, suppress(sqlite3.DatabaseError):  # of a release without logins
+    with closing(sqlite3.connect(database)) as connection, suppress(sqlite3.DatabaseError):  # from a release without logins
         connection.execute("DELETE FROM keys WHERE kind IN ('session', 'link')")
         connection.commit()
 
@@ -75,7 +78,7 @@ def _forget_who_was_in(database: Path) -> None:
 def _copy(
     files: Iterator[tuple[str, int, Opener]], folder: Path, total: int, progress: Progress
 ) -> tuple[dict[str, str], bytes | None]:
-    """Copy files into a folder; returns their SHA-256 by name, and the manifest."""
+    """Copies files into a folder; returns their SHA-256 hashes by name, and the manifest."""
     hashes: dict[str, str] = {}
     manifest: bytes | None = None
     done = 0
@@ -105,7 +108,7 @@ def _write(opened: Opener, path: Path) -> str:
 
 @contextmanager
 def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener]]]]:
-    """A backup's bytes, and its files: name, size, and how each is opened."""
+    """Context that opens a backup; yields its size in bytes, and its files: name, size, and a function to open each."""
     if source.is_dir():
         paths = [path for path in sorted(source.rglob("*")) if path.is_file() and ".part" not in path.parts]
         files = ((path.relative_to(source).as_posix(), path.stat().st_size, lambda path=path: path.open("rb")) for path in paths)

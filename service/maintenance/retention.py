@@ -1,12 +1,12 @@
-"""How long films, compiled scenes and uploads are kept: by age and by size, and never deleting what somebody pinned.
+"""Retention of films, compiled scenes and uploads: deletion by age and by size, except of pinned jobs.
 
-Without rules, which is the default, everything stays. What can be deleted, and how to get it back:
+Without rules, which is the default, nothing is deleted. Data that can be deleted, and how to get it back:
 
 film      of a finished job: the job and its request stay, and setting it to running renders the same bits again
-compiled  of a scene that nobody has used for long: made again at its next use
-upload    a scene that no job needs and nobody has used for long: gone; it has to be uploaded again
+compiled  of a scene unused for long: compiled again at its next use
+upload    a scene that no job needs, unused for long: it has to be uploaded again
 
-A pinned job keeps its film, and the upload that it was rendered from.
+A pinned job keeps its film, and the upload from which it was rendered.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ __all__ = ["Item", "Retention", "Rules", "Run", "WallClock"]
 
 DAY_S = 86400.0
 EVERY_S = 3600.0
-FIRST_S = 600.0  # after the start: the clock of a machine that was just turned on may not be right yet
+FIRST_S = 600.0  # seconds after the start, since the clock of a machine may be wrong after power-on
 MOST_JUMP_S = 600.0
 
 log = logging.getLogger(__name__)
 
 
 class WallClock:
-    """Whether the wall clock goes on as time does."""
+    """Detects jumps of the wall clock."""
 
     def __init__(self) -> None:
         self._apart = time.time() - _since_boot()
 
     def jumped_s(self) -> float:
-        """By how much it was put forward since it was last asked; less than 0: back."""
+        """Returns the seconds by which the clock was set forward since the last call; negative if set back."""
         before, self._apart = self._apart, time.time() - _since_boot()
         return self._apart - before
 
 
 def _since_boot() -> float:
-    """Seconds, with those for which the machine slept where its system counts them."""
+    """Returns the seconds since boot, including sleep on systems that count it."""
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Ages in days since the last use, sizes in bytes; None: for ever, and without limit."""
+    """Limits: ages in days since the last use, sizes in bytes; None: no limit."""
 
     films_days: float | None = None
     films_bytes: int | None = None
@@ -68,13 +68,13 @@ class Rules:
 
     @property
     def is_empty(self) -> bool:
-        """Whether everything stays."""
+        """Whether there are no limits."""
         return self == Rules()
 
 
 @dataclass(frozen=True)
 class Item:
-    """What may go. bytes: of disk; what scenes share is counted with each."""
+    """An item that may be deleted. bytes: on disk; data shared by scenes counts for each of them."""
 
     what: Literal["film", "compiled", "upload"]
     id: str
@@ -86,18 +86,20 @@ class Item:
 
 @dataclass
 class Run:
-    """A deletion that somebody has asked for, and how far it is; changed by one thread."""
+    """A requested deletion and its progress. Changed by one thread."""
 
     state: Literal["running", "finished", "failed", "stopped"] = "running"
-    planned: int | None = None  # items; None: they are being looked for
-    done: int = 0  # of them
+    planned: int | None = None  # number of items; None during the search
+    done: int = 0  # deleted items
     gone: list[Item] = field(default_factory=list)
     error: str | None = None
 
 
 class Retention:
-    """Looks each hour, where there are rules, but not by a clock that was just put forward: what has gone does not come back.
-    `plan` and `carry_out` may be called from any thread."""
+    """Applies the rules once an hour, except after the clock was set forward, since deletion is final.
+
+    `plan` and `carry_out` are thread-safe.
+    """
 
     def __init__(
         self,
@@ -118,15 +120,15 @@ class Retention:
         self._thread = threading.Thread(target=self._run, name="retention", daemon=True)
         self._asked_lock = threading.Lock()
         self._asked_thread: threading.Thread | None = None
-        self.latest: Run | None = None  # that was asked for since the service started
+        self.latest: Run | None = None  # latest request since the service started
 
     def start(self) -> None:
-        """Begin, where there are rules."""
+        """Starts the thread if there are rules."""
         if not self._rules.is_empty:
             self._thread.start()
 
     def stop(self) -> None:
-        """End after what is in hand."""
+        """Stops after the current item."""
         self._stopping.set()
         for thread in (self._thread, self._asked_thread):
             if thread is not None and thread.is_alive():
@@ -147,7 +149,7 @@ class Retention:
                 log.exception("a fault while it was looked what may go")
 
     def begin(self, rules: Rules) -> Run:
-        """Start to delete what may go by these rules, in a thread. Raises Conflict while an earlier run goes on."""
+        """Starts a deletion by these rules in a thread. Raises Conflict while an earlier one is in progress."""
         with self._asked_lock:
             if self.latest is not None and self.latest.state == "running":
                 raise Conflict("A deletion by rules is running already. GET /api/retention says how far it is.")
@@ -174,13 +176,13 @@ class Retention:
             run.state, run.error = "failed", f"The service has a fault ({type(error).__name__}); its log says more."
 
     def plan(self, rules: Rules) -> list[Item]:
-        """What may go by these rules, oldest first; changes nothing."""
+        """Returns the items that these rules allow to delete, oldest first. Changes nothing."""
         now = time.time()
         with self._sessions() as session:
             return [*self._old_films(session, rules, now), *self._unused(session, rules, now)]
 
     def carry_out(self, items: Iterable[Item]) -> list[Item]:
-        """Let them go, each if it still may; returns those that went."""
+        """Deletes the items that may still be deleted, and returns those."""
         act = {"film": self._drop_film, "compiled": self._drop_compiled, "upload": self._drop_upload}
         gone = []
         for item in items:
@@ -243,7 +245,7 @@ class Retention:
                 if job.state == "finished":
                     job.state = "cancelled"
                     job.error = f"{FILM} was let go ({item.why}). Set the job to running, and it is rendered again."
-                self._films.delete(item.id)  # within the transaction: whoever sets the job to running waits for it
+                self._films.delete(item.id)  # within the transaction, which blocks a concurrent change to running
             return True
 
         done = self._reserve.spend_on(forget)
@@ -287,13 +289,13 @@ class Retention:
 
 
 def _needed(session: Session) -> set[str]:
-    """The scenes that unfinished and pinned jobs are of."""
+    """Returns the scenes of unfinished and pinned jobs."""
     rows = session.execute(select(Job.scene, Job.lit).where(or_(Job.state.in_(ACTIVE), Job.pinned)))
     return {id for row in rows for id in row if id is not None}
 
 
 def _compiled_bytes(scene: Scene) -> int:
-    """Of all kinds together; a part that several have counts once."""
+    """Returns the bytes compiled for all kinds of workers; shared parts count once."""
     sizes: dict[str, int] = {}
     for ref in (scene.compiled if isinstance(scene.compiled, dict) else {}).values():
         sizes |= _sizes(ref)

@@ -1,12 +1,12 @@
-"""What was rendered once is not rendered again: a job starts from the samples in the films of earlier jobs of the same picture.
+"""Reuse of samples: a new job starts with the samples in the films of earlier jobs of the same picture.
 
-A film is exact sums of numbered samples, so a job of 256 samples that starts from another's 64 ends with the same bits as one
-that rendered them all. The film is copied, so nothing that happens to the earlier job affects the later one. A shot is copied
-frame by frame, each from the job that has the most samples of it; a frame that is complete is not even prepared.
+A film contains exact sums of numbered samples, so a job of 256 samples that starts with another's 64 yields the same bits as one
+that renders all of them. The film is copied, so later changes of the earlier job do not affect the new one. A shot is copied
+frame by frame, each from the job with most samples of it; a complete frame needs no preparation.
 
-Whatever would change the bits is not taken: samples by another kind of workers than those connected now (other kernels, another
-processor), more samples than were asked for, and, for a job that ends by noise, tiles that would have ended sooner. A job that
-asks for a rendering time asks for work, and takes nothing; nor does a shot that shares out its samples by its frames' noise.
+Samples that would change the bits are not reused: those of another kind of workers than the connected ones (other kernels,
+another processor), more samples than requested, and, for a job with a target noise, tiles that would have ended earlier. A job
+with a target time reuses nothing; nor does a shot that distributes its samples by the noise of its frames.
 """
 
 from __future__ import annotations
@@ -37,34 +37,34 @@ from service.store.models import Frame, Job
 
 __all__ = ["Begun", "Reuse"]
 
-LOOKED_AT = 32  # of the latest jobs of a picture
+LOOKED_AT = 32  # latest jobs of a picture to examine
 RESTS = ("finished", "cancelled")
-PATIENCE_S = 20.0  # somebody waits for the answer: frames that are not copied by then are rendered
+PATIENCE_S = 20.0  # seconds for copying during a request; the remaining frames are rendered
 
-Begun = Mapping[int, Mapping[str, Any]]  # of a frame, by its key: what its row says of what it begins with
+Begun = Mapping[int, Mapping[str, Any]]  # by frame key: initial values of the frame's columns
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class _Source:
-    """A job that another may take from. samples: of its frames that have any, by key, all pixels together."""
+    """A job whose samples can be reused. samples: by frame key, over all pixels, for frames that have any."""
 
     job: Job
     samples: Mapping[int, int]
 
     @property
     def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
-        """What somebody may have changed meanwhile."""
+        """The fields that a concurrent change of the job may affect."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
 
 class Reuse:
-    """May be called from any thread."""
+    """Copies films of earlier jobs to new ones. Thread-safe."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, board: Board, data: Path, min_free_bytes: int) -> None:
-        """data: the folder whose disk has the films, of which so many bytes stay free."""
+        """Creates the copier. data: folder of the films, on whose disk `min_free_bytes` remain free."""
         self._sessions = sessions
         self._films = films
         self._board = board
@@ -72,10 +72,10 @@ class Reuse:
         self._min_free_bytes = min_free_bytes
 
     def begin(self, job: Job, keys: Collection[int] = (0,)) -> Begun:
-        """Give a job that is about to be written down a film to begin with, and have its row say so.
+        """Creates the film of a new job from earlier jobs, and updates the job's row, which is not stored yet.
 
-        keys: its frames. Returns those that begin with something; none where there is nothing that it may take, or its settings
-        are not known yet. Whoever does not write the job down deletes the film.
+        keys: of its frames. Returns the initial columns of the frames with reused samples; empty if there are none or the job's
+        settings are not known yet. The caller deletes the film if it does not store the job.
         """
         shot = Shot.of(job.shot)
         is_laid_out = shot is not None and shot.order == NOISIEST
@@ -93,16 +93,16 @@ class Reuse:
             changed = [id for id in {id for id, _ in taken.values()} if not self._is_as_it_was(sources[id])]
             if not changed:
                 return self._note(job, sources, taken)
-            self._films.delete(job.id)  # some went on meanwhile, and may have got samples of another end
+            self._films.delete(job.id)  # those jobs continued meanwhile, perhaps with another goal
             sources = {id: source for id, source in sources.items() if id not in changed}
         return {}
 
     def _take(self, job: Job, sources: Mapping[str, _Source]) -> dict[int, tuple[str, int]]:
-        """Copy of each frame what the job has that has most of it: whose it is, and how many samples. Raises FarmError."""
+        """Copies each frame from the job with most samples of it; returns job and sample count by frame key. Raises FarmError."""
         assert job.settings is not None and job.tile_size is not None
         found: dict[int, tuple[str, int]] = {}
         refused: set[str] = set()
-        fitting: set[str] = set()  # for whose films there is room
+        fitting: set[str] = set()  # jobs whose films fit on the disk
         until = time.monotonic() + PATIENCE_S
         with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
             for key in sorted({key for source in sources.values() for key in source.samples}):
@@ -128,7 +128,7 @@ class Reuse:
         return found
 
     def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
-        """Jobs from which this one may take, by id, those with most samples first. All are of one kind of workers."""
+        """Returns the jobs that can be reused, all of one kind of workers, by id, most samples first."""
         kinds = {report.kind for report in self._board.roster.reports.values()}
         with self._sessions() as session:
             jobs = session.scalars(
@@ -140,7 +140,7 @@ class Reuse:
                 if each.kind and not each.doubted and (not kinds or each.kind in kinds) and _is_part(each, job)
             ]
             samples: dict[str, dict[int, int]] = {each.id: {} for each in able}
-            # These columns alone: of a long shot the rest of the rows is megabytes.
+            # Only these columns, since the full rows of a long shot take megabytes.
             query = select(Frame.job, Frame.number, Frame.samples).where(Frame.job.in_(list(samples)), Frame.samples > 0)
             for id, number, count in session.execute(query.where(Frame.number.between(min(keys), max(keys)))):
                 if number in keys:
@@ -150,7 +150,7 @@ class Reuse:
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_as_it_was(self, source: _Source) -> bool:
-        """Whether a job has the end still that it had; not where it is deleted."""
+        """Whether a job exists and its goals are unchanged."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
         return job is not None and _Source(job, {}).end == source.end
@@ -183,7 +183,7 @@ class Reuse:
         return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
 
     def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
-        """The rows of the frames that were taken, by key."""
+        """Returns the rows of the reused frames, by key."""
         found: dict[int, Frame] = {}
         with self._sessions() as session:
             for id in {id for id, _ in taken.values()}:
@@ -194,17 +194,20 @@ class Reuse:
 
 
 def _is_part(source: Job, job: Job) -> bool:
-    """Whether all that a job has rendered is part of what another of its picture asks for."""
+    """Whether the samples that `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
-        return False  # which is seen without a look at its film
+        return False  # decided without reading its film
     if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK:
         return True
-    # A tile that has gone on for a coarser end goes on for a finer one too: both look at the same numbers of samples.
+    # Both check the noise at the same sample counts, so a tile that continues at a coarser target also continues at a finer one.
     return source.seconds is None and source.noise is not None and source.noise >= job.noise
 
 
 def _frame(job: Job, source: Job, frame: Frame | None, samples: int, pixels: int) -> dict[str, Any]:
-    """The columns of a shot's frame that starts with so many samples of another's. One that has all of them is finished."""
+    """Returns the initial columns of a shot's frame with reused samples; a complete frame is finished.
+
+    samples: reused, over all pixels. pixels: of the frame.
+    """
     if job.noise is None:
         is_whole = samples == (job.spp or 0) * pixels
     else:

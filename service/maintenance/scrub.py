@@ -1,9 +1,9 @@
-"""Checks films at rest: each is read completely now and then, and what is missing from it is rendered again.
+"""Checks of films at rest: each is read completely from time to time, and missing samples are rendered again.
 
-A disk returns other bytes than were written, a folder is restored in part, a file is deleted by hand. While a job is being
-rendered the engine notices, but nobody may read a finished job's film for months. So a thread checks: when the service starts,
-whether each film exists; then at one after the other, starting with those not checked for longest, using a twentieth of a core;
-and at once where a reader met damage. A job whose film lacks something is queued again as it is, and ends with the same bits.
+A disk may return wrong bytes, a folder may be restored in part, a file may be deleted by hand. The engine notices damage to films
+of active jobs, but a finished job's film may not be read for months. So a thread checks whether each film exists when the service
+starts; then reads one after another, longest unchecked first, using a twentieth of a core; and checks a film at once when a
+reader found damage. A job whose film lacks samples is queued again, and ends with the same bits.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from service.store.models import Frame, Job, Scene
 
 __all__ = ["Scrubber", "check_film"]
 
-RESTS = 19  # times as long as the check took
+RESTS = 19  # multiple of the check's duration
 REST_AT_MOST_S = 60.0
-IDLE_S = 600.0  # between searches for due films
-LATER_S = 3600.0  # until a film that could not be read is tried again
+IDLE_S = 600.0  # seconds between searches for due films
+LATER_S = 3600.0  # seconds until a film that could not be read is tried again
 TRIES = 3  # repairs of a job's film per run of the service: rendering cannot repair a failing disk
 DAY_S = 86400.0
 
@@ -52,7 +52,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
 
 
 class Scrubber:
-    """One thread, which `FilmSuspected` wakes. `suspect` may be called from any thread."""
+    """The checking thread, woken by `FilmSuspected`. `suspect` is thread-safe."""
 
     def __init__(
         self,
@@ -62,7 +62,10 @@ class Scrubber:
         events: Events,
         every_days: float,
     ) -> None:
-        """prepare: restores the scene that a job renders, by the job's id. every_days: the period of checks; 0: never."""
+        """Creates the checker.
+
+        prepare: restores the scene that a job renders, by the job's id. every_days: the period of checks; 0: never.
+        """
         self._sessions = sessions
         self._films = films
         self._prepare = prepare
@@ -70,7 +73,7 @@ class Scrubber:
         events.subscribe(FilmSuspected, lambda event: self.suspect(event.job))
         self._every_s = every_days * DAY_S
         self._suspects: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._waiting: set[str] = set()  # in it
+        self._waiting: set[str] = set()  # elements of the queue
         self._tries: Counter[str] = Counter()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="scrub", daemon=True)

@@ -1,8 +1,8 @@
-"""Finds and marks the pictures with samples of a worker that was found to render something other than the rest.
+"""Marking of finished jobs that contain samples of a worker with wrong results.
 
-In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture stays as it was
-delivered: its job names the workers, and a PATCH to running renders those samples again. A thread searches
-the films at rest, using a fifth of a core; when the service starts, it does so for all workers that are still set aside.
+In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture stays as delivered:
+its job names the workers, and a PATCH to running renders those samples again. A thread searches the films at rest, using a fifth
+of a core; when the service starts, it does so for all distrusted workers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from service.store.models import FINAL, Job
 
 __all__ = ["TaintMarker"]
 
-RESTS = 4  # times as long as the search took
+RESTS = 4  # multiple of the search's duration
 
 log = logging.getLogger(__name__)
 

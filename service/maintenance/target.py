@@ -1,4 +1,4 @@
-"""Where a backup goes: a folder, in which the next backup writes only what is new, or one tar file."""
+"""Destination of a backup: a folder, to which the next backup adds only new files, or one tar file."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ ARCHIVES = (".tar", ".tar.gz", ".tgz", ".tar.xz")
 
 
 class Target(Protocol):
-    """Takes files under names with slashes."""
+    """Protocol of a destination for files, whose names contain slashes."""
 
     def manifest(self, name: str) -> bytes | None:
-        """The manifest of the backup that is there already."""
+        """Returns the manifest of a previous backup; None if there is none."""
 
     def has(self, name: str, size: int) -> bool:
-        """Whether a file is there, and so long."""
+        """Whether a file with this size exists."""
 
     def put(self, name: str, path: Path) -> None:
-        """Take a copy of a file."""
+        """Stores a copy of a file."""
 
     def write(self, name: str, data: bytes) -> None:
-        """Take a small file."""
+        """Stores a small file with this content."""
 
     def prune(self, keep: set[str]) -> None:
-        """Remove what an earlier backup had and this has not."""
+        """Deletes the files of a previous backup that this one does not contain."""
 
     def scratch(self) -> AbstractContextManager[Path]:
-        """A folder for files that are about to be put."""
+        """Returns a context with a folder for temporary files."""
 
 
 class FolderTarget:
-    """A folder: the same again takes only what is new."""
+    """A folder as destination. Unchanged files of a previous backup are kept."""
 
     def __init__(self, folder: Path, marker: str) -> None:
-        """Raises Invalid for a folder that holds something else; marker: the file by which a backup is known."""
+        """Opens the folder. Raises Invalid for a folder with other content. marker: the file that identifies a backup."""
         if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists() and not (folder / ".part").exists():
             raise Invalid(f"{folder} holds something else than a backup. Name an empty folder, or a new one.")
         make_private(folder)
@@ -57,7 +57,7 @@ class FolderTarget:
         self._part.mkdir(PRIVATE_FOLDER)
 
     def manifest(self, name: str) -> bytes | None:
-        """See Target. It is taken away until this backup is complete."""
+        """See Target. Removes the manifest until this backup is complete."""
         path = self._folder / name
         if not path.exists():
             return None
@@ -98,7 +98,7 @@ class FolderTarget:
 
 
 class TarTarget:
-    """One file, which appears when it is complete."""
+    """A tar file as destination, which gets its name when it is complete."""
 
     def __init__(self, path: Path) -> None:
         if path.exists():
@@ -121,7 +121,7 @@ class TarTarget:
         return self._has.get(name) == size
 
     def put(self, name: str, path: Path) -> None:
-        """See Target. A name that comes again counts as it came last."""
+        """See Target. Of several files with one name, the last is valid."""
         self._tar.add(path, name, filter=_private)
         self._has[name] = path.stat().st_size
 
@@ -132,7 +132,7 @@ class TarTarget:
         self._tar.addfile(_private(info), io.BytesIO(data))
 
     def prune(self, keep: set[str]) -> None:
-        """See Target. Nothing was there; the file is closed and gets its name."""
+        """See Target. Closes the tar file and gives it its name; there are no previous files."""
         self._tar.close()
         self._file.close()
         move_whole(self._part, self._path)
@@ -145,7 +145,7 @@ class TarTarget:
 
 
 def target_at(path: Path, marker: str) -> Target:
-    """By its name: a tar file, or a folder. Raises Invalid."""
+    """Returns the destination for a path: a tar file or a folder, by its name. Raises Invalid."""
     if path.name.endswith(ARCHIVES):
         return TarTarget(path)
     if path.suffix in (".zip", ".gz", ".xz", ".zst", ".7z") or path.is_file():

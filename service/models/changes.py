@@ -11,7 +11,7 @@ from service.models.strict import Strict
 
 __all__ = ["ChangesIn", "ChangesOut", "RefusedOut", "WasOut"]
 
-MOST_JOBS = 1000  # in one change
+MOST_JOBS = 1000  # per request
 
 
 class ChangesIn(Strict):

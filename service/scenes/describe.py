@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    """A scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
+    """Returns a scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
     try:
         return _scene_out(scene, engine)
     except Exception as error:
@@ -67,6 +67,6 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 
 def _why_preparing(scene: str, view: Snapshot) -> str:
-    """The current step of preparing a scene, or what it waits for."""
+    """Returns the current step of preparing a scene, or the reason why it waits."""
     progress = view.preparing.get(scene)
     return view.waits.get(scene) or (progress.step if progress else why_nothing_runs(view.roster) or "Waits for a free worker.")

@@ -318,7 +318,7 @@ class Engine:
                 continue
             self._changes.close((what, id))
             if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
-                self._keeper.look(job)  # first snapshot of a job that continues a previous picture
+                self._keeper.look(job)  # the previous picture of a continued job becomes a snapshot
 
     def _with_database(self, id: str, action: Callable[[], object]) -> bool:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
