@@ -1,4 +1,4 @@
-"""/api/examples: the scenes that Rayfarm ships, so that newcomers have a picture after two clicks."""
+"""/api/examples: the scenes shipped with Rayfarm, for a first picture without an upload."""
 
 from __future__ import annotations
 

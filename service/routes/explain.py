@@ -167,7 +167,8 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
 
 
 def _kind(job: Job, scene: Scene, farm: Farm) -> str:
-    """The kind of worker to use: the job's own, which reproduces paths exactly; else another for which the scene is compiled.
+    """Returns the kind of workers to use: the job's own, which reproduces paths exactly; else another for which the scene is
+    compiled.
 
     Raises Unavailable if there is none yet.
     """
@@ -182,7 +183,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 
 
 def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
-    """The film's sums of a pixel's colour and samples, and the number of contiguous samples from 0.
+    """Returns the film's sums of a pixel's colour and samples, and the number of contiguous samples from 0.
 
     The sums are None unless the film has exactly those samples.
     """

@@ -1,5 +1,7 @@
-"""/api/jobs/{id}/frames/{n}: the pictures, valid from the first sample on. A frame without samples answers 409 with a sentence;
-its film, which watchers begin with, is empty until the job ends."""
+"""/api/jobs/{id}/frames/{n}: the pictures, available from the first sample on.
+
+A frame without samples returns 409 with an explanation; its film, which clients fetch first, is empty until the job ends.
+"""
 
 from __future__ import annotations
 
@@ -148,7 +150,7 @@ async def image(
     headers["Content-Disposition"] = named(picture_name(job, n, samples, kind, extension))
     if asks_head:
         if denoise:
-            del headers["ETag"]  # the ETag is that of the picture denoised by then
+            del headers["ETag"]  # the response has the ETag of the denoised picture
         return headers_alone(headers, MEDIA[extension])
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     motion = await motion_of(job, n, film, farm) if aovs.MOTION in planes else None
@@ -190,7 +192,7 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
 
 
 def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
-    """The number and rectangle of the tile that contains a pixel. Raises Invalid."""
+    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid."""
     if x >= film.width or y >= film.height:
         raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
     return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
@@ -236,14 +238,14 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
 
 
 async def _denoised(id: str, n: float, film: Film, farm: Farm) -> MadeAside:
-    """Waits for the denoised frame without occupying a thread, since many clients may wait at a time."""
+    """Waits for the denoised frame without occupying a thread, since many clients may wait at once."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     return await asyncio.shield(asyncio.wrap_future(made))
 
 
 def _planes(text: str) -> tuple[tuple[str, ...], bool]:
-    """The requested planes, and whether they are layers in addition to the colour."""
+    """Returns the requested planes, and whether they are layers in addition to the colour."""
     asked = [name.strip() for name in text.split(",")]
     try:
         names = aovs.known(name for name in asked if name not in ("color", ""))
@@ -253,7 +255,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """A frame's film, the version of its content, and its number of samples."""
+    """Returns a frame's film, the version of its content, and its number of samples."""
     film, job = find_film(id, n, farm), find_job(id, farm)
     samples = film.samples(frame_key(n))
     if not samples and job.state in FINAL:
@@ -262,13 +264,13 @@ def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
 
 
 def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """Like `_state`, for a frame that has samples."""
+    """As `_state`, for a frame that has samples."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
 
 
 def _names(id: str, farm: Farm) -> dict[str, list[str]]:
-    """The names of the scene's objects and materials, in order of their numbers."""
+    """Returns the names of the scene's objects and materials, in order of their numbers."""
     with farm.sessions() as session:
         scene = session.get(Scene, find_job(id, farm).scene)
     names = ((scene.info if scene else None) or {}).get("names")

@@ -94,7 +94,7 @@ class _Watcher:
         self._rounds: deque[int] = deque()  # number of the last packet of every unacknowledged round
         self._spoke = 0.0
         self._state_at = 0.0
-        self._told: dict[int, FrameNumbers] = {}  # of a shot: the frame numbers that were sent
+        self._told: dict[int, FrameNumbers] = {}  # frame numbers of a shot, as last sent
         self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
@@ -164,7 +164,7 @@ class _Watcher:
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
                     await self._send_round(self._film)
-                except FarmError:  # job deleted, film unreadable or service stopping; the next state tells
+                except FarmError:  # job deleted, film unreadable or service stopping, as the next state shows
                     self._film = None
                     self._listener.changed["job", self._job] = None
                     self._listener.tiles.clear()
@@ -217,7 +217,7 @@ class _Watcher:
 
 
 def _frame(number: float) -> int:
-    """The key of a frame number. Raises ValueError."""
+    """Returns the key of a frame number. Raises ValueError."""
     if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
         raise ValueError(f"there is no frame {number}")
     return frame_key(number)
@@ -229,7 +229,7 @@ def _first_frame(farm: Farm, id: str) -> int | None:
 
 
 def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
-    """A job, its frames' numbers, and the CPU seconds of reading them."""
+    """Returns a job, its frames' numbers, and the CPU seconds spent reading them."""
     begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
@@ -238,7 +238,7 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
 
 
 def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
-    """Messages about the changed frames, up to FRAMES_TOLD frames each."""
+    """Returns messages about the changed frames, up to FRAMES_TOLD frames each."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
     return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
@@ -258,7 +258,7 @@ def _film(farm: Farm, id: str) -> Film | None:
 
 
 def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
-    """A job's state, and its message."""
+    """Returns a job's state as JSON-ready data, and its message."""
     with farm.sessions() as session:
         job = session.get(Job, id)
         state = None if job is None else job_out(job, session, farm.engine).model_dump()

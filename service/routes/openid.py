@@ -82,12 +82,12 @@ def _refused(request: Request, refusal: Refused) -> RedirectResponse:
 
 
 def _cookie(farm: Farm, request: Request, state: str) -> str:
-    """The name of a login's cookie: one for each login, so that several tabs can be logging in."""
+    """Returns the name of a login's cookie: one for each login, so that several tabs can log in at once."""
     return f"{_prefix(farm, request)}{fingerprint(state)[:16]}"
 
 
 def _pending(farm: Farm, request: Request) -> list[str]:
-    """The names of the cookies of all logins that this browser has begun and not finished."""
+    """Returns the cookie names of all logins that this browser has started and not finished."""
     return [name for name in _cookies(request) if name.startswith(_prefix(farm, request))]
 
 

@@ -77,7 +77,7 @@ def _terms(session: Session) -> dict[str, Terms]:
 
 
 def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
-    """The number of unfinished jobs of each share."""
+    """Returns the number of unfinished jobs of each share."""
     found = Counter[str]()
     by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
     for user, project, number in session.execute(by_owner):
@@ -113,7 +113,7 @@ def _changed(share: str, farm: Farm) -> ShareOut:
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
-    """The number of slots that work on each share's jobs."""
+    """Returns the number of slots that work on each share's jobs."""
     busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
     with farm.sessions() as session:
         rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()

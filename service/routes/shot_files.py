@@ -166,7 +166,7 @@ def _curve(name: str) -> str:
 
 
 def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
-    """The chosen frames' numbers by key, in order."""
+    """Returns the selected frames' numbers by key, in order."""
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
@@ -193,6 +193,6 @@ def _fps(job: Job, farm: Farm) -> float:
 
 
 def _title(job: Job, frames: str | None = None) -> str:
-    """A file name's title: the job's name, and the numbers of its frames."""
+    """Returns a file name's title: the job's name, and the numbers of its frames."""
     which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
     return f"{title_of(job)}.{which}" if which else title_of(job)

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/snapshots: intermediate pictures of a job, at 1, 2, 4, 8 ... samples a pixel."""
+"""/api/jobs/{id}/snapshots: intermediate pictures of a job, at 1, 2, 4, 8 ... samples per pixel."""
 
 from __future__ import annotations
 

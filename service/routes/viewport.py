@@ -206,7 +206,7 @@ class _Viewer:
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
-        """The view to render; None while its scene is being prepared, or if it does not exist and `makes` is false.
+        """Returns the view to render; None while its scene is being prepared, or if it does not exist and `makes` is false.
 
         Raises FarmError.
         """

@@ -1,10 +1,8 @@
 """The pieces in which a view is rendered: a small picture first, then the whole view with ever more samples.
 
 The first picture is as large as the farm can render in FIRST_S at the measured cost of a sample; if the whole view takes much
-longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. The samples of
-a
-piece lie in one half (renderer.film.in_half), so that sums of colour yield the noise. A piece takes about PIECE_S, so that a
-new
+longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. The samples of a
+piece lie in one half (renderer.film.in_half), so that sums of colour yield the noise. A piece takes about PIECE_S, so that a new
 view starts soon; several pieces form a message, enough to be worth its round trip.
 """
 

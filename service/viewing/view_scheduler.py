@@ -1,8 +1,7 @@
 """The scheduler of live views: one thread that sends pieces of views to workers and adds up their results.
 
 Views bypass jobs, films and the database: their pieces have a queue that slots check first, their sums are held in memory, and
-everything is dropped when the viewer leaves. Lost pieces are sent again. A view that is already whole shares the slots with
-other
+everything is dropped when the viewer leaves. Lost pieces are sent again. A view that is already whole shares the slots with other
 waiting work, such as preparing the next light.
 """
 

@@ -12,7 +12,7 @@ __all__ = ["Waker"]
 
 
 class Waker:
-    """Pushes an empty answer into the list of answers, in a thread of its own."""
+    """Pushes an empty answer into the list of answers, in a separate thread."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
@@ -32,7 +32,7 @@ class Waker:
             self._thread.join(1)
 
     def wake(self) -> None:
-        """Wakes the scheduler soon. Returns at once."""
+        """Wakes the scheduler soon. Does not block."""
         self._requested.set()
 
     def _run(self) -> None:
@@ -47,4 +47,4 @@ class Waker:
                     at_once.expire(VIEW_ANSWERS, ANSWERS_TTL_S)
                     at_once.execute()
             except redis.RedisError:
-                continue  # the scheduler wakes up by itself
+                continue  # the scheduler also wakes up periodically
