@@ -1,4 +1,4 @@
-"""Sites, groups of machines that add up their sums before sending them (worker/protocol/site.py): sending batches to them.
+"""Sites, groups of machines that add up their sums before sending them (protocol/site.py): sending batches to them.
 
 A site is efficient for consecutive batches of one tile. It has its own queue, that of jobs requiring its tag (needs.py), which
 its workers serve in addition to all others. A run of batches is sent there in as many messages as there are machines. Nothing

@@ -1,4 +1,4 @@
-"""Tracing spans of jobs and scenes, if tracing is on (worker/telemetry/tracing.py)."""
+"""Tracing spans of jobs and scenes, if tracing is on (telemetry/tracing.py)."""
 
 from __future__ import annotations
 
