@@ -8,6 +8,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import av
@@ -299,7 +300,7 @@ def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tm
 def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()
-    with sqlite3.connect(data / "rayfarm.sqlite") as database:
+    with closing(sqlite3.connect(data / "rayfarm.sqlite")) as database, database:
         database.execute("CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL)")
         database.execute("INSERT INTO alembic_version VALUES ('9999')")
     code, _, err = run("up", "--port=0", "--workers=0", f"--data={data}", "--no-browser")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -94,7 +95,7 @@ def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object],
 def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Service, stored: Path) -> None:
     service.stop()
     try:
-        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
             (revision,) = database.execute("SELECT version_num FROM alembic_version").fetchone()
             database.execute("UPDATE alembic_version SET version_num = '9999'")
         database.close()
@@ -104,12 +105,12 @@ def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Servic
         assert "Database: " in faults(stored)[0]
         assert "is damaged" in faults(stored)[0]
         (stored / "rayfarm.sqlite").write_bytes(whole)
-        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
             database.execute("DELETE FROM alembic_version")
         database.close()
         assert [each.says for each in look(stored) if each.level == "note" and "older release" in each.says]
     finally:
-        with sqlite3.connect(stored / "rayfarm.sqlite") as database:
+        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
             database.execute("DELETE FROM alembic_version")
             database.execute("INSERT INTO alembic_version VALUES (?)", (revision,))
         database.close()

@@ -156,7 +156,7 @@ def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> Non
 def small(folder: Path) -> Path:
     """A farm of a database alone, backed up."""
     (folder / "data").mkdir()
-    with sqlite3.connect(folder / "data" / "rayfarm.sqlite") as database:
+    with closing(sqlite3.connect(folder / "data" / "rayfarm.sqlite")) as database, database:
         database.execute("PRAGMA user_version")
     database.close()
     back_up(folder / "data", target_at(folder / "copy", MANIFEST))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -202,7 +203,7 @@ def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> No
     service.options["film_check_days"] = 0
     service.restart()
     path: Path = service.options["data"] / "films" / f"{first}.sqlite"
-    with sqlite3.connect(path) as database:
+    with closing(sqlite3.connect(path)) as database, database:
         database.execute("UPDATE part SET sums = zeroblob(length(sums)) WHERE tile = 3")
     database.close()
     again = service.submit(scene)

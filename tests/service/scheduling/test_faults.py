@@ -7,7 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +120,7 @@ def garbage(service: Service, job: str) -> None:
 
 
 def no_table(service: Service, job: str) -> None:
-    with sqlite3.connect(film_of(service, job), timeout=10) as other:
+    with closing(sqlite3.connect(film_of(service, job), timeout=10)) as other, other:
         other.execute("DROP TABLE part")
     other.close()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,7 +113,7 @@ def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> No
 
 def test_a_film_without_checksums_is_believed(tmp_path: Path) -> None:
     films = filled(tmp_path)
-    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+    with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("UPDATE part SET checksum = NULL")
     database.close()
     film = films.open("job", SETTINGS, TILE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -55,7 +56,7 @@ def test_to_look_at_a_film_changes_nothing_and_one_without_owners_gets_one(tmp_p
     plain.close()
 
     def epochs() -> list[tuple[int]] | None:
-        with sqlite3.connect(path) as database:
+        with closing(sqlite3.connect(path)) as database, database:
             has_table = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'owner'").fetchone()
             found = database.execute("SELECT epoch FROM owner").fetchall() if has_table else None
         database.close()

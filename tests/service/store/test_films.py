@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import tempfile
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Pat
     old = expected_sums(film.tiles[0], 0, 2, 0)[:planes]
     film.merge([part(film, 0, 0, 2)])
     film.close()
-    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+    with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("UPDATE part SET sums = ?, checksum = NULL", (pack_sums(old),))
     database.close()
     film = make(tmp_path / "job.sqlite")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ def test_of_more_workers_than_a_row_names_it_may_be_anybody() -> None:
 def test_a_film_of_the_version_before_is_read_and_goes_on(film: Film, tmp_path: Path) -> None:
     sent(film, "", 0, 2)
     film.close()
-    with sqlite3.connect(tmp_path / "job.sqlite") as database:
+    with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("ALTER TABLE part DROP COLUMN workers")
         database.execute("ALTER TABLE part DROP COLUMN ranges")
         database.execute(f"PRAGMA user_version = {VERSION - 1}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -63,7 +64,10 @@ def test_file_names_give_the_revisions_that_alembic_reads(tmp_path: Path) -> Non
     scripts = ScriptDirectory.from_config(config)
     revisions = [script.revision for script in scripts.walk_revisions()]
     engine = create_engine(f"sqlite:///{tmp_path / 'new.sqlite'}")
-    assert standing(engine).head == scripts.get_current_head() == revisions[0]
+    try:
+        assert standing(engine).head == scripts.get_current_head() == revisions[0]
+    finally:
+        engine.dispose()
     assert sorted(revisions) == sorted(path.name[1:5] for path in (MIGRATIONS / "versions").glob("r*.py"))
     assert all(Path(script.path).name.startswith(f"r{script.revision}_") for script in scripts.walk_revisions())
 
@@ -85,12 +89,12 @@ def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
 def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
     farm = Farm(Settings(data=old))
     farm.stop()
-    with sqlite3.connect(old / "rayfarm.sqlite") as database:
+    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
     with pytest.raises(CannotStart, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
         Farm(Settings(data=old))
-    with sqlite3.connect(old / "rayfarm.sqlite") as database:
+    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
     database.close()
 
