@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import struct
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
+from protocol.live import FROM_SERVICE, Frames, JobState, WatchFrame
+from protocol.pictures import decode_tile
+from protocol.websocket import CLOSED, Acknowledge, read_service
 from rayfarm.client import Client, ClientError
 from rayfarm.responses import Frame, Job, read
 from renderer.frames import frame_text
@@ -23,9 +23,6 @@ from renderer.settings import Tile
 
 __all__ = ["LiveJob"]
 
-HEADER = struct.Struct("<BBHIHHHHI")  # service/watching/tile_packet.py
-VERSION, KIND_TILE = 1, 1
-GONE = (4404, 4410)  # the job is not there, or not any more
 PAUSES_S = (0.2, 1.0, 2.0, 5.0)
 AWAY_S = 60.0
 LOOK_EVERY_S = 0.5  # whether it is to end
@@ -91,7 +88,7 @@ class LiveJob:
             socket = self._socket
         if socket is not None:
             with contextlib.suppress(ConnectionClosed, OSError):  # it is asked for when it is there again
-                socket.send(json.dumps({"frame": frame}))
+                socket.send(WatchFrame(frame).to_text())
 
     def _begin(self) -> None:
         self._versions.clear()
@@ -135,7 +132,7 @@ class LiveJob:
                         self.trouble = None
                         self._wake()
             except ConnectionClosed as closed:
-                if closed.rcvd is not None and closed.rcvd.code in GONE:
+                if closed.rcvd is not None and closed.rcvd.code in CLOSED:
                     raise ClientError(closed.rcvd.reason or "There is no such job.", 404) from None
                 self.trouble = "The farm is away; it is tried again."
             finally:
@@ -144,16 +141,15 @@ class LiveJob:
 
     def _take(self, socket: ClientConnection, message: str | bytes) -> None:
         if isinstance(message, bytes):
-            sequence = self._tile(message)
-            socket.send(json.dumps({"ack": sequence}))
+            socket.send(Acknowledge(self._tile(message)).to_text())
             return
-        said: dict[str, Any] = json.loads(message)
-        if said.get("type") == "state":
-            self._state(read(Job, said["job"]))
-        elif said.get("type") == "frames":
-            found = [read(Frame, each) for each in said["frames"]]
-            self.frames |= {each.number: each for each in found}
-            self._follow()
+        match read_service(message, FROM_SERVICE):
+            case JobState(job):
+                self._state(read(Job, job))
+            case Frames(frames):
+                found = [read(Frame, each) for each in frames]
+                self.frames |= {each.number: each for each in found}
+                self._follow()
 
     def _state(self, job: Job) -> None:
         with self._lock:
@@ -173,14 +169,12 @@ class LiveJob:
             self.turn_to(under_way[0])
 
     def _tile(self, message: bytes) -> int:
-        version, kind, frame, sequence, x, y, w, h, _ = HEADER.unpack_from(message)
-        if (version, kind) != (VERSION, KIND_TILE):
-            raise ValueError(f"tiles of version {version}")
-        rgb = rgbe9995.unpack(np.frombuffer(message, "<u4", w * h, HEADER.size).reshape(h, w))
+        (frame, sequence, x, y, w, h, _), words = decode_tile(message)
+        rgb = rgbe9995.unpack(words)
         with self._lock:
             film = self.film
             if film is not None and frame == int(self.frame) & 0xFFFF and film[y : y + h, x : x + w].shape == rgb.shape:
                 film[y : y + h, x : x + w] = rgb
                 self.changes += 1
                 self._versions[Tile(x, y, w, h)] = self.changes
-        return int(sequence)
+        return sequence

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -25,6 +24,9 @@ from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
+from protocol.live import FROM_CLIENT, Frames, Have, JobState, WatchFrame
+from protocol.pictures import encode_tile
+from protocol.websocket import GONE, NOT_FOUND, Acknowledge, FromClient, read_client
 from renderer.frames import MAX_FRAME, frame_key
 from service.errors import FarmError
 from service.farm import Farm
@@ -36,7 +38,6 @@ from service.jobs.lookup import no_job
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.store.films import Film
 from service.store.models import ACTIVE, Frame, Job
-from service.watching import tile_packet
 from service.watching.broadcast import Listener
 
 __all__ = ["router"]
@@ -47,8 +48,6 @@ MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0
 FRAMES_TOLD = 2000  # frames in one message
 FRAMES_REST = 20  # minimum pause between frame updates, as a multiple of their CPU time
-NOT_FOUND = 4404
-GONE = 4410
 MOST_TEXT = 1 << 16  # characters of a message without its list of tiles; it is parsed on the event loop
 TILE_TEXT = 16  # characters for a tile's samples
 MOST_TILES = 1 << 16  # assumed while the number of tiles is unknown
@@ -103,22 +102,20 @@ class _Watcher:
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
                 continue
-            try:
-                said = json.loads(text)
-                if "frame" in said:
-                    self._wanted = _frame(float(said["frame"])), said.get("snapshot") is not False
-                    self._have = None
-                    self._listener.wake()
-                    continue
-                if "have" in said:
-                    self._have = list(said["have"])
-                    self._listener.wake()
-                    continue
-                acknowledged = int(said["ack"])
-            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
-                continue
-            if self._rounds and self._rounds[0] <= acknowledged:
-                while self._rounds and self._rounds[0] <= acknowledged:
+            with contextlib.suppress(ValueError, TypeError, OverflowError, RecursionError):
+                self._react(read_client(text, FROM_CLIENT))
+
+    def _react(self, message: FromClient | None) -> None:
+        """Processes a message. Raises ValueError."""
+        match message:
+            case WatchFrame(frame, snapshot):
+                self._wanted, self._have = (_frame(frame), snapshot), None
+                self._listener.wake()
+            case Have(samples):
+                self._have = samples
+                self._listener.wake()
+            case Acknowledge(seq) if self._rounds and self._rounds[0] <= seq:
+                while self._rounds and self._rounds[0] <= seq:
                     self._rounds.popleft()
                 self._listener.wake()
 
@@ -212,7 +209,7 @@ class _Watcher:
         self._rounds.append(self._sequence + len(packed))
         for tile, spp, words in packed:
             self._sequence += 1
-            await self._socket.send_bytes(tile_packet.packet(film, frame, tile, self._sequence, spp, words))
+            await self._socket.send_bytes(encode_tile(frame // 2, self._sequence, film.tiles[tile], spp, words))
         self._spoke = time.monotonic()
 
 
@@ -241,7 +238,7 @@ def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mappi
     """Returns messages about the changed frames, up to FRAMES_TOLD frames each."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
-    return [json.dumps({"type": "frames", "frames": plain_frames(job, part)}) for part in some] if job is not None else []
+    return [Frames(plain_frames(job, part)).to_text() for part in some] if job is not None else []
 
 
 def _job(farm: Farm, id: str) -> Job | None:
@@ -262,4 +259,4 @@ def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
     with farm.sessions() as session:
         job = session.get(Job, id)
         state = None if job is None else job_out(job, session, farm.engine).model_dump()
-    return state, json.dumps({"type": "state", "job": state})
+    return state, JobState(state).to_text() if state is not None else ""

@@ -1,40 +1,23 @@
 """WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is kept when the page leaves.
 
-The page sends JSON:
-
-    {"id": n, ...}        the new view, which replaces all earlier ones: a job's request (POST /api/jobs), with size, camera or
-                          view, settings, frame, clip, fps and turntable in effect; spp limits the samples a pixel (256 at
-                          most), and a tile that has reached `noise` is complete with fewer
-    {"ack": seq}          the picture of this number, and all before, have been shown
-    {"pick": [x, y]}      requests what lies under a pixel of the view
-    {"paused": true}      the page is hidden; false: it is visible again
-
-and gets JSON:
-
-    {"type": "state", "id", "samples", "bound", "mean", "noise", "done", "slots", "message"}
-                          samples: minimum over the view's pixels; mean: average per pixel; noise: relative, null while unknown;
-                          message: why nothing new comes; null while pictures come
-    {"type": "error", "id", "detail"}                                 a sentence: the view, or the message, is invalid
-    {"type": "picked", "x", "y", "direction", "depth", "position", "normal"}   the last three are null: nothing is there
-
-and pictures (service/viewing/view_packet.py): a small one first, then the whole view with increasing samples. Each has the tiles
-that have at least half as many samples again as last sent, and complete tiles exactly. At most two pictures are unacknowledged: a
-slow client gets fewer pictures, but never older ones.
+Messages are those of protocol/viewport.py, pictures those of protocol/pictures.py: a small one first, then the whole view with
+increasing samples. Each has the tiles that have at least half as many samples again as last sent, and complete tiles exactly.
+At most two pictures are unacknowledged: a slow client gets fewer pictures, but never older ones.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import time
 from collections import deque
-from typing import Any
 
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
+from protocol.viewport import FROM_CLIENT, Look, Pause, Pick, Refused, ViewState
+from protocol.websocket import NOT_FOUND, Acknowledge, read_client
 from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -61,7 +44,6 @@ NOT_UNDERSTOOD = (
     'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
     f"of at most {MOST_BYTES} characters."
 )
-NOT_FOUND = 4404
 
 
 class ViewIn(JobIn):
@@ -110,10 +92,11 @@ class _Viewer:
         self._ask: ViewIn | None = None
         self._awaited: ViewIn | None = None  # the view whose environment is being prepared
         self._patient_until = 0.0
-        self._errors: deque[dict[str, Any]] = deque(maxlen=16)
+        self._errors: deque[Refused] = deque(maxlen=16)
         self._unacknowledged: deque[int] = deque()
         self._seq = 0
-        self._told: dict[str, Any] = {}
+        self._told: ViewState | None = None
+        self._told_error: Refused | None = None
         self._told_at = 0.0
         self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = AGAIN_S
@@ -140,24 +123,23 @@ class _Viewer:
         """Processes a message. Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
             raise ValueError("too long")
-        said = json.loads(text)
-        if not isinstance(said, dict):
-            raise TypeError("no object")
-        if "ack" in said:
-            while self._unacknowledged and self._unacknowledged[0] <= int(said["ack"]):
-                self._unacknowledged.popleft()
-            self._changed.set()
-        elif "pick" in said:
-            x, y = said["pick"]
-            self._farm.views.pick(self.session, int(x), int(y))
-        elif "paused" in said:
-            self._farm.views.pause(self.session, bool(said["paused"]))
-        else:
-            self._ask = ViewIn.model_validate(said)
-            self._asked.set()
+        match read_client(text, FROM_CLIENT):
+            case Acknowledge(seq):
+                while self._unacknowledged and self._unacknowledged[0] <= seq:
+                    self._unacknowledged.popleft()
+                self._changed.set()
+            case Pick(x, y):
+                self._farm.views.pick(self.session, x, y)
+            case Pause(paused):
+                self._farm.views.pause(self.session, paused)
+            case Look(view):
+                self._ask = ViewIn.model_validate(view)
+                self._asked.set()
+            case None:
+                raise ValueError("no known key")
 
     def _refuse(self, detail: str, id: int | None = None) -> None:
-        self._errors.append({"type": "error", "id": id, "detail": detail})
+        self._errors.append(Refused(id, detail))
         self._changed.set()
 
     async def settle(self) -> None:
@@ -234,9 +216,9 @@ class _Viewer:
         """Sends pictures and states until the service ends."""
         while not self._farm.broadcast.closing:
             while self._errors:
-                await self._socket.send_text(json.dumps(self._errors.popleft()))
+                await self._socket.send_text(self._errors.popleft().to_text())
             while self.session.picked:
-                await self._socket.send_text(json.dumps({"type": "picked", **self.session.picked.pop(0)}))
+                await self._socket.send_text(self.session.picked.pop(0).to_text())
             picture = None
             if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_due():
                 picture = await run_in_threadpool(self.session.take, self._seq + 1)
@@ -253,19 +235,17 @@ class _Viewer:
 
     async def _send_state(self) -> None:
         session, now = self.session, time.monotonic()
-        state: dict[str, Any]
         if session.request is None:
-            nothing: dict[str, Any] = {"samples": 0, "bound": 0, "mean": 0, "noise": None, "done": False, "slots": 0}
-            state = {"id": None, **nothing, "message": self._notice}
+            state = ViewState(None, message=self._notice)
         else:
-            about: dict[str, Any] = {"id": session.request.id, "samples": session.samples, "bound": session.bound}
-            about |= {"mean": round(session.mean_samples, 1), "noise": session.noise, "done": session.is_done}
-            state = {**about, "slots": session.slots, "message": self._notice or session.message}
-            if session.error is not None and self._told.get("error") != (session.request.id, session.error):
-                self._told["error"] = (session.request.id, session.error)
-                await self._socket.send_text(json.dumps({"type": "error", "id": session.request.id, "detail": session.error}))
-        has_changed = state != self._told.get("state")
-        is_urgent = has_changed and state["message"] != (self._told.get("state") or {}).get("message")
+            id, mean, message = session.request.id, round(session.mean_samples, 1), self._notice or session.message
+            progress = session.samples, session.bound, mean, session.noise, session.is_done, session.slots
+            state = ViewState(id, *progress, message)
+            if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
+                self._told_error = refused
+                await self._socket.send_text(refused.to_text())
+        has_changed = state != self._told
+        is_urgent = has_changed and state.message != (self._told and self._told.message)
         if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
-            self._told["state"], self._told_at = state, now
-            await self._socket.send_text(json.dumps({"type": "state", **state}))
+            self._told, self._told_at = state, now
+            await self._socket.send_text(state.to_text())

@@ -226,7 +226,7 @@ class Reference(Base):
     key: Mapped[str | None] = mapped_column(String(20))
     created: Mapped[float] = mapped_column(Float, index=True)
     file: Mapped[dict[str, Any]] = mapped_column(JSON)  # protocol.contract.BlobRef of the uploaded file
-    film: Mapped[dict[str, Any]] = mapped_column(JSON)  # BlobRef: gzipped packet of watching/film_packet.py
+    film: Mapped[dict[str, Any]] = mapped_column(JSON)  # BlobRef: gzipped film of protocol.pictures
     width: Mapped[int] = mapped_column(Integer)
     height: Mapped[int] = mapped_column(Integer)
     is_display: Mapped[bool] = mapped_column(Boolean)  # whether it had 8 bits per channel, display-encoded

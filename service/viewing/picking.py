@@ -7,6 +7,7 @@ from typing import Any
 
 from protocol.sums import unpack_sums
 from protocol.view_parts import Part, ViewAnswer, ViewParts
+from protocol.viewport import Picked
 from renderer.film import DEPTH, NORMAL, POSITION, Sums, mean
 from renderer.settings import Tile
 from service.viewing.pending import PendingMessage
@@ -39,7 +40,7 @@ def record_pick(out: PendingMessage, pick: tuple[int, int], answer: ViewAnswer) 
         seen = {"depth": depth, "position": _vector(sums, POSITION), "normal": _vector(sums, NORMAL)}
     settings = session.settings
     direction = settings and pixel_direction(settings.view, settings.width, settings.height, x + 0.5, y + 0.5)
-    session.picked.append({"x": x, "y": y, "direction": direction, **seen})
+    session.picked.append(Picked(x, y, direction, **seen))
     out.pick = None
     session.wake()
 

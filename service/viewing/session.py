@@ -10,13 +10,13 @@ import time
 import uuid
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
+from protocol.pictures import ViewTile, encode_view
+from protocol.viewport import Picked
 from renderer.film import Sums
 from renderer.settings import RenderSettings
 from service.viewing.canvas import Canvas
 from service.viewing.passes import Passes, Piece, levels_of
-from service.viewing.view_packet import Shown, packet
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["ViewSession"]
@@ -44,7 +44,7 @@ class ViewSession:
         self.message: str | None = None  # reason for the lack of new pictures
         self.error: str | None = None
         self.slots = 0
-        self.picked: list[dict[str, Any]] = []  # results for the page
+        self.picked: list[Picked] = []  # for the page
         self.pick: tuple[int, int] | None = None
         self.passes: Passes | None = None
         self.begun = 0.0
@@ -165,9 +165,9 @@ class ViewSession:
             self._shown_samples, self._taken = canvas.samples, time.monotonic()
             is_whole = level == len(self._canvases) - 1
             tiles = [(canvas.level.tiles[tile], *canvas.take(tile)) for tile in list(canvas.changed)]
-        shown = [Shown(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
+        shown = [ViewTile(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
-        return packet(shown, size, whole, request.id, seq)
+        return encode_view(shown, size, whole, request.id, seq)
 
     def _due(self) -> int | None:
         """Returns the level whose picture is due, or None."""

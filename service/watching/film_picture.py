@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from protocol.pictures import decode_film
 from renderer.image import rgbe9995
 from renderer.image.encode import encode
 from service.errors import Failed
-from service.watching.film_packet import GZIP, HEADER
+from service.watching.film_packet import GZIP
 from service.watching.picture_response import Made
 
 __all__ = ["light", "memory", "picture"]
@@ -23,12 +23,10 @@ def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
     """Returns the radiance of a gzip-compressed packet, shape (h, w, 3). Raises Failed if it is damaged."""
     try:
         data = zlib.decompress(b"".join(packed), GZIP)
-        _, _, _, width, height, side = HEADER.unpack_from(data)
-        at = HEADER.size + 4 * -(-width // side) * -(-height // side)
-        planes = np.frombuffer(data, np.uint8, 4 * width * height, at).reshape(4, height, width)
-    except (zlib.error, struct.error, ValueError, ArithmeticError) as error:
+        words = decode_film(data).words
+    except (zlib.error, ValueError) as error:
         raise Failed(f"What was kept of this picture is damaged ({error}).") from error
-    return rgbe9995.unpack(np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0])
+    return rgbe9995.unpack(words)
 
 
 def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> Made:

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple, TypeVar
 import anyio
 import anyio.to_thread
 
+from renderer.film import CHANNELS, COLOR, SAMPLES, mean
+from renderer.image import rgbe9995
 from service.store.films import Film
-from service.watching import tile_packet
 from service.watching.broadcast import Broadcast
 
 __all__ = ["Body", "Shared"]
@@ -30,11 +31,13 @@ ROUND_PIXELS = 1 << 20
 UNDER_WAY = 2 * 2 * 4  # bytes per pixel: two unacknowledged rounds, each here and in the connection
 FOR_PACKED = 0.5  # share of the memory for packed tiles
 
+PLANES = (*range(CHANNELS)[COLOR], SAMPLES)
+
 T = TypeVar("T")
 
 
 class Body(NamedTuple):
-    """A packed tile: its number, samples per pixel and words (tile_packet)."""
+    """A packed tile: its number, samples per pixel and words (protocol.pictures)."""
 
     tile: int
     spp: int
@@ -147,8 +150,16 @@ async def _result(task: asyncio.Task[T]) -> T:
 
 
 def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:
-    made = ((tile, tile_packet.body(film, frame, tile)) for tile in tiles)
+    made = ((tile, tile_body(film, frame, tile)) for tile in tiles)
     return {tile: None if body is None else Body(tile, *body) for tile, body in made}
+
+
+def tile_body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
+    """Returns a tile's samples per pixel and its mean colour as RGB9E5 words; None without samples."""
+    sums = film.tile_planes(frame, tile, PLANES)
+    if sums is None:
+        return None
+    return film.coverage(frame, tile).total, rgbe9995.pack(mean(sums, film.film_exponent)).astype("<u4").tobytes()
 
 
 def _size(packed: _Packed) -> int:

@@ -14,7 +14,6 @@ import argparse
 import json
 import math
 import os
-import struct
 import tempfile
 import time
 from pathlib import Path
@@ -25,9 +24,8 @@ import numpy as np
 import psutil
 from websockets.sync.client import ClientConnection, connect
 
+from protocol.pictures import VIEW
 from tests.helpers import ROOT, Farm, start_farm, stop_farm
-
-HEADER = struct.Struct("<BBHIIHHHH")
 
 
 class Viewer:
@@ -59,10 +57,10 @@ class Viewer:
             except TimeoutError:
                 return None
             if isinstance(message, bytes):
-                _, _, _, id, seq, width, height, _, _ = HEADER.unpack_from(message)
+                head = VIEW.unpack(message)
                 self._count(message)
-                self.socket.send(json.dumps({"ack": seq}))
-                return id, (width, height)
+                self.socket.send(json.dumps({"ack": head.seq}))
+                return head.id, (head.w, head.h)
             said = json.loads(message)
             assert said["type"] != "error", said
             self.state = said
@@ -74,7 +72,7 @@ class Viewer:
             message = self.socket.recv(timeout=240)
             if isinstance(message, bytes):
                 self._count(message)
-                self.socket.send(json.dumps({"ack": HEADER.unpack_from(message)[4]}))
+                self.socket.send(json.dumps({"ack": VIEW.unpack(message).seq}))
                 continue
             said = json.loads(message)
             if said["type"] == "state" and said["id"] == self.id and said["samples"] >= wanted:

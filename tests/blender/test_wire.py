@@ -9,11 +9,12 @@ import pytest
 
 from blender.rayfarm_addon.farm import exr, packets
 from blender.rayfarm_addon.farm.multipart import Part, body_of
+from blender.rayfarm_addon.farm.protocol import rgbe9995 as addon_rgbe9995
+from protocol.pictures import ViewTile, encode_view
 from renderer.image import rgbe9995
 from renderer.image.encode import encode
 from renderer.image.read import read as read_image
 from renderer.settings import Tile
-from service.viewing.view_packet import Shown, packet
 
 LIGHT = np.random.default_rng(7).gamma(1.0, 2.0, (37, 53, 3)).astype(np.float32)
 
@@ -41,8 +42,8 @@ def test_a_damaged_exr_is_said(damage: bytes | None) -> None:
 
 def test_words_are_light_again() -> None:
     words = rgbe9995.pack(LIGHT)
-    np.testing.assert_array_equal(packets.unpacked(words), rgbe9995.unpack(words))
-    shown = packets.rgba(packets.unpacked(words))
+    np.testing.assert_array_equal(addon_rgbe9995.unpack(words), rgbe9995.unpack(words))
+    shown = packets.rgba(addon_rgbe9995.unpack(words))
     assert shown.shape == (37, 53, 4)
     np.testing.assert_array_equal(shown[0, :, :3], rgbe9995.unpack(words)[-1])
 
@@ -50,16 +51,16 @@ def test_words_are_light_again() -> None:
 def test_a_view_grows_tile_by_tile() -> None:
     planes = np.moveaxis(LIGHT, -1, 0)
     left, right = Tile(0, 0, 21, 37), Tile(21, 0, 32, 37)
-    tiles = [Shown(left, planes[:, :, :21], 4, False), Shown(right, planes[:, :, 21:], 64, True)]
+    tiles = [ViewTile(left, planes[:, :, :21], 4, False), ViewTile(right, planes[:, :, 21:], 64, True)]
     view = packets.View()
-    view.take(packet(tiles, (53, 37), (53, 37), 9, 3))
+    view.take(encode_view(tiles, (53, 37), (53, 37), 9, 3))
     assert (view.id, view.seq, view.whole) == (9, 3, (53, 37))
     np.testing.assert_array_equal(view.rgb[:, 21:], rgbe9995.unpack(rgbe9995.pack(LIGHT[:, 21:])))
     coarse, truth = view.rgb[:, :21].sum(-1), LIGHT[:, :21].sum(-1)
     np.testing.assert_allclose(coarse, truth, rtol=0.03)
-    view.take(packet([Shown(left, planes[:, :, :21], 64, True)], (53, 37), (53, 37), 9, 4))
+    view.take(encode_view([ViewTile(left, planes[:, :, :21], 64, True)], (53, 37), (53, 37), 9, 4))
     np.testing.assert_array_equal(view.rgb, rgbe9995.unpack(rgbe9995.pack(LIGHT)))
-    view.take(packet([Shown(Tile(0, 0, 7, 5), planes[:, :5, :7], 64, True)], (7, 5), (53, 37), 10, 5))
+    view.take(encode_view([ViewTile(Tile(0, 0, 7, 5), planes[:, :5, :7], 64, True)], (7, 5), (53, 37), 10, 5))
     assert view.rgb.shape == (5, 7, 3)
 
 

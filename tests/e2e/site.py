@@ -16,9 +16,9 @@ from fastapi.responses import HTMLResponse
 from fastapi.staticfiles import StaticFiles
 from playwright.sync_api import Page
 
+from protocol.pictures import encode_tile
 from rayfarm.local.farm import free_port
 from renderer.image import rgbe9995
-from service.watching.tile_packet import HEADER
 
 __all__ = ["HEIGHT", "WIDTH", "Site", "call", "packet", "radiances"]
 
@@ -36,7 +36,7 @@ def radiances() -> np.ndarray:
 
 def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
     """A whole film as one live tile."""
-    return HEADER.pack(1, 1, 0, seq, 0, 0, WIDTH, HEIGHT, spp) + rgbe9995.pack(film).astype("<u4").tobytes()
+    return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
 
 
 class Site:

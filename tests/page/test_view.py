@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from protocol.pictures import EXACT, ViewTile, encode_view
 from renderer.image import rgbe9995
 from renderer.settings import Tile
-from service.viewing.view_packet import EXACT, Shown, packet
 from tests.page.node import Node
 from tests.service.viewer import body_of, unpacked
 
@@ -108,8 +108,8 @@ def test_a_picture_of_the_view_is_unpacked_as_it_was_packed(node: Node) -> None:
     generator = np.random.default_rng(5)
     rects = [Tile(0, 0, 9, 6), Tile(9, 0, 4, 6), Tile(0, 6, 9, 5), Tile(9, 6, 4, 5)]
     means = [2.0 ** generator.uniform(-20, 14, (3, rect.h, rect.w)).astype(np.float32) for rect in rects]
-    tiles = [Shown(*each, number + 1, number % 2 == 1) for number, each in enumerate(zip(rects, means, strict=True))]
-    message = packet(tiles, (13, 11), (26, 22), 7, 9)
+    tiles = [ViewTile(*each, number + 1, number % 2 == 1) for number, each in enumerate(zip(rects, means, strict=True))]
+    message = encode_view(tiles, (13, 11), (26, 22), 7, 9)
     body = """
         const { id, seq, width, height, tiles } = await m.decodeView(new Uint8Array(a).buffer);
         return { about: [id, seq, width, height], tiles: tiles.map((each) => ({ ...each, words: [...each.words] })) };"""

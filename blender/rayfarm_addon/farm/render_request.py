@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .packets import Words
+from .protocol.pictures import Words
 
 __all__ = ["Asked", "Done", "Failed", "Grown", "Light", "Said"]
 

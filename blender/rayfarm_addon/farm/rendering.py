@@ -6,7 +6,6 @@ Emits events.
 from __future__ import annotations
 
 import contextlib
-import json
 import queue
 import secrets
 import threading
@@ -15,8 +14,11 @@ import urllib.parse
 from collections.abc import Callable
 from typing import Any
 
-from . import exr, packets
+from . import exr
 from .client import Cancelled, Client, FarmError
+from .protocol.live import FROM_SERVICE, JobState
+from .protocol.pictures import decode_tile
+from .protocol.websocket import Acknowledge, read_service
 from .render_request import Asked, Done, Failed, Grown, Light, Said
 from .uploads import Uploads
 from .websocket import Closed, Socket
@@ -148,12 +150,12 @@ class Rendering:
                     raise Cancelled
                 message = socket.receive(WAIT_S)
                 if isinstance(message, bytes):
-                    tile = packets.tile(message)
-                    self.events.put(Grown(tile.x, tile.y, tile.words))
-                    socket.send(json.dumps({"ack": tile.seq}))
+                    tile = decode_tile(message)
+                    self.events.put(Grown(tile.head.x, tile.head.y, tile.words))
+                    socket.send(Acknowledge(tile.head.seq).to_text())
                 elif message is not None:
-                    said = json.loads(message)
-                    if said.get("type") == "state" and self._ends(said["job"]):
+                    told = read_service(message, FROM_SERVICE)
+                    if isinstance(told, JobState) and self._ends(told.job):
                         return True
                 elif time.monotonic() - last > 10:
                     last = time.monotonic()

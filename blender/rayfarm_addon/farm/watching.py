@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import threading
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,8 @@ import numpy.typing as npt
 
 from .client import Cancelled, Client, FarmError
 from .packets import View
+from .protocol.viewport import FROM_SERVICE, Look, Refused, ViewState
+from .protocol.websocket import Acknowledge, read_service
 from .render_request import Light
 from .rendering import light_of
 from .uploads import Uploads
@@ -152,19 +153,19 @@ class Watching:
             if view is not None and view["id"] != sent:
                 sent, done = view["id"], False
                 self._say("Rendering")
-                socket.send(json.dumps(view if environment is None else {**view, "environment": environment}))
+                socket.send(Look(view if environment is None else {**view, "environment": environment}).to_text())
             message = socket.receive(WAIT_S)
             if isinstance(message, bytes):
                 picture.take(message)
-                socket.send(json.dumps({"ack": picture.seq}))
+                socket.send(Acknowledge(picture.seq).to_text())
                 self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
             elif message is not None:
-                said = json.loads(message)
-                if said["type"] == "error":
-                    self._say(str(said["detail"]))
-                elif said["type"] == "state" and said["id"] in (None, sent):
-                    samples, done = float(said["mean"]), bool(said["done"])
-                    self._say(said["message"] or f"{samples:.0f} samples" + (", done" if done else ""))
+                told = read_service(message, FROM_SERVICE)
+                if isinstance(told, Refused):
+                    self._say(told.detail)
+                elif isinstance(told, ViewState) and told.id in (None, sent):
+                    samples, done = told.mean, told.done
+                    self._say(told.message or f"{samples:.0f} samples" + (", done" if done else ""))
 
     def _keep(self, shown: Shown, scene: Any) -> None:
         with self._lock:

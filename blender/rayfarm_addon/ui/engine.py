@@ -10,8 +10,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..farm import packets
 from ..farm.client import FarmError
+from ..farm.packets import rgba
+from ..farm.protocol import rgbe9995
 from ..farm.render_request import Done, Failed, Grown, Said
 from ..farm.rendering import Rendering
 from . import connection
@@ -110,7 +111,7 @@ class RayfarmEngine(bpy.types.RenderEngine):
         result = self.begin_result(x0 - shot.x, shot.y + shot.h - y1, x1 - x0, y1 - y0, layer=layer)
         if result is None or not result.layers:
             return
-        _put(result, "Combined", packets.rgba(packets.unpacked(words)).reshape(-1, 4))
+        _put(result, "Combined", rgba(rgbe9995.unpack(words)).reshape(-1, 4))
         self.end_result(result)
 
     def _finish(self, done: Done, picture: Picture, layer: str, passes: list[Any]) -> None:

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from protocol.pictures import FilmHead, decode_film
 from renderer.image import encode, rgbe9995
 from service.http.security import MAX_BODY
 from service.intake import references
 from service.intake.read_reference import from_srgb
-from service.watching.film_packet import HEADER
 from service.watching.film_picture import light
 from tests.grids import grid
 from tests.helpers import running_redis
@@ -60,10 +60,9 @@ def test_a_picture_is_kept_as_linear_light(service: Service) -> None:
     for encoding in ("gzip", "identity"):
         answer = service.http.get(f"{made.headers['location']}/film", headers={"Accept-Encoding": encoding})
         assert answer.headers.get("content-encoding", "identity") == encoding
-        assert HEADER.unpack_from(answer.content) == (1, 2, 0, WIDTH, HEIGHT, WIDTH)
-        assert answer.content[HEADER.size : HEADER.size + 4] == b"\1\0\0\0"
-        planes = np.frombuffer(answer.content, np.uint8, offset=HEADER.size + 4).reshape(4, HEIGHT, WIDTH)
-        np.testing.assert_array_equal(np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0], words)
+        film = decode_film(answer.content)
+        assert (film.head, film.samples.tolist()) == (FilmHead(0, WIDTH, HEIGHT, WIDTH), [1])
+        np.testing.assert_array_equal(film.words, words)
     assert service.http.get(f"{made.headers['location']}/file").content == file
     jpeg = service.http.get(f"{made.headers['location']}/image.jpg")
     assert Image.open(io.BytesIO(jpeg.content)).size == (WIDTH, HEIGHT)

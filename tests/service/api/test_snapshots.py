@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,10 @@ import OpenImageIO
 import pytest
 
 from protocol.contract import RenderBatch
+from protocol.pictures import FilmHead, decode_film
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
-from service.watching.film_packet import HEADER
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 
@@ -65,12 +64,9 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
     for encoding in ("gzip", "identity"):
         answer = service.http.get(f"{url}/film", headers={"Accept-Encoding": encoding}).raise_for_status()
         assert answer.headers.get("content-encoding", "identity") == encoding
-        packet = answer.content
-        assert HEADER.unpack_from(packet) == (1, 2, 0, WIDTH, HEIGHT, SIDE)
-        assert struct.unpack_from(f"<{TILES}I", packet, HEADER.size) == (8,) * TILES
-        planes = np.frombuffer(packet, np.uint8, offset=HEADER.size + 4 * TILES).reshape(4, HEIGHT, WIDTH)
-        words = np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0]
-        np.testing.assert_array_equal(words, light(8))
+        film = decode_film(answer.content)
+        assert (film.head, film.samples.tolist()) == (FilmHead(0, WIDTH, HEIGHT, SIDE), [8] * TILES)
+        np.testing.assert_array_equal(film.words, light(8))
         etag = answer.headers["etag"]
         same = service.http.get(f"{url}/film", headers={"Accept-Encoding": encoding, "If-None-Match": etag})
         assert same.status_code == 304

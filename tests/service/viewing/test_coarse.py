@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from protocol.pictures import ViewTile, decode_view, encode_view
 from renderer.image import rgbe9995
 from renderer.settings import Tile
-from service.viewing.view_packet import EXACT, HEADER, TILE, Shown, packet
-from tests.service.viewer import body_of, unpacked
 
 
-def seen(tiles: list[Shown]) -> list[np.ndarray]:
+def seen(tiles: list[ViewTile]) -> list[np.ndarray]:
     """The radiance (3, h, w) of each tile as a page has it."""
-    message = packet(tiles, (64, 64), (128, 128), 7, 9)
-    assert HEADER.unpack_from(message)[2:] == (len(tiles), 7, 9, 64, 64, 128, 128)
-    heads = [TILE.unpack_from(message, HEADER.size + i * TILE.size) for i in range(len(tiles))]
-    assert heads == [(*tile.rect, tile.samples + tile.is_exact * EXACT) for tile in tiles]
-    return [np.moveaxis(rgbe9995.unpack(words), -1, 0) for words in unpacked(heads, body_of(message))]
+    message = encode_view(tiles, (64, 64), (128, 128), 7, 9)
+    picture = decode_view(message)
+    assert picture.head == (len(tiles), 7, 9, 64, 64, 128, 128)
+    told = [(tile.rect, tile.samples, tile.is_exact) for tile in picture.tiles]
+    assert told == [(tile.rect, tile.samples, tile.is_exact) for tile in tiles]
+    return [tile.mean for tile in picture.tiles]
 
 
-def shown(mean: np.ndarray, is_exact: bool = False, samples: int = 3) -> Shown:
+def shown(mean: np.ndarray, is_exact: bool = False, samples: int = 3) -> ViewTile:
     _, h, w = mean.shape
-    return Shown(Tile(1, 2, w, h), mean.astype(np.float32), samples, is_exact)
+    return ViewTile(Tile(1, 2, w, h), mean.astype(np.float32), samples, is_exact)
 
 
 def test_brightness_is_near_and_hue_is_that_of_four_pixels() -> None:
@@ -59,4 +59,4 @@ def test_tiles_that_are_complete_are_exact_beside_others_that_are_not() -> None:
 def test_it_takes_a_few_bits_of_a_noisy_pixel(noise: float, bits: float) -> None:
     generator = np.random.default_rng(3)
     mean = np.array([0.4, 0.3, 0.2])[:, None, None] * generator.lognormal(0, noise, (128, 128))
-    assert len(packet([shown(mean)], (128, 128), (128, 128), 0, 0)) < bits / 8 * 128 * 128
+    assert len(encode_view([shown(mean)], (128, 128), (128, 128), 0, 0)) < bits / 8 * 128 * 128

@@ -16,7 +16,7 @@ from service.errors import FilmWaits
 from service.events import Events
 from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
-from service.watching import tile_packet
+from service.watching import shared_results
 from service.watching.broadcast import Broadcast
 from service.watching.shared_results import ROUND_PIXELS, Shared
 from tests.service.peer_worker import expected_sums
@@ -37,7 +37,7 @@ class Packing:
         self.begun = threading.Event()
         self.go.set()
         self.fails = False
-        real = tile_packet.body
+        real = shared_results.tile_body
 
         def body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
             found = real(film, frame, tile)
@@ -48,7 +48,7 @@ class Packing:
                 raise FilmWaits("The film is locked.")
             return found
 
-        monkeypatch.setattr(tile_packet, "body", body)
+        monkeypatch.setattr(shared_results, "tile_body", body)
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing:
             await asyncio.sleep(0)
             (after,) = await shared.tiles("job", film, 0, [1])
             assert after.spp == 2 and after.words != second[0].words
-            assert after.words == tile_packet.body(film, 0, 1)[1]  # type: ignore[index]
+            assert after.words == shared_results.tile_body(film, 0, 1)[1]  # type: ignore[index]
         film.close()
 
     run(test())

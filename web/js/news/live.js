@@ -3,15 +3,12 @@
  * it breaks. It begins with a snapshot of all tiles, or with what differs from what the page says that it has (`have`).
  */
 
+import { GONE, NOT_FOUND } from "../base/protocol.js";
 import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeTile } from "./tile-packet.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
-
-/** What the service closes the connection of a job with that is deleted, or is not there. */
-const GONE = [4404, 4410];
-const NOT_THERE = 4404;
 
 /**
  * @typedef {object} LiveHandlers
@@ -68,8 +65,8 @@ export class Live extends LastingSocket {
 
   /** @override @param {number} code @param {string} reason */
   ended(code, reason) {
-    const isClosedToUs = code === NOT_THERE && this.hasHeard; // one that is deleted is told of otherwise
-    if (isClosedToUs || !GONE.includes(code)) super.ended(code, reason); // else the farm's news say so too
+    const isClosedToUs = code === NOT_FOUND && this.hasHeard; // one that is deleted is told of otherwise
+    if (isClosedToUs || ![NOT_FOUND, GONE].includes(code)) super.ended(code, reason); // else the farm's news say so too
   }
 
   /** From now on the tiles of another frame, first all of them; or what differs, as at the beginning. @param {number} frame */

@@ -70,9 +70,8 @@ export class ViewLink extends LastingSocket {
 
   /** @override @param {any} said */
   told(said) {
-    if (said.type === "state") this.handlers.state(said);
-    else if (said.type === "picked") this.handlers.picked(said);
-    else if (said.type === "error" && (said.id === null || said.id === this.id)) this.handlers.failed(said.detail);
+    if (said.type !== "error") this.handlers[/** @type {"state" | "picked"} */ (said.type)]?.(said);
+    else if (said.id === null || said.id === this.id) this.handlers.failed(said.detail);
   }
 
   /** @override @param {ArrayBuffer} packet */

@@ -1,19 +1,7 @@
-/**
- * A view's picture as it comes over the WebSocket. Little-endian:
- *
- *     u8 version = 2, u8 kind = 3, u16 tiles, u32 id, u32 seq, u16 width, u16 height, u16 whole width, u16 whole height,
- *     of each tile u16 x, y, w, h and u32 samples a pixel, of which the highest bit says that the tile is exact;
- *     then compressed: of all tiles that are not exact brightness and hue (service/viewing/coarse.py), in planes of bytes; of
- *     those that are their RGB9E5 words, in planes
- */
+/** A view's picture as the service sends it; protocol/pictures.py declares its layout, protocol/coarse.py its coarse tiles. */
 
+import { EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
 import { encode } from "../film/rgb9e5.js";
-
-const VERSION = 2;
-const KIND_VIEW = 3;
-const HEADER_BYTES = 20;
-const TILE_BYTES = 12;
-const EXACT = 2 ** 31;
 
 /** Of each code of brightness the red, green and blue of a pixel together. */
 const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
@@ -37,29 +25,21 @@ const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
  */
 export async function decodeView(buffer) {
   const view = new DataView(buffer);
-  const version = view.getUint8(0);
-  const kind = view.getUint8(1);
-  if (version !== VERSION || kind !== KIND_VIEW)
-    throw new Error(`A view of version ${version} and kind ${kind}; this page reads version ${VERSION}. Reload the page.`);
-  const seq = view.getUint32(8, true);
-  const count = view.getUint16(2, true);
-  const tiles = Array.from({ length: count }, (_, number) => {
-    const head = HEADER_BYTES + number * TILE_BYTES;
-    const [x, y, w, h] = /** @type {[number, number, number, number]} */ (
-      [0, 2, 4, 6].map((offset) => view.getUint16(head + offset, true))
-    );
-    const samples = view.getUint32(head + 8, true);
+  const head = decodeViewHead(view);
+  const tiles = Array.from({ length: head.tiles }, (_, number) => {
+    const { samples, ...rect } = decodeViewTileHead(view, VIEW_HEAD_BYTES + number * VIEW_TILE_HEAD_BYTES);
     const isExact = samples >= EXACT;
-    return { frame: 0, seq, x, y, w, h, spp: isExact ? samples - EXACT : samples, isExact, words: new Uint32Array(w * h) };
+    const words = new Uint32Array(rect.w * rect.h);
+    return { frame: 0, seq: head.seq, ...rect, spp: isExact ? samples - EXACT : samples, isExact, words };
   });
-  const bytes = await inflated(buffer, HEADER_BYTES + count * TILE_BYTES);
+  const bytes = await inflated(buffer, VIEW_HEAD_BYTES + head.tiles * VIEW_TILE_HEAD_BYTES);
   const rough = tiles.filter((tile) => !tile.isExact);
   const at = unpackRough(bytes, rough);
   unpackExact(
     bytes.subarray(at),
     tiles.filter((tile) => tile.isExact),
   );
-  return { id: view.getUint32(4, true), seq, width: view.getUint16(12, true), height: view.getUint16(14, true), tiles };
+  return { id: head.id, seq: head.seq, width: head.w, height: head.h, tiles };
 }
 
 /** @param {ArrayBuffer} buffer @param {number} from */

@@ -1,0 +1,74 @@
+"""Binary layouts, declared once: the fields of a record in order, little-endian, without padding.
+
+A record is a NamedTuple; each annotation holds the field's kind and its meaning. From it follow the encoder and decoder here, and
+the page's tables (protocol/generate.py).
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
+
+__all__ = ["I64", "U8", "U16", "U32", "Field", "Kind", "Layout"]
+
+
+class Kind(NamedTuple):
+    """An integer type: its name in documents, and its code in `struct`."""
+
+    name: str
+    code: str
+
+
+U8, U16, U32, I64 = Kind("u8", "B"), Kind("u16", "H"), Kind("u32", "I"), Kind("i64", "q")
+
+
+class Field(NamedTuple):
+    """A field of a layout. at: its offset in bytes."""
+
+    name: str
+    kind: Kind
+    at: int
+    meaning: str
+
+
+R = TypeVar("R", bound=NamedTuple)
+
+
+class Layout(Generic[R]):
+    """The layout of a record `row`. One with a version and a kind begins with these two, a byte each."""
+
+    def __init__(self, name: str, row: type[R], version: int | None = None, kind: int | None = None) -> None:
+        self.name = name
+        self.row = row
+        self.version = version
+        self.kind = kind
+        self._mark = b"" if version is None or kind is None else bytes([version, kind])
+        hints: dict[str, Any] = get_type_hints(row, include_extras=True)
+        fields, codes = [], f"{len(self._mark)}s"
+        for field in row._fields:
+            of, meaning = hints[field].__metadata__
+            fields.append(Field(field, of, struct.calcsize(f"<{codes}"), meaning))
+            codes += of.code
+        self.fields = tuple(fields)
+        self._struct = struct.Struct(f"<{codes}")
+        self.size = self._struct.size
+
+    @property
+    def text(self) -> str:
+        """Returns the fields as documents name them: "u8 version = 1, u8 kind = 2, u16 w, u16 h"."""
+        mark = [] if self.version is None else [f"u8 version = {self.version}", f"u8 kind = {self.kind}"]
+        return ", ".join([*mark, *(f"{field.kind.name} {field.name}" for field in self.fields)])
+
+    def pack(self, row: R) -> bytes:
+        """Encodes a record. Raises struct.error if a value does not fit into its field."""
+        return self._struct.pack(self._mark, *row)
+
+    def unpack(self, data: bytes, at: int = 0) -> R:
+        """Decodes the record at an offset. Raises ValueError if it is cut off, or of another version or kind."""
+        if len(data) < at + self.size:
+            raise ValueError(f"a {self.name} of {len(data) - at} bytes is cut off")
+        mark, *values = self._struct.unpack_from(data, at)
+        if mark != self._mark:
+            version, kind = mark
+            raise ValueError(f"a packet of version {version} and kind {kind} is no {self.name} of version {self.version}")
+        return self.row._make(values)

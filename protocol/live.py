@@ -1,0 +1,62 @@
+"""Messages of a job's live channel, WS /api/jobs/{id}/live; tiles are binary (pictures.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from protocol.websocket import Acknowledge, FromClient, FromService
+
+__all__ = ["FROM_CLIENT", "FROM_SERVICE", "Frames", "Have", "JobState", "WatchFrame"]
+
+
+@dataclass(frozen=True)
+class WatchFrame(FromClient):
+    """Switches to another frame: {"frame": n}. snapshot: whether all of its tiles are sent first."""
+
+    KEY: ClassVar[str] = "frame"
+    frame: float
+    snapshot: bool = True
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> WatchFrame:
+        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        return cls(float(said["frame"]), said.get("snapshot") is not False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the JSON object."""
+        return {"frame": self.frame} if self.snapshot else {"frame": self.frame, "snapshot": False}
+
+
+@dataclass(frozen=True)
+class Have(FromClient):
+    """Samples per pixel of every tile that the client has: {"have": [...]}; the tiles that differ are sent."""
+
+    KEY: ClassVar[str] = "have"
+    samples: list[Any]
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> Have:
+        """Parses the message. Raises TypeError."""
+        return cls(list(said["have"]))
+
+
+@dataclass(frozen=True)
+class JobState(FromService):
+    """The job as GET /api/jobs/{id} gives it."""
+
+    TYPE: ClassVar[str] = "state"
+    job: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Frames(FromService):
+    """Changed frames of a shot, as GET /api/jobs/{id}/frames gives them."""
+
+    TYPE: ClassVar[str] = "frames"
+    frames: list[dict[str, Any]]
+
+
+FROM_CLIENT: tuple[type[WatchFrame | Have | Acknowledge], ...] = (WatchFrame, Have, Acknowledge)
+FROM_SERVICE: tuple[type[JobState | Frames], ...] = (JobState, Frames)

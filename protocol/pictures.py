@@ -1,0 +1,245 @@
+"""Packets of pictures for whoever watches: a live tile, a frame's film, and a view's picture. Little-endian.
+
+Blender's add-on has copies of this module and of those that it imports (protocol/generate.py), so it imports nothing else.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator, Sequence
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from protocol.coarse import coarse, count_hues, radiance
+from protocol.layout import U16, U32, Layout
+from renderer.image import rgbe9995
+
+__all__ = [
+    "EXACT",
+    "FILM",
+    "TILE",
+    "VIEW",
+    "VIEW_TILE",
+    "FilmHead",
+    "FilmPicture",
+    "TileHead",
+    "TilePicture",
+    "ViewHead",
+    "ViewPicture",
+    "ViewTile",
+    "ViewTileHead",
+    "Words",
+    "decode_film",
+    "decode_tile",
+    "decode_view",
+    "encode_film",
+    "encode_tile",
+    "encode_view",
+    "joined",
+    "planes_of",
+]
+
+Words = npt.NDArray[np.uint32]
+F32 = npt.NDArray[np.float32]
+Planes = npt.NDArray[np.uint8]
+Rect = tuple[int, int, int, int]  # x, y, width, height; from the upper left corner
+
+FRAMES = 1 << 16  # numbers of frames are sent modulo this
+NUMBERS = 1 << 32
+EXACT = 1 << 31
+RAW = -15  # zlib's wbits for raw DEFLATE
+LEVEL = 1  # noise: higher levels take longer and save nothing
+
+
+class TileHead(NamedTuple):
+    """The head of a live tile; w * h RGB9E5 words follow, rows from the top."""
+
+    frame: Annotated[int, U16, "integer part of the frame's number, modulo 65536"]
+    seq: Annotated[int, U32, "number that the client acknowledges, modulo 2**32"]
+    x: Annotated[int, U16, "left edge in the picture"]
+    y: Annotated[int, U16, "upper edge in the picture"]
+    w: Annotated[int, U16, "width"]
+    h: Annotated[int, U16, "height"]
+    spp: Annotated[int, U32, "samples per pixel"]
+
+
+class FilmHead(NamedTuple):
+    """The head of a frame's film.
+
+    A u32 of samples per pixel for every tile follows, in reading order, then w * h RGB9E5 words in four byte planes, the lowest
+    byte first, rows from the top. Byte planes compress better: neighbouring exponents are similar, mantissas are noise.
+    """
+
+    frame: Annotated[int, U16, "integer part of the frame's number, modulo 65536"]
+    w: Annotated[int, U16, "width"]
+    h: Annotated[int, U16, "height"]
+    side: Annotated[int, U32, "size of a tile"]
+
+
+class ViewHead(NamedTuple):
+    """The head of a view's picture; a ViewTileHead for every tile follows, then what raw DEFLATE has compressed.
+
+    That is first all tiles that are not exact, rows from the top, one tile after the other: differences of brightness codes
+    (coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes; then
+    differences of the shares of red, and of green, modulo 256. Then all exact tiles as RGB9E5 words in four byte planes, the
+    lowest byte first.
+    """
+
+    tiles: Annotated[int, U16, "number of tiles"]
+    id: Annotated[int, U32, "the client's number of the view, modulo 2**32"]
+    seq: Annotated[int, U32, "number that the client acknowledges, modulo 2**32"]
+    w: Annotated[int, U16, "width of this picture"]
+    h: Annotated[int, U16, "height of this picture"]
+    whole_w: Annotated[int, U16, "width of the whole view"]
+    whole_h: Annotated[int, U16, "height of the whole view"]
+
+
+class ViewTileHead(NamedTuple):
+    """The head of a tile of a view's picture."""
+
+    x: Annotated[int, U16, "left edge in the picture"]
+    y: Annotated[int, U16, "upper edge in the picture"]
+    w: Annotated[int, U16, "width"]
+    h: Annotated[int, U16, "height"]
+    samples: Annotated[int, U32, "samples per pixel; the highest bit marks an exact tile"]
+
+
+TILE = Layout("tile", TileHead, version=1, kind=1)
+FILM = Layout("film", FilmHead, version=1, kind=2)
+VIEW = Layout("view", ViewHead, version=2, kind=3)
+VIEW_TILE = Layout("view's tile", ViewTileHead)
+
+
+class TilePicture(NamedTuple):
+    """A decoded tile. words: (h, w)."""
+
+    head: TileHead
+    words: Words
+
+
+class FilmPicture(NamedTuple):
+    """A decoded film. samples: of each tile, in reading order; words: (h, w)."""
+
+    head: FilmHead
+    samples: Words
+    words: Words
+
+
+class ViewTile(NamedTuple):
+    """A tile of a view's picture. mean: radiance (3, h, w)."""
+
+    rect: Rect
+    mean: F32
+    samples: int
+    is_exact: bool
+
+
+class ViewPicture(NamedTuple):
+    """A decoded picture of a view: the tiles that have changed."""
+
+    head: ViewHead
+    tiles: list[ViewTile]
+
+
+def encode_tile(frame: int, seq: int, rect: Rect, spp: int, words: bytes) -> bytes:
+    """Encodes a tile. frame: integer part of its number; words: RGB9E5, little-endian."""
+    return TILE.pack(TileHead(frame % FRAMES, seq % NUMBERS, *rect, spp)) + words
+
+
+def decode_tile(packet: bytes) -> TilePicture:
+    """Decodes a tile. Raises ValueError."""
+    head = TILE.unpack(packet)
+    if len(packet) != TILE.size + 4 * head.w * head.h:
+        raise ValueError(f"a tile of {head.w} x {head.h} pixels has {len(packet)} bytes")
+    return TilePicture(head, np.frombuffer(packet, "<u4", head.w * head.h, TILE.size).reshape(head.h, head.w))
+
+
+def encode_film(frame: int, size: tuple[int, int], side: int, samples: Sequence[int] | Words, planes: Planes) -> list[memoryview]:
+    """Encodes a film, in pieces that need not be copied. frame: integer part of its number; planes: (4, h, w)."""
+    head = FILM.pack(FilmHead(frame % FRAMES, *size, side)) + np.asarray(samples, "<u4").tobytes()
+    return [memoryview(head), planes.reshape(-1).data]
+
+
+def decode_film(packet: bytes) -> FilmPicture:
+    """Decodes a film. Raises ValueError."""
+    head = FILM.unpack(packet)
+    if not head.side:
+        raise ValueError("a film has tiles of size 0")
+    tiles, pixels = -(-head.w // head.side) * -(-head.h // head.side), head.w * head.h
+    if len(packet) != FILM.size + 4 * tiles + 4 * pixels:
+        raise ValueError(f"a film of {head.w} x {head.h} pixels has {len(packet)} bytes")
+    planes = np.frombuffer(packet, np.uint8, 4 * pixels, FILM.size + 4 * tiles)
+    return FilmPicture(head, np.frombuffer(packet, "<u4", tiles, FILM.size), joined(planes).reshape(head.h, head.w))
+
+
+def planes_of(words: Words) -> Planes:
+    """Returns the byte planes of words, (4, *shape), the lowest byte first."""
+    return np.ascontiguousarray(np.moveaxis(words.astype("<u4")[..., None].view(np.uint8), -1, 0))
+
+
+def joined(planes: Planes) -> Words:
+    """Returns the words of byte planes, one after the other in a flat array."""
+    return np.ascontiguousarray(planes.reshape(4, -1).T).view("<u4").reshape(-1)
+
+
+def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], whole: tuple[int, int], id: int, seq: int) -> bytes:
+    """Encodes a picture of a view. size: of this picture; whole: of the whole view, both (width, height)."""
+    head = [
+        VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *whole)),
+        *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.samples | EXACT * tile.is_exact)) for tile in tiles),
+    ]
+    packer = zlib.compressobj(LEVEL, zlib.DEFLATED, RAW)
+    body = [packer.compress(plane.data) for plane in _body(tiles)]
+    return b"".join([*head, *body, packer.flush()])
+
+
+def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
+    rough = [coarse(tile.mean) for tile in tiles if not tile.is_exact]
+    if rough:
+        codes: npt.NDArray[np.int16] = np.concatenate([codes.ravel() for codes, _ in rough])
+        more = np.empty_like(codes)
+        more[0] = codes[0]
+        np.subtract(codes[1:], codes[:-1], out=more[1:])
+        folded = (more << 1 ^ more >> 15).astype(np.uint16)
+        yield folded.astype(np.uint8)
+        yield (folded >> 8).astype(np.uint8)
+        for i in (0, 1):
+            yield np.diff(np.concatenate([hue[i].ravel() for _, hue in rough]), prepend=np.uint8(0))
+    exact = [rgbe9995.pack(np.moveaxis(tile.mean, 0, -1)).ravel() for tile in tiles if tile.is_exact]
+    if exact:
+        yield from planes_of(np.concatenate(exact))
+
+
+def decode_view(packet: bytes) -> ViewPicture:
+    """Decodes a picture of a view. Raises ValueError."""
+    head = VIEW.unpack(packet)
+    tiles = [VIEW_TILE.unpack(packet, VIEW.size + i * VIEW_TILE.size) for i in range(head.tiles)]
+    try:
+        body = zlib.decompress(packet[VIEW.size + head.tiles * VIEW_TILE.size :], RAW)
+    except zlib.error as error:
+        raise ValueError(f"a view's tiles are damaged: {error}") from None
+    rough = [tile for tile in tiles if not tile.samples & EXACT]
+    pixels = sum(tile.w * tile.h for tile in rough)
+    hues = sum(count_hues(tile.w, tile.h) for tile in rough)
+    exact = sum(tile.w * tile.h for tile in tiles) - pixels
+    if len(body) != 2 * pixels + 2 * hues + 4 * exact:
+        raise ValueError(f"a view's tiles have {len(body)} bytes")
+    planes = np.frombuffer(body, np.uint8)
+    folded = planes[:pixels].astype(np.int32) | planes[pixels : 2 * pixels].astype(np.int32) << 8
+    codes = np.cumsum(folded >> 1 ^ -(folded & 1), dtype=np.int32)
+    hue = np.cumsum(planes[2 * pixels :][: 2 * hues].reshape(2, hues), axis=1, dtype=np.uint8)
+    words = joined(planes[2 * pixels + 2 * hues :])
+    found, at, at_hue, at_word = [], 0, 0, 0
+    for x, y, w, h, samples in tiles:
+        if samples & EXACT:
+            light = rgbe9995.unpack(words[at_word : at_word + w * h].reshape(h, w))
+            mean = np.ascontiguousarray(np.moveaxis(light, -1, 0))
+            at_word += w * h
+        else:
+            count = count_hues(w, h)
+            mean = radiance(codes[at : at + w * h].reshape(h, w), hue[:, at_hue : at_hue + count])
+            at, at_hue = at + w * h, at_hue + count
+        found.append(ViewTile((x, y, w, h), mean, samples & ~EXACT, bool(samples & EXACT)))
+    return ViewPicture(head, found)

@@ -1,0 +1,105 @@
+"""Messages of a view's channel, WS /api/scenes/{id}/viewport; pictures are binary (pictures.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from protocol.websocket import Acknowledge, FromClient, FromService
+
+__all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "Pick", "Picked", "Refused", "ViewState"]
+
+
+@dataclass(frozen=True)
+class Look(FromClient):
+    """The new view, which replaces all earlier ones: {"id": n, ...}, with the fields of a job's request (POST /api/jobs).
+
+    Those in effect are size, camera or view, settings, frame, clip, fps and turntable. spp limits the samples per pixel (256 at
+    most), and a tile that has reached `noise` is complete with fewer.
+    """
+
+    KEY: ClassVar[str] = "id"
+    view: dict[str, Any]
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> Look:
+        """Returns the message, whose fields the service validates as a request."""
+        return cls(dict(said))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the JSON object."""
+        return self.view
+
+
+@dataclass(frozen=True)
+class Pick(FromClient):
+    """Requests what lies under a pixel of the view: {"pick": [x, y]}."""
+
+    KEY: ClassVar[str] = "pick"
+    x: int
+    y: int
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> Pick:
+        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        x, y = said["pick"]
+        return cls(int(x), int(y))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the JSON object."""
+        return {"pick": [self.x, self.y]}
+
+
+@dataclass(frozen=True)
+class Pause(FromClient):
+    """Whether the page is hidden: {"paused": true}."""
+
+    KEY: ClassVar[str] = "paused"
+    paused: bool
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> Pause:
+        """Parses the message."""
+        return cls(bool(said["paused"]))
+
+
+@dataclass(frozen=True)
+class ViewState(FromService):
+    """Progress of the current view."""
+
+    TYPE: ClassVar[str] = "state"
+    id: int | None  # the client's number of the view
+    samples: int = 0  # minimum per pixel
+    bound: int = 0  # samples per pixel at which the view is done
+    mean: float = 0  # samples per pixel, on average
+    noise: float | None = None  # relative; None while unknown
+    done: bool = False
+    slots: int = 0
+    message: str | None = None  # why nothing new comes; None while pictures come
+
+
+@dataclass(frozen=True)
+class Refused(FromService):
+    """A sentence: the view, or the message, is invalid."""
+
+    TYPE: ClassVar[str] = "error"
+    id: int | None
+    detail: str
+
+
+@dataclass(frozen=True)
+class Picked(FromService):
+    """What lies under a pixel; the last three are None where nothing does."""
+
+    TYPE: ClassVar[str] = "picked"
+    x: int
+    y: int
+    direction: Any  # of the pixel; None: unknown at the moment
+    depth: float | None
+    position: Any
+    normal: Any
+
+
+FROM_CLIENT: tuple[type[Acknowledge | Pick | Pause | Look], ...] = (Acknowledge, Pick, Pause, Look)
+FROM_SERVICE: tuple[type[ViewState | Refused | Picked], ...] = (ViewState, Refused, Picked)
