@@ -1,14 +1,29 @@
-"""Parsing of deadlines."""
+"""Clocks as their users see them, and parsing of deadlines."""
 
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from typing import Protocol
 
 from protocol.hours import local_now
 
-__all__ = ["deadline_of"]
+__all__ = ["Clock", "WorkClock", "deadline_of"]
 
 FURTHEST = timedelta(days=3660)
+
+
+class Clock(Protocol):
+    """A clock that never goes back. The module `time` is one, and a test has its own."""
+
+    def monotonic(self) -> float:
+        """Returns seconds since some moment."""
+
+
+class WorkClock(Clock, Protocol):
+    """A clock that also measures work."""
+
+    def thread_time(self) -> float:
+        """Returns this thread's processor time in seconds."""
 
 
 def deadline_of(text: str, now: datetime | None = None) -> float:

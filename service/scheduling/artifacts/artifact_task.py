@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
@@ -194,7 +195,11 @@ class Aside(ABC, Generic[Wish]):
         """Releases requests lost with their worker and fails overdue ones; called once a second."""
         with self._lock:
             self._look_for_lost()
-            late = [key for key, wanted in self._wanted.items() if wanted.lease is not None and wanted.lease.is_overdue]
+            late = [
+                key
+                for key, wanted in self._wanted.items()
+                if wanted.lease is not None and wanted.lease.is_overdue(time.monotonic())
+            ]
         for key in late:
             self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
 

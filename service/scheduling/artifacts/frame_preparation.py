@@ -6,6 +6,7 @@ storage is short, the frame needed last loses its compiled scene first; a shot r
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
@@ -166,7 +167,7 @@ class Moments:
             lease.is_held = lease.id in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue(time.monotonic())):
                 continue
             lost = self._end(lease)
             self._is_prepared(job, lost)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -167,12 +168,12 @@ class Preparing:
                 self._dispatcher.take_back(lease.queue, {lease.id})
                 self.leases.end(lease.id)
                 continue
-            if lease.has_arrived and not lease.is_overdue:
+            if lease.has_arrived and not lease.is_overdue(time.monotonic()):
                 continue
             lease.is_held = lease.owner in in_hand
             lease.seen(lease.is_held or lease.id in waiting, end)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue):
+            if may_be_answered or (lease.unseen < UNSEEN_ALLOWED and not lease.is_overdue(time.monotonic())):
                 continue
             self.leases.end(lease.id)
             for key in [(lease.owner, lease.kind), (lease.owner, None)]:

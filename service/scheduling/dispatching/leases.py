@@ -59,21 +59,20 @@ class Lease:
         """Whether a batch occupies a slot: it is not answered, not known to be rendered, and its holder is not away."""
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
-    @property
-    def is_overdue(self) -> bool:
+    def is_overdue(self, now: float) -> bool:
         """Whether the patience has expired, counted from when the lease was last seen in its queue.
 
         A lease that a worker reports to hold gets `HELD_FACTOR` times the patience, since a tile may be slower than estimated.
         """
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
-        return time.monotonic() - max(self.issued, self.waited) > patience
+        return now - max(self.issued, self.waited) > patience
 
-    def travelled_s(self, seconds: float) -> float:
+    def travelled_s(self, seconds: float, now: float) -> float:
         """Returns the transit time of the lease's sums in seconds, as far as known. seconds: their rendering time.
 
         0 for joint batches, which wait for others on their machine, and for results that arrived before a holder was seen.
         """
-        return 0.0 if self.is_joint or self.held_since is None else max(time.monotonic() - self.held_since - seconds, 0.0)
+        return 0.0 if self.is_joint or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
     def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = UNSEEN_ALLOWED) -> None:
         """Records one look at the lease. is_seen: whether it was found in its queue or with a worker.

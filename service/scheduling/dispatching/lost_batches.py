@@ -10,18 +10,19 @@ batches are duplicated like those of stragglers once other slots are idle.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from enum import Enum
 from functools import cache
+from typing import Protocol
 
-from service.scheduling.dispatching.dispatch import Dispatcher
+from service.clock import Clock
 from service.scheduling.dispatching.held_batches import Held
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
-from service.scheduling.fleet.workers import Workers
-from service.scheduling.incoming.results import Results
+from service.scheduling.fleet.workers import Roster
+from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Fate", "Missing"]
+__all__ = ["Fate", "Fleet", "Missing", "Queues", "ResultStream"]
 
 STRAGGLER_S = 3.0
 
@@ -40,28 +41,60 @@ class Fate(Enum):
         return self in (Fate.DEAD, Fate.OVERDUE)
 
 
+class Queues(Protocol):
+    """The queues of messages that no worker has taken."""
+
+    def waiting(self, queue: str) -> Collection[str]:
+        """Returns the ids of the messages in a queue. Raises redis.RedisError."""
+
+
+class Fleet(Protocol):
+    """The workers as they report themselves."""
+
+    @property
+    def roster(self) -> Roster:
+        """The latest reports."""
+
+    def away(self) -> set[str]:
+        """Returns the workers that are connected without reporting. Raises redis.RedisError."""
+
+    def are_late(self) -> bool:
+        """Whether some worker's report is overdue."""
+
+
+class ResultStream(Protocol):
+    """The stream of results."""
+
+    def end(self) -> Position:
+        """Returns the position of the last result. Raises redis.RedisError."""
+
+    def has_read(self, position: Position) -> bool:
+        """Whether all results up to this position were read."""
+
+
 class Missing:
     """Finds lost and late leases. Used only by the engine's thread."""
 
-    def __init__(self, leases: Leases, workers: Workers, dispatcher: Dispatcher) -> None:
+    def __init__(self, leases: Leases, workers: Fleet, queues: Queues, clock: Clock = time) -> None:
         self._leases = leases
         self._workers = workers
-        self._dispatcher = dispatcher
+        self._queues = queues
+        self._clock = clock
 
-    def look(self, jobs: Mapping[str, ActiveJob], results: Results, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
+    def look(self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
         """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
 
         A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; messages take
         as long in the other direction, during which no worker reports them.
         """
         allowed = UNSEEN_ALLOWED + travel_s
-        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._dispatcher.waiting(queue)}
+        waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting(queue)}
         roster = self._workers.roster
         held = Held(roster)
         living = self._workers.away()
         end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.are_late())
         out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
-        now = time.monotonic()
+        now = self._clock.monotonic()
         for lease in out:
             holder = held.by(lease, jobs[lease.owner])
             is_at_site, waits = held.is_at_site(lease), lease.message in waiting
@@ -92,10 +125,10 @@ class Missing:
             return None if lease.doubled else Fate.LATE
         if is_gone:
             return Fate.DEAD
-        if lease.is_overdue and (lease.is_held or not is_late()):
+        if lease.is_overdue(self._clock.monotonic()) and (lease.is_held or not is_late()):
             return Fate.OVERDUE
         if lease.unseen >= allowed and not is_late():
             return Fate.UNSEEN
         since = lease.held_since or lease.issued
-        is_straggler = lease.is_held and time.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
+        is_straggler = lease.is_held and self._clock.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
         return Fate.LATE if is_straggler and not lease.doubled else None

@@ -14,6 +14,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from service.clock import WorkClock
+
 __all__ = ["Pace"]
 
 SHARE = 0.5  # fraction of the engine's time for results; the rest is for users, peaks and other programs
@@ -41,7 +43,12 @@ class Pace:
     """Measures the engine's load and derives the sizes of batches. Used only by the engine's thread."""
 
     def __init__(
-        self, shortest_s: float, longest_s: float, unread_bytes: int, is_pressed: Callable[[], bool] = lambda: False
+        self,
+        shortest_s: float,
+        longest_s: float,
+        unread_bytes: int,
+        is_pressed: Callable[[], bool] = lambda: False,
+        clock: WorkClock = time,
     ) -> None:
         """Creates the pacing without measurements.
 
@@ -49,6 +56,7 @@ class Pace:
         out. is_pressed: whether interactive work waits for slots between batches.
         """
         self.is_pressed = is_pressed
+        self._clock = clock
         self._shortest_s = shortest_s
         self._longest_s = max(shortest_s, longest_s)
         self._unread_bytes = unread_bytes
@@ -62,16 +70,16 @@ class Pace:
         self._busy_s = 0.0
         self._storing_s = 0.0  # wall time
         self._results = self._batches = 0
-        self._since = time.monotonic()
+        self._since = self._clock.monotonic()
 
     @contextmanager
     def busy(self) -> Iterator[None]:
         """Context that measures the engine's processor time spent on results."""
-        begun = time.thread_time()
+        begun = self._clock.thread_time()
         try:
             yield
         finally:
-            self._busy_s += time.thread_time() - begun
+            self._busy_s += self._clock.thread_time() - begun
 
     def took_in(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
         """Records results taken in. batches: their number of batches, since some results combine several.
@@ -81,7 +89,7 @@ class Pace:
         self._results += results
         self._batches += batches
         self._storing_s += seconds
-        now = time.monotonic()
+        now = self._clock.monotonic()
         if now - self._since < RENEWED_EVERY_S:
             return
         self.results_per_s = self._results / (now - self._since)

@@ -222,7 +222,7 @@ class Scheduler:
         ended = self._end(job, lease)
         if ended is not None:  # limits the reported time to the age of the lease
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
-            self._pace.travelled(ended.travelled_s(seconds))
+            self._pace.travelled(ended.travelled_s(seconds, time.monotonic()))
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.lose(ended.batch)
         if ended is not None and batch is not None:

@@ -22,6 +22,7 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
+from service.clock import Clock
 from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
 from telemetry.log_lines import about, ids
 
@@ -75,7 +76,8 @@ class _Wait:
 class Bulkheads:
     """The waiting steps and the verdicts. Used only by the engine's thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock = time) -> None:
+        self._clock = clock
         self._waits: dict[str, dict[Step, _Wait]] = {}
         self.verdicts: dict[str, Verdict] = {}  # not carried out yet
         self.database_fault: str | None = None
@@ -100,7 +102,7 @@ class Bulkheads:
                 self.forget(id)
 
     def _attempt(self, id: str, step: Step, action: Callable[[], object], needs_database: bool) -> bool:
-        began = time.monotonic()
+        began = self._clock.monotonic()
         try:
             with about(owner=id):
                 action()
@@ -143,7 +145,7 @@ class Bulkheads:
         self.verdicts.pop(id, None)
 
     def _is_due(self, id: str, step: Step, needs_database: bool) -> bool:
-        now = time.monotonic()
+        now = self._clock.monotonic()
         if needs_database and now < self._database_until:
             return False
         wait = self._waits.get(id, {}).get(step)
@@ -159,7 +161,7 @@ class Bulkheads:
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
-        now = time.monotonic()
+        now = self._clock.monotonic()
         waits[step] = _Wait(sentence, now + min(max(RETRY_S, SHARE_OF_A_FAULT * (now - began)), RETRY_AT_MOST_S))
 
     def _passed(self, id: str, step: Step, needs_database: bool) -> None:

@@ -11,6 +11,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from service.clock import WorkClock
+
 __all__ = ["Looks"]
 
 SHARE = 0.01  # of a core
@@ -20,13 +22,14 @@ AT_ONCE_S = 0.3  # seconds that can be accumulated, so that a small picture gets
 class Looks:
     """The remaining time for noise estimates. Used only by the engine's thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: WorkClock = time) -> None:
+        self._clock = clock
         self._left_s = AT_ONCE_S
-        self._since = time.monotonic()
+        self._since = self._clock.monotonic()
 
     def may(self) -> bool:
         """Whether there is time for another estimate."""
-        now = time.monotonic()
+        now = self._clock.monotonic()
         self._left_s = min(self._left_s + SHARE * (now - self._since), AT_ONCE_S)
         self._since = now
         return self._left_s > 0.0
@@ -34,8 +37,8 @@ class Looks:
     @contextmanager
     def one(self) -> Iterator[None]:
         """Context that charges its processor time to the limit."""
-        begun = time.thread_time()
+        begun = self._clock.thread_time()
         try:
             yield
         finally:
-            self._left_s -= time.thread_time() - begun
+            self._left_s -= self._clock.thread_time() - begun

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import random
-from types import SimpleNamespace
-
-import pytest
 
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.jobs.plan import Range
@@ -55,11 +52,8 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
         assert len(leases) == len(there)
 
 
-def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = 100.0
-    monkeypatch.setattr("service.scheduling.dispatching.leases.time", SimpleNamespace(monotonic=lambda: now))
+def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch() -> None:
     alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
-    assert alone.travelled_s(0.5) == 0.0, "it came before anybody was seen with it"
+    assert alone.travelled_s(0.5, 100.0) == 0.0, "it came before anybody was seen with it"
     alone.held_since = joint.held_since = 101.0
-    now = 108.0
-    assert (alone.travelled_s(2.0), alone.travelled_s(9.0), joint.travelled_s(2.0)) == (5.0, 0.0, 0.0)
+    assert (alone.travelled_s(2.0, 108.0), alone.travelled_s(9.0, 108.0), joint.travelled_s(2.0, 108.0)) == (5.0, 0.0, 0.0)

@@ -10,37 +10,47 @@ import pytest
 from protocol.contract import WorkerReport
 from protocol.site import SiteReport
 from renderer.settings import Tile
-from service.scheduling.dispatching import leases, lost_batches
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import STRAGGLER_S, Fate, Missing
 from service.scheduling.fleet.workers import Roster
+from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.plan import Range
+from tests.service.scheduling.fake_clock import FakeClock
 
 PATIENCE_S = 30.0
 
 
-class World:
-    """What a look sees, and a clock of its own."""
+class World(FakeClock):
+    """A farm without Redis and workers: its queues, fleet, results and clock."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now = 1000.0
-        for module in (leases, lost_batches):
-            monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now))
-        self.waiting: set[str] = set()
+    def __init__(self) -> None:
+        super().__init__()
+        self.messages: set[str] = set()
         self.reports: dict[str, WorkerReport] = {}
         self.sites: dict[str, SiteReport] = {}
         self.living: set[str] = set()  # as Redis knows
         self.late = False
         self.read = True
+        self.roster = Roster()
         self.leases = Leases()
-        workers: Any = SimpleNamespace(
-            are_late=lambda: self.late, away=lambda: self.living - self.reports.keys(), roster=Roster()
-        )
-        self.workers = workers
-        dispatcher: Any = SimpleNamespace(waiting=lambda queue: dict.fromkeys(self.waiting, b""))
-        self.missing = Missing(self.leases, workers, dispatcher)
+        self.missing = Missing(self.leases, self, self, self)
         job: Any = SimpleNamespace(id="job", film=SimpleNamespace(tiles=[Tile(0, 0, 8, 8)]))
         self.jobs = {"job": job}
+
+    def waiting(self, queue: str) -> set[str]:
+        return self.messages
+
+    def away(self) -> set[str]:
+        return self.living - self.reports.keys()
+
+    def are_late(self) -> bool:
+        return self.late
+
+    def end(self) -> Position:
+        return 1, 0
+
+    def has_read(self, position: Position) -> bool:
+        return self.read
 
     def lease(self, expected_s: float = 0.1) -> Lease:
         lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, expected_s, issued=self.now, queue="q")
@@ -53,21 +63,20 @@ class World:
 
     def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, Fate]:
         self.now += seconds
-        self.workers.roster = Roster(dict(self.reports), sites=self.sites)
-        results: Any = SimpleNamespace(end=lambda: (1, 0), has_read=lambda position: self.read)
-        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, results, travel_s)}
+        self.roster = Roster(dict(self.reports), sites=self.sites)
+        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, self, travel_s)}
 
 
 @pytest.fixture
-def world(monkeypatch: pytest.MonkeyPatch) -> World:
-    return World(monkeypatch)
+def world() -> World:
+    return World()
 
 
 def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) -> None:
     lease = world.lease()
-    world.waiting = {lease.message}
+    world.messages = {lease.message}
     assert not world.look(10 * PATIENCE_S)
-    world.waiting = set()
+    world.messages = set()
     assert not world.look(), "somebody has taken it, and has not said so yet"
     world.works("slow", lease)
     assert not world.look()

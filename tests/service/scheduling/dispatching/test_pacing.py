@@ -4,38 +4,24 @@ from __future__ import annotations
 
 import pytest
 
-from service.scheduling.dispatching import pacing
 from service.scheduling.dispatching.pacing import FIRST_GUESS_S, MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
-
-
-class Clock:
-    """The wall and this thread's processor, which works all the time that `busy` lasts."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    thread_time = monotonic
+from tests.service.scheduling.fake_clock import FakeClock
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(pacing, "time", clock)
-    return clock
+def clock() -> FakeClock:
+    return FakeClock()
 
 
-def take_in(of: Pace, clock: Clock, results: int, result_s: float, seconds: float = 1.0) -> None:
+def take_in(of: Pace, clock: FakeClock, results: int, result_s: float, seconds: float = 1.0) -> None:
     with of.busy():
         clock.now += results * result_s
     clock.now += max(seconds - results * result_s, 0.0)
     of.took_in(results)
 
 
-def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20)
+def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: FakeClock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * FIRST_GUESS_S / SHARE)), "nothing is known"
     for _ in range(5):
         take_in(of, clock, 200, 0.002)
@@ -49,9 +35,9 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: Clock) 
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / SHARE), "two results say nothing of what many cost"
 
 
-def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: Clock) -> None:
+def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: FakeClock) -> None:
     pressed = False
-    of = Pace(0.5, 10.0, 1 << 20, lambda: pressed)
+    of = Pace(0.5, 10.0, 1 << 20, lambda: pressed, clock)
     assert of.batch_s(8, spent_s=4.0) == 0.5
     assert of.window(2, 2) == 4
     assert of.batch_s(8, spent_s=16.0) == 1.0
@@ -62,13 +48,13 @@ def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene
     assert of.window(2, 2) == 4
 
 
-def test_batches_of_few_slots_do_not_grow(clock: Clock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20)
+def test_batches_of_few_slots_do_not_grow(clock: FakeClock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     assert [of.batch_s(slots, spent_s=1e6) for slots in (1, 2, 4, 6, 100)] == [0.5, 0.5, 1.0, 1.5, 1.5]
 
 
-def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: Clock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20)
+def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: FakeClock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     take_in(of, clock, 50, 0.001)
     of.unread(512, 1024.0)
     assert of.room(100) == 50
@@ -84,8 +70,8 @@ def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_hand
     assert (of.room(100), of.batch_s(10)) == (100, 0.5)
 
 
-def test_few_slots_get_results_shown_one_by_one(clock: Clock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20)
+def test_few_slots_get_results_shown_one_by_one(clock: FakeClock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     assert (of.of_a_tile(2), of.gather_s) == (1, 0.0)
     take_in(of, clock, 8, 0.001)
     assert of.gather_s == 0.0
@@ -96,8 +82,8 @@ def test_few_slots_get_results_shown_one_by_one(clock: Clock) -> None:
     assert (of.hold_s(0.1), of.hold_s(4.0)) == (1.0, 4.0)
 
 
-def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Clock) -> None:
-    alone, together = Pace(0.5, 10.0, 1 << 20), Pace(0.5, 10.0, 1 << 20)
+def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: FakeClock) -> None:
+    alone, together = Pace(0.5, 10.0, 1 << 20, clock=clock), Pace(0.5, 10.0, 1 << 20, clock=clock)
     for _ in range(5):
         take_in(alone, clock, 100, 0.004)
         with together.busy():
@@ -108,8 +94,8 @@ def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Cloc
     assert together.batch_s(1000) == pytest.approx(1000 * 0.0005 / SHARE), "also where few results a second come"
 
 
-def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: Clock) -> None:
-    of = Pace(0.5, 10.0, 1 << 20)
+def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) -> None:
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     for seconds, longer in ((0.05, False), (5.0, True)):
         of.unread(60, 1024.0)
         clock.now += 1.0
@@ -117,9 +103,9 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: Clock) -> Non
         assert (of.batch_s(1) > 0.5) == longer
 
 
-def test_batches_take_as_long_as_their_results_travel(clock: Clock) -> None:
+def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
     """Over a bad line a slot would else spend its time with sending."""
-    of = Pace(0.5, 10.0, 1 << 20)
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
         of.travelled(seconds)
         assert of.batch_s(2) == 0.5, "a few have waited for a kernel"

@@ -11,9 +11,9 @@ from sqlalchemy import exc
 
 from renderer.errors import SettingsError
 from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
-from service.scheduling.faults import bulkhead
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.store.disk_space import no_room
+from tests.service.scheduling.fake_clock import FakeClock
 
 FULL = NoRoom("The disk is full.")
 MALFORMED = exc.DatabaseError("INSERT", {}, sqlite3.DatabaseError("database disk image is malformed"))
@@ -21,10 +21,8 @@ ROW = exc.IntegrityError("INSERT", {}, sqlite3.IntegrityError("UNIQUE"))
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    now = [100.0]
-    monkeypatch.setattr(bulkhead.time, "monotonic", lambda: now[0])
-    return now
+def clock() -> FakeClock:
+    return FakeClock()
 
 
 def raising(error: Exception) -> Callable[[], None]:
@@ -35,39 +33,39 @@ def raising(error: Exception) -> Callable[[], None]:
 
 
 @pytest.mark.parametrize("error", [redis.ConnectionError("away"), QueueError("away")])
-def test_redis_is_nobodys_fault(clock: list[float], error: Exception) -> None:
-    heads = Bulkheads()
+def test_redis_is_nobodys_fault(clock: FakeClock, error: Exception) -> None:
+    heads = Bulkheads(clock)
     with pytest.raises(type(error)):
         heads.run("job", Step.HAND_OUT, raising(error))
     assert heads.may_render("job")
 
 
-def test_what_passes_is_tried_again_after_a_second(clock: list[float]) -> None:
-    heads = Bulkheads()
+def test_what_passes_is_tried_again_after_a_second(clock: FakeClock) -> None:
+    heads = Bulkheads(clock)
     done: list[str] = []
     assert not heads.run("job", Step.RESULTS, raising(FilmWaits("The film is locked.")))
     assert heads.sentences() == {"job": "Waits: the film is locked."}
     assert not heads.may_render("job")
     assert not heads.run("job", Step.RESULTS, lambda: done.append("too early"))
     assert heads.run("other", Step.RESULTS, lambda: done.append("other"))
-    clock[0] += 1.1
+    clock.now += 1.1
     assert heads.run("job", Step.RESULTS, lambda: done.append("job"))
     assert done == ["other", "job"]
     assert heads.sentences() == {}
     assert heads.may_render("job")
 
 
-def test_what_fails_slowly_is_tried_more_rarely(clock: list[float]) -> None:
-    heads = Bulkheads()
+def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
+    heads = Bulkheads(clock)
 
     def lock() -> None:
-        clock[0] += 0.25
+        clock.now += 0.25
         raise FilmWaits("locked")
 
     heads.run("job", Step.RESULTS, lock)
-    clock[0] += 2.0
+    clock.now += 2.0
     assert not heads.run("job", Step.RESULTS, lambda: None)
-    clock[0] += 0.6
+    clock.now += 0.6
     assert heads.run("job", Step.RESULTS, lambda: None)
 
 
@@ -79,14 +77,14 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: list[float]) -> None:
         (MALFORMED, "The database cannot be used (database disk image is malformed)."),
     ],
 )
-def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: list[float], error: Exception, sentence: str) -> None:
-    heads = Bulkheads()
+def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: FakeClock, error: Exception, sentence: str) -> None:
+    heads = Bulkheads(clock)
     heads.run("job", Step.RECORD, raising(error), needs_database=True)
     assert heads.database_fault == sentence
     assert not heads.run("other", Step.RECORD, lambda: None, needs_database=True)
     assert heads.run("other", Step.RESULTS, lambda: None), "films go on"
     assert heads.may_render("job")
-    clock[0] += 1.1
+    clock.now += 1.1
     assert heads.run("other", Step.RECORD, lambda: None, needs_database=True)
     assert heads.database_fault is None
 
@@ -101,8 +99,8 @@ def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: list[fl
         (RecursionError(), "RecursionError"),
     ],
 )
-def test_the_rest_is_the_jobs_own(clock: list[float], error: Exception, sentence: str) -> None:
-    heads = Bulkheads()
+def test_the_rest_is_the_jobs_own(clock: FakeClock, error: Exception, sentence: str) -> None:
+    heads = Bulkheads(clock)
     assert not heads.run("job", Step.CHANGE, raising(error), needs_database=True)
     assert sentence in heads.verdicts["job"].error
     assert not heads.may_render("job")
@@ -110,21 +108,21 @@ def test_the_rest_is_the_jobs_own(clock: list[float], error: Exception, sentence
     assert heads.database_fault is None
 
 
-def test_a_verdict_stays_until_the_database_takes_it(clock: list[float]) -> None:
-    heads = Bulkheads()
+def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
+    heads = Bulkheads(clock)
     heads.condemn("job", "It failed.", "rayfarm render")
     ended: list[str] = []
     heads.carry_out(lambda id, verdict: raising(FULL)())
     heads.carry_out(lambda id, verdict: ended.append("too early"))
-    clock[0] += 1.1
+    clock.now += 1.1
     heads.carry_out(lambda id, verdict: ended.append(f"{id} {verdict.error} {verdict.reproduce}"))
     heads.carry_out(lambda id, verdict: ended.append("twice"))
     assert ended == ["job It failed. rayfarm render"]
     assert heads.may_render("job")
 
 
-def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: list[float]) -> None:
-    heads = Bulkheads()
+def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: FakeClock) -> None:
+    heads = Bulkheads(clock)
     heads.condemn("job", "It failed.")
     heads.carry_out(lambda id, verdict: raising(ValueError("a row that cannot be read"))())
     assert heads.verdicts == {}
