@@ -16,7 +16,7 @@ from typing import Any
 
 from . import exr
 from .client import Cancelled, Client, FarmError
-from .protocol.live import FROM_SERVICE, JobState
+from .protocol.messages import JobState
 from .protocol.pictures import decode_tile
 from .protocol.websocket import Acknowledge, read_service
 from .render_request import Asked, Done, Failed, Grown, Light, Said
@@ -154,8 +154,8 @@ class Rendering:
                     self.events.put(Grown(tile.head.x, tile.head.y, tile.words))
                     socket.send(Acknowledge(tile.head.seq).to_text())
                 elif message is not None:
-                    told = read_service(message, FROM_SERVICE)
-                    if isinstance(told, JobState) and self._ends(told.job):
+                    told = read_service(message, (JobState,))
+                    if told is not None and self._ends(told.job):
                         return True
                 elif time.monotonic() - last > 10:
                     last = time.monotonic()

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from .client import Cancelled, Client, FarmError
 from .packets import View
-from .protocol.viewport import FROM_SERVICE, Look, Refused, ViewState
+from .protocol.messages import Look, Refused, ViewState
 from .protocol.websocket import Acknowledge, read_service
 from .render_request import Light
 from .rendering import light_of
@@ -160,7 +160,7 @@ class Watching:
                 socket.send(Acknowledge(picture.seq).to_text())
                 self._keep(Shown(picture.rgb.copy(), picture.id, picture.whole, samples, done), wanted)
             elif message is not None:
-                told = read_service(message, FROM_SERVICE)
+                told = read_service(message, (ViewState, Refused))
                 if isinstance(told, Refused):
                     self._say(told.detail)
                 elif isinstance(told, ViewState) and told.id in (None, sent):

@@ -35,10 +35,12 @@ import { t } from "../base/words.js";
  * @property {(picked: Picked) => void} picked
  * @property {(up: boolean) => void} link
  * @property {(sentence: string) => void} refused the service closed the connection for good
+ *
+ * @typedef {Record<string, (said: any) => void>} MoreHandlers of further messages of protocol/viewport.py, by their type
  */
 
 export class ViewLink extends LastingSocket {
-  /** @param {string} scene @param {ViewHandlers} handlers */
+  /** @param {string} scene @param {ViewHandlers & MoreHandlers} handlers */
   constructor(scene, handlers) {
     super(handlers, t("The service closed the view."));
     this.scene = scene;
@@ -70,7 +72,7 @@ export class ViewLink extends LastingSocket {
 
   /** @override @param {any} said */
   told(said) {
-    if (said.type !== "error") this.handlers[/** @type {"state" | "picked"} */ (said.type)]?.(said);
+    if (said.type !== "error") this.handlers[said.type]?.(said);
     else if (said.id === null || said.id === this.id) this.handlers.failed(said.detail);
   }
 
