@@ -20,7 +20,7 @@ Between the service, a site's reducer and workers; start with contract.py:
     broker.py         Celery's settings for both ends of the queue
     redis_tls.py      addresses of a Redis that is reached over TLS
     sums.py           serialization of a batch's sums
-    result_bytes.py   serialization of a result
+    result_bytes.py   serialization of a result; json_head.py: a JSON object and bytes
     blends.py         scenes that Blender has to convert
     reproduce.py      the command that renders a failed batch again, without a farm
 """

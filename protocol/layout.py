@@ -44,14 +44,14 @@ class Layout(Generic[R]):
         self.kind = kind
         self._mark = b"" if version is None or kind is None else bytes([version, kind])
         hints: dict[str, Any] = get_type_hints(row, include_extras=True)
-        fields, codes = [], f"{len(self._mark)}s"
+        fields, codes = [], ""
         for field in row._fields:
             of, meaning = hints[field].__metadata__
-            fields.append(Field(field, of, struct.calcsize(f"<{codes}"), meaning))
+            fields.append(Field(field, of, len(self._mark) + struct.calcsize(f"<{codes}"), meaning))
             codes += of.code
         self.fields = tuple(fields)
         self._struct = struct.Struct(f"<{codes}")
-        self.size = self._struct.size
+        self.size = len(self._mark) + self._struct.size
 
     @property
     def text(self) -> str:
@@ -61,14 +61,21 @@ class Layout(Generic[R]):
 
     def pack(self, row: R) -> bytes:
         """Encodes a record. Raises struct.error if a value does not fit into its field."""
-        return self._struct.pack(self._mark, *row)
+        return self._mark + self._struct.pack(*row)
 
     def unpack(self, data: bytes, at: int = 0) -> R:
         """Decodes the record at an offset. Raises ValueError if it is cut off, or of another version or kind."""
         if len(data) < at + self.size:
             raise ValueError(f"a {self.name} of {len(data) - at} bytes is cut off")
-        mark, *values = self._struct.unpack_from(data, at)
-        if mark != self._mark:
-            version, kind = mark
+        start = at + len(self._mark)
+        if data[at:start] != self._mark:
+            version, kind = data[at:start]
             raise ValueError(f"a packet of version {version} and kind {kind} is no {self.name} of version {self.version}")
-        return self.row._make(values)
+        return self.row._make(self._struct.unpack_from(data, start))
+
+    def unpack_all(self, data: bytes, at: int, count: int) -> list[R]:
+        """Decodes consecutive records without a version. Raises ValueError if they are cut off."""
+        end = at + count * self.size
+        if len(data) < end:
+            raise ValueError(f"{count} times a {self.name} in {len(data) - at} bytes are cut off")
+        return [self.row._make(values) for values in self._struct.iter_unpack(memoryview(data)[at:end])]

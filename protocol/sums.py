@@ -8,14 +8,14 @@ and is LZ4-compressed separately, so readers that need only colour decompress on
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Collection, Iterable, Iterator
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 import lz4.block
 import numpy as np
 import numpy.typing as npt
 
+from protocol.layout import I64, U8, Layout
 from renderer.film import CHANNELS, SAMPLES, Sums
 from renderer.settings import Tile
 
@@ -27,8 +27,24 @@ PACKED = 2  # format byte; the older format is one LZ4 block, whose first byte i
 ALIKE, COPY = 0, 9
 PLAIN = 10  # uncompressed, 8 bytes a pixel: only from the older format
 WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
-_START = struct.Struct("<BB")
-_HEAD = struct.Struct("<Bq")  # ALIKE and the value, COPY and the plane's number, or the width and the compressed size
+
+
+class Start(NamedTuple):
+    """The start of packed sums; a PlaneHead for each plane follows, then the planes' bodies."""
+
+    format: Annotated[int, U8, "PACKED"]
+    planes: Annotated[int, U8, "number of planes"]
+
+
+class PlaneHead(NamedTuple):
+    """The head of a plane."""
+
+    code: Annotated[int, U8, "ALIKE, COPY, or the bytes per pixel"]
+    value: Annotated[int, I64, "the value of all pixels, the number of the plane that is equal, or the size of the body"]
+
+
+START = Layout("batch of sums", Start)
+PLANE = Layout("plane of sums", PlaneHead)
 
 
 def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
@@ -44,19 +60,19 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
     for number, plane in enumerate(sums):
         least, most = (int(plane.min()), int(plane.max())) if plane.size else (0, 0)
         if least == most:
-            heads.append(_HEAD.pack(ALIKE, least))
+            heads.append(PLANE.pack(PlaneHead(ALIKE, least)))
             continue
         others = seen.setdefault((least, most), [])
         twin = next((other for other in others if np.array_equal(sums[other], plane)), None)
         if twin is not None:
-            heads.append(_HEAD.pack(COPY, twin))
+            heads.append(PLANE.pack(PlaneHead(COPY, twin)))
             continue
         others.append(number)
         width = next(width for width in WIDTHS if -(1 << 8 * width - 1) <= least and most < 1 << 8 * width - 1)
         body = lz4.block.compress(_narrow(plane, width), store_size=False)
-        heads.append(_HEAD.pack(width, len(body)))
+        heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
-    return b"".join([_START.pack(PACKED, len(sums)), *heads, *bodies])
+    return b"".join([START.pack(Start(PACKED, len(sums))), *heads, *bodies])
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
@@ -130,14 +146,14 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         yield from _in_one_block(data, tile, stored)
         return
     try:
-        count = _START.unpack_from(data)[1]
-        heads = [_HEAD.unpack_from(data, _START.size + i * _HEAD.size) for i in range(count)]
-    except struct.error:
+        count = START.unpack(data).planes
+        heads = PLANE.unpack_all(data, START.size, count)
+    except ValueError:
         raise ValueError("damaged sums: they end too soon") from None
     if count != CHANNELS and not (stored and 0 < count < CHANNELS):
         raise ValueError(f"sums of {count} planes where a film has {CHANNELS}")
     view = memoryview(data)
-    at = _START.size + count * _HEAD.size
+    at = START.size + count * PLANE.size
     for number, (code, value) in enumerate(heads):
         body = view[at:at]
         if code in WIDTHS:
@@ -145,7 +161,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
                 raise ValueError("damaged sums: they end too soon")
             body = view[at : at + value]
             at += value
-        elif code == COPY and not (0 <= value < number and heads[value][0] in WIDTHS):
+        elif code == COPY and not (0 <= value < number and heads[value].code in WIDTHS):
             raise ValueError(f"damaged sums: plane {number} is said to be like {value}")
         elif code not in (ALIKE, COPY):
             raise ValueError(f"damaged sums: plane {number} is a {code}")

@@ -11,11 +11,10 @@ are worthless to a restarted service and need not wait for the merging of films.
 
 from __future__ import annotations
 
-import json
-import struct
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from protocol import json_head
 from protocol.contract import PrepareFrames
 from renderer.settings import RenderSettings, Tile
 
@@ -41,7 +40,6 @@ VIEW_QUEUES = "rayfarm.view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
 LONGEST_S = 3600.0
-_LENGTH = struct.Struct("<I")
 
 
 def view_queue(kind: str) -> str:
@@ -142,17 +140,15 @@ class ViewAnswer:
 
     def to_bytes(self) -> bytes:
         """Serializes the answer for the list: the length of a JSON object, the object, and the sums."""
-        head = json.dumps({name: value for name, value in vars(self).items() if name != "sums"}).encode()
-        return _LENGTH.pack(len(head)) + head + self.sums
+        return json_head.encode({name: value for name, value in vars(self).items() if name != "sums"}, self.sums)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> ViewAnswer:
         """Parses the answer that `to_bytes` wrote. Raises ValueError."""
         try:
-            (length,) = _LENGTH.unpack_from(data)
-            head = json.loads(data[_LENGTH.size : _LENGTH.size + length])
-            answer = cls(**head, sums=data[_LENGTH.size + length :])
-        except (struct.error, TypeError, RecursionError) as error:
+            head, sums = json_head.decode(data)
+            answer = cls(**head, sums=sums)
+        except (ValueError, TypeError) as error:
             raise ValueError(f"no answer about a view: {error}") from None
         texts = (answer.type, answer.watch, answer.message, answer.worker)
         if not (all(isinstance(text, str) for text in texts) and isinstance(answer.view, int) and isinstance(answer.more, dict)):

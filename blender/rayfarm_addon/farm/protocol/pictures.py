@@ -216,7 +216,7 @@ def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
 def decode_view(packet: bytes) -> ViewPicture:
     """Decodes a picture of a view. Raises ValueError."""
     head = VIEW.unpack(packet)
-    tiles = [VIEW_TILE.unpack(packet, VIEW.size + i * VIEW_TILE.size) for i in range(head.tiles)]
+    tiles = VIEW_TILE.unpack_all(packet, VIEW.size, head.tiles)
     try:
         body = zlib.decompress(packet[VIEW.size + head.tiles * VIEW_TILE.size :], RAW)
     except zlib.error as error:
