@@ -10,6 +10,7 @@ Between the service and those who watch:
 
 Between the service, a site's reducer and workers; start with contract.py:
     contract.py       tasks, queues, keys and results
+    events.py         the events of results
     joint.py          batches of a tile that the slots of one machine render together
     view_parts.py     parts of interactive views
     explained.py      explanations of pixels

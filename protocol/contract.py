@@ -382,23 +382,7 @@ class WorkerReport:
 class Result:
     """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
 
-    type and the further keys of `event`:
-        batch            batch, job, frame, tile, first, count, worker, seconds, bad: [[x, y, sample], ...], bad_count
-        batches          see protocol.joint
-        batch-failed     batch, job, frame, tile, first, count, worker, error (a sentence), reproduce (a command), trace
-        batch-returned   the same without reproduce: a failure of the worker, not of the scene; to be handed out again
-        denoised         work, worker, sha256 (of the blob), version and samples (of the means, as the service gave them)
-        vectors-made, environment-shown: the first three
-        denoise-failed, vectors-failed, environment-failed: work, worker, error (a sentence), unfit: as of prepare-returned
-        prepare-started  scene, kind, worker
-        prepare-progress scene, kind, step (a phrase), fraction 0..1
-        prepared         scene, kind, worker, info: SceneInfo
-        prepare-failed   scene, kind, worker, error (a sentence)
-        prepare-returned the same, unfit, passing: a failure of the worker; to be handed out again. unfit: its machine cannot do
-                         the work, another may; passing: only temporarily
-        frame-prepared   work, job, kind, worker, frame, info: FrameInfo
-        frame-failed     work, job, kind, worker, frame, error (a sentence)
-        frames-returned  work, job, kind, worker, error (a sentence), unfit, passing: for the unanswered frames, as above
+    `type` of the event and its further keys are declared in events.py.
     """
 
     event: dict[str, Any]
