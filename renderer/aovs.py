@@ -1,14 +1,14 @@
-"""What there is of a frame beside colour: the values of each plane, its channels in an EXR, and how it looks on a screen.
+"""The AOVs of a frame: what there is beside colour. Each is declared once, by an entry of the table at the end.
 
-The film holds all of them but motion, which is a pass of its own (renderer/vectors.py).
-
-Channels are named as Blender and Cycles name theirs, so that compositors recognise them.
+The film holds all of them but motion, which is a pass of its own (renderer/vectors.py). Channels are named as Blender and Cycles
+name theirs, so that compositors recognise them.
 """
 
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -17,40 +17,41 @@ from renderer import film
 from renderer.errors import SettingsError
 from renderer.film import Sums
 
-__all__ = ["AOVS", "MOTION", "NAMES", "channels", "known", "layers", "planes", "size", "span", "values", "visible"]
+__all__ = ["AOVS", "MOTION", "NAMES", "channels", "described", "known", "layers", "planes", "size", "span", "values", "visible"]
 
 F32 = npt.NDArray[np.float32]
 Span = tuple[F32 | np.float32, F32 | np.float32] | None
 
-_MEANS: dict[str, slice | int] = {
-    "albedo": film.ALBEDO,
-    "normal": film.NORMAL,
-    "depth": film.DEPTH,
-    "position": film.POSITION,
-}
-_PLAIN = {"object": film.OBJECT, "material": film.MATERIAL, "samples": film.SAMPLES}
-_CHANNELS = {
-    "albedo": ("Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B"),
-    "normal": ("Normal.X", "Normal.Y", "Normal.Z"),
-    "depth": ("Depth.Z",),
-    "position": ("Position.X", "Position.Y", "Position.Z"),
-    "object": ("IndexOB.X",),
-    "material": ("IndexMA.X",),
-    "samples": ("Debug Sample Count.X",),
-    "error": ("Standard Error.X",),  # ours: Cycles has none
-    "motion": ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W"),
-}
 MOTION = "motion"
-NAMES = tuple(_CHANNELS)
-AOVS = tuple(name for name in NAMES if name != MOTION)  # those of the film
 
 # Of a heat map: black body, with a blue beginning so that little is told from nothing.
 _HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
 _GOLDEN = 0.6180339887498949  # hues this far apart never come close to an earlier one soon
 
 
+class _Aov(NamedTuple):
+    """An AOV.
+
+    channels: in an EXR; numbers: names of a pixel's numbers on the page; shown: returns it as colours 0 ... 1, given the two
+    ends of its span; planes: of the film (renderer/film.py); mean: whether they are sums, of which the mean is taken; span:
+    returns the values between which a whole plane is shown, None where it needs none.
+    """
+
+    label: str
+    help: str
+    channels: tuple[str, ...]
+    numbers: tuple[str, ...]
+    shown: Callable[[F32, Any, Any], npt.NDArray[Any]]
+    planes: tuple[slice | int, ...] = ()
+    mean: bool = True
+    span: Callable[[F32], Span] = lambda plane: None
+
+
 def known(names: Iterable[str]) -> list[str]:
-    """The AOVs that a list of names means, `all` for every one of the film. Raises SettingsError for one that is not known."""
+    """Returns the AOVs that a list of names means, `all` for every one of the film.
+
+    Raises SettingsError for one that is not known.
+    """
     wanted = list(names)
     for name in wanted:
         if name not in (*NAMES, "all"):
@@ -58,13 +59,19 @@ def known(names: Iterable[str]) -> list[str]:
     return [*AOVS, *({MOTION} & {*wanted})] if "all" in wanted else wanted
 
 
+def described() -> list[dict[str, Any]]:
+    """Returns the AOVs of the film as the page lists them: name, label, help and the names of a pixel's numbers."""
+    return [
+        {"name": name, "label": _ALL[name].label, "help": _ALL[name].help, "values": list(_ALL[name].numbers)} for name in AOVS
+    ]
+
+
 def planes(name: str) -> tuple[int, ...]:
-    """The planes of a film that an AOV's values, or `color`, are made of."""
-    if name == "error":
-        return _numbers(film.COLOR, film.COLOR_HALF, film.SAMPLES, film.SAMPLES_HALF)
+    """Returns the planes of a film that an AOV's values, or `color`, are made of."""
     if name == "color":
         return _numbers(film.COLOR, film.SAMPLES)
-    return _numbers(_PLAIN[name]) if name in _PLAIN else _numbers(_MEANS[name], film.SAMPLES)
+    aov = _ALL[name]
+    return _numbers(*aov.planes, film.SAMPLES) if aov.mean else _numbers(*aov.planes)
 
 
 def _numbers(*channels: slice | int) -> tuple[int, ...]:
@@ -72,88 +79,106 @@ def _numbers(*channels: slice | int) -> tuple[int, ...]:
 
 
 def size(name: str) -> int:
-    """How many values a pixel of an AOV, or of `color`, has."""
-    return 3 if name == "color" else len(_CHANNELS[name])
+    """Returns the count of a pixel's values of an AOV, or of `color`."""
+    return 3 if name == "color" else len(_ALL[name].channels)
 
 
 def channels(name: str) -> tuple[str, ...]:
-    """An AOV's channels in an EXR."""
-    return _CHANNELS[name]
+    """Returns an AOV's channels in an EXR."""
+    return _ALL[name].channels
 
 
 def values(sums: Sums, film_exponent: int, name: str) -> F32:
-    """The values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
+    """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
 
     albedo 0 ... 1; normal, position, depth in the world; object, material: 1 + the number, 0 where nothing is hit; samples:
     those that count; error: the standard error of the pixel's luminance (film.error).
     """
     if name == "error":
         return film.error(sums, film_exponent)
-    if name in _PLAIN:
-        return sums[_PLAIN[name]].astype(np.float32)
-    return film.mean(sums, film_exponent, _MEANS[name])
+    (plane,) = _ALL[name].planes
+    return film.mean(sums, film_exponent, plane) if _ALL[name].mean else sums[plane].astype(np.float32)
 
 
 def layers(pictures: dict[str, F32]) -> dict[str, F32]:
-    """AOVs by name as an EXR's channels by name, each (h, w)."""
+    """Returns AOVs by name as an EXR's channels by name, each (h, w)."""
     found = {}
     for name, plane in pictures.items():
-        for i, channel in enumerate(_CHANNELS[name]):
+        for i, channel in enumerate(_ALL[name].channels):
             found[channel] = plane if plane.ndim == 2 else plane[..., i]
     return found
 
 
 def span(name: str, plane: F32) -> Span:
-    """The values of a whole plane between which it is shown: parts of it that are shown by themselves then go together.
+    """Returns the values of a whole plane between which it is shown: parts of it that are shown by themselves then go together.
 
     Positions and depths: the least and the greatest; samples and error: 0 and the greatest, of errors the 99th percentile.
     None for what needs none.
     """
-    if name == "position":
-        return plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
-    if name == "depth":
-        hit = plane > 0
-        return (np.float32(plane[hit].min()), np.float32(plane[hit].max())) if hit.any() else (np.float32(0), np.float32(1))
-    if name == MOTION:
-        return np.float32(0), np.abs(plane).max(initial=np.float32(0))
-    if name in ("samples", "error"):
-        finite = plane[np.isfinite(plane)]
-        top = 0.0 if not finite.size else finite.max() if name == "samples" else np.percentile(finite, 99)
-        return np.float32(0), np.float32(top)
-    return None
+    return _ALL[name].span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
-    """An AOV as (h, w, 3) uint8 to look at.
+    """Returns an AOV as (h, w, 3) uint8 to look at.
 
     albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
     ids in colours that stay; samples and error as heat maps; motion, to the next frame's place, about grey: red to the right,
     green upwards. between: `span` of the whole, where the plane is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
-    if name == "albedo":
-        from renderer.image.tonemap import encode_srgb
-
-        shown = encode_srgb(np.clip(plane, 0, 1))
-    elif name == "normal":
-        shown = plane * 0.5 + 0.5
-    elif name == "position":
-        shown = np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
-    elif name == MOTION:
-        way = np.concatenate([-plane[..., 2:], np.zeros_like(plane[..., :1])], axis=2)
-        shown = np.asarray(0.5 + 0.5 * way / max(float(high), 1e-30), np.float32)
-    elif name == "depth":
-        near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
-        shown = np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
-    elif name in ("object", "material"):
-        shown = _palette(plane.astype(np.int64))
-    else:
-        shown = _heat(np.where(np.isfinite(plane), plane, high).astype(np.float32) / np.float32(max(float(high), 1e-30)))
-    return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+    return (np.clip(np.nan_to_num(_ALL[name].shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def _palette(ids: npt.NDArray[np.int64]) -> F32:
-    """A colour for every number, the same in every picture; black for 0."""
+def _span_of_position(plane: F32) -> Span:
+    return plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
+
+
+def _span_of_depth(plane: F32) -> Span:
+    hit = plane > 0
+    return (np.float32(plane[hit].min()), np.float32(plane[hit].max())) if hit.any() else (np.float32(0), np.float32(1))
+
+
+def _span_of_motion(plane: F32) -> Span:
+    return np.float32(0), np.abs(plane).max(initial=np.float32(0))
+
+
+def _span_of_samples(plane: F32) -> Span:
+    finite = plane[np.isfinite(plane)]
+    return np.float32(0), np.float32(finite.max() if finite.size else 0.0)
+
+
+def _span_of_error(plane: F32) -> Span:
+    finite = plane[np.isfinite(plane)]
+    return np.float32(0), np.float32(np.percentile(finite, 99) if finite.size else 0.0)
+
+
+def _encoded(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    from renderer.image.tonemap import encode_srgb
+
+    return encode_srgb(np.clip(plane, 0, 1))
+
+
+def _signed(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    return plane * 0.5 + 0.5
+
+
+def _stretched(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    return np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
+
+
+def _near_is_light(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
+    return np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
+
+
+def _about_grey(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    way = np.concatenate([-plane[..., 2:], np.zeros_like(plane[..., :1])], axis=2)
+    return np.asarray(0.5 + 0.5 * way / max(float(high), 1e-30), np.float32)
+
+
+def _palette(plane: F32, low: Any, high: Any) -> F32:
+    """Returns a colour for every number, the same in every picture; black for 0."""
+    ids = plane.astype(np.int64)
     found, where = np.unique(ids, return_inverse=True)
     colors = [colorsys.hsv_to_rgb(i * _GOLDEN % 1, 0.45 + 0.3 * (i % 2), 0.95 - 0.25 * (i // 2 % 2)) for i in found.tolist()]
     table = np.array(colors, np.float32)
@@ -161,6 +186,80 @@ def _palette(ids: npt.NDArray[np.int64]) -> F32:
     return table[where.reshape(ids.shape)]
 
 
-def _heat(level: F32) -> F32:
+def _heat(plane: F32, low: Any, high: Any) -> F32:
+    level = np.where(np.isfinite(plane), plane, high).astype(np.float32) / np.float32(max(float(high), 1e-30))
     at = np.clip(level, 0, 1) * (len(_HEAT) - 1)
     return np.stack([np.interp(at, np.arange(len(_HEAT)), _HEAT[:, i]) for i in range(3)], axis=-1).astype(np.float32)
+
+
+_XYZ = ("X", "Y", "Z")
+_ALL = {
+    "albedo": _Aov(
+        "Albedo",
+        "What the first surface reflects of white light",
+        ("Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B"),
+        ("R", "G", "B"),
+        _encoded,
+        (film.ALBEDO,),
+    ),
+    "normal": _Aov(
+        "Normal",
+        "Which way the first surface faces, in the world",
+        ("Normal.X", "Normal.Y", "Normal.Z"),
+        _XYZ,
+        _signed,
+        (film.NORMAL,),
+    ),
+    "depth": _Aov(
+        "Depth",
+        "Distance from the eye to the first surface",
+        ("Depth.Z",),
+        ("Distance",),
+        _near_is_light,
+        (film.DEPTH,),
+        span=_span_of_depth,
+    ),
+    "position": _Aov(
+        "Position",
+        "Where the first surface is, in the world",
+        ("Position.X", "Position.Y", "Position.Z"),
+        _XYZ,
+        _stretched,
+        (film.POSITION,),
+        span=_span_of_position,
+    ),
+    "object": _Aov("Object id", "A colour for every object", ("IndexOB.X",), ("Object",), _palette, (film.OBJECT,), mean=False),
+    "material": _Aov(
+        "Material id", "A colour for every material", ("IndexMA.X",), ("Material",), _palette, (film.MATERIAL,), mean=False
+    ),
+    "samples": _Aov(
+        "Sample count",
+        "Heat map: where the farm spent its samples",
+        ("Debug Sample Count.X",),
+        ("Samples",),
+        _heat,
+        (film.SAMPLES,),
+        mean=False,
+        span=_span_of_samples,
+    ),
+    "error": _Aov(
+        "Error",
+        "Heat map: how noisy each pixel still is",
+        ("Standard Error.X",),  # ours: Cycles has none
+        ("Error",),
+        _heat,
+        (film.COLOR, film.COLOR_HALF, film.SAMPLES, film.SAMPLES_HALF),
+        mean=False,
+        span=_span_of_error,
+    ),
+    MOTION: _Aov(
+        "Motion",
+        "",
+        ("Vector.X", "Vector.Y", "Vector.Z", "Vector.W"),
+        ("X", "Y", "Z", "W"),
+        _about_grey,
+        span=_span_of_motion,
+    ),
+}
+NAMES = tuple(_ALL)
+AOVS = tuple(name for name in NAMES if name != MOTION)  # those of the film

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from renderer import aovs
 from renderer.presets import PRESETS
 from renderer.setting_docs import described
 from service.intake.examples import examples
@@ -57,6 +58,8 @@ def texts_of_the_service() -> set[str]:
             found |= {setting[name] for name in ("label", "help", "section", "phrase")}
             found |= {choice[name] for choice in setting["choices"] or () for name in ("label", "help")}
             found |= {setting["off"]["label"]} if setting["off"] else set()
+    for channel in aovs.described():
+        found |= {channel["label"], channel["help"], *(name for name in channel["values"] if len(name) > 1)}
     found |= {text for preset in PRESETS.values() for text in (preset.label, preset.help)}
     found |= {example.description for example, _ in examples(ROOT / "scenes")}
     comparisons = json.loads((WEB / "examples" / "comparisons.json").read_text(encoding="utf-8"))

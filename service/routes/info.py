@@ -6,8 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from renderer import __version__
-from renderer.aovs import NAMES
+from renderer import __version__, aovs
 from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
 from renderer.setting_docs import described
@@ -32,7 +31,8 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         },
         **described(),
         "curves": list(CURVES),
-        "aovs": list(NAMES),
+        "aovs": list(aovs.NAMES),
+        "channels": aovs.described(),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
         "foreign": FOREIGN,
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],

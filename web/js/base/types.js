@@ -230,7 +230,13 @@
  * @property {[number, number] | null} [usual] the range that people use, for a slider
  * @property {string} phrase names a picture by the value, in place of {}
  *
- * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[]}} SettingsTable
+ * @typedef {object} Channel
+ * @property {string} name "" for the light as it is; else the service's name of the plane, or DENOISED
+ * @property {string} label
+ * @property {string} help
+ * @property {string[]} values the names of a pixel's numbers
+ *
+ * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[]}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *

@@ -1,6 +1,6 @@
 /** What is about the wipe of a comparison: the choice of each side, how far it is, and in what the two differ. */
 
-import { CHANNELS, DENOISED_CHANNEL } from "../film/channels.js";
+import { DENOISED_CHANNEL, channels as planes } from "../film/channels.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { addressOf, momentName, referenceId } from "./pictures.js";
 import { jobs } from "../news/farm.js";
@@ -43,7 +43,7 @@ export function sideChoice(letter, state, { picture: job, channel, at }, moments
       "aria-label": t("Channel of {letter}", { letter }),
       onchange: () => state.update((now) => ({ ...now, [channel]: channels.value })),
     },
-    [...CHANNELS.slice(0, 1), DENOISED_CHANNEL, ...CHANNELS.slice(1)].map(({ name, label }) =>
+    [...planes().slice(0, 1), DENOISED_CHANNEL, ...planes().slice(1)].map(({ name, label }) =>
       h("option", { value: name }, label),
     ),
   );

@@ -1,6 +1,6 @@
 /** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
 
-import { CHANNELS } from "../film/channels.js";
+import { channels } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
@@ -37,7 +37,7 @@ export function displayFromUrl() {
   /** @type {Store<Display>} */
   const store = new Store({
     ...lookFromUrl(params),
-    channel: CHANNELS.some(({ name }) => name === channel) ? channel : "",
+    channel: channels().some(({ name }) => name === channel) ? channel : "",
     part: PARTS.some(({ name }) => name === params.get("part")) ? (params.get("part") ?? "") : "",
     pins: pinsFrom(params.get("pins")),
     denoise,
@@ -103,7 +103,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
   const channel = h(
     "select",
     { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
-    CHANNELS.map(({ name, label }) => h("option", { value: name }, label)),
+    channels().map(({ name, label }) => h("option", { value: name }, label)),
   );
   const channelField = field(t("Channel"), channel, " ");
   const hint = /** @type {HTMLElement} */ (channelField.lastElementChild);
@@ -115,7 +115,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
   const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;
-    const told = CHANNELS.find(({ name }) => name === d.channel)?.hint ?? "";
+    const told = channels().find(({ name }) => name === d.channel)?.help ?? "";
     setText(hint, told);
     hint.hidden = told === "";
     outlines.checked = d.outlines;
@@ -163,7 +163,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
   /** What the colours of the plane stand for. @param {import("../film/picture-side.js").SideState | null} state */
   const updateHeat = (state) => {
     const span = state?.span;
-    const name = CHANNELS.find((each) => each.name === state?.channel)?.label ?? "";
+    const name = channels().find((each) => each.name === state?.channel)?.label ?? "";
     heat.hidden = !span;
     if (span) fill(heat, heatBar(name, span[0], span[1]));
   };

@@ -1,6 +1,6 @@
 /** The keys of the render view; tev's, where tev has them. */
 
-import { CHANNELS } from "../film/channels.js";
+import { channels } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
 import { DENOISE_MODES, canDenoise } from "./denoise-fields.js";
 import { EXPOSURE_STEP, clampExposure } from "./display-panel.js";
@@ -82,7 +82,7 @@ export function jobKeys({ job, display, inShot = false }) {
     location.hash = linkTo("compare", job().id) + (frame ? `?frame=${frame}` : "");
   };
   /** @type {Shortcut[]} */
-  const planes = CHANNELS.slice(0, 9).map(({ name, label }, i) => ({
+  const planes = channels().slice(0, 9).map(({ name, label }, i) => ({
     keys: `Shift+${i + 1}`,
     shown: i ? null : "Shift+1…9",
     does: t("Channels: colour, albedo, normal, depth and so on"),

@@ -15,7 +15,7 @@ export const table = new Store(/** @type {SettingsTable | null} */ (null));
  * @param {SettingsTable} english
  * @returns {SettingsTable}
  */
-export function inWords({ settings, view, work, shot }) {
+export function inWords({ settings, view, work, shot, channels }) {
   /** @param {Setting[]} all */
   const said = (all) =>
     all.map((setting) => ({
@@ -27,7 +27,11 @@ export function inWords({ settings, view, work, shot }) {
       off: setting.off && { ...setting.off, label: t(setting.off.label) },
       choices: setting.choices?.map((choice) => ({ ...choice, label: t(choice.label), help: t(choice.help) })) ?? null,
     }));
-  return { settings: said(settings), view: said(view), work: said(work), shot: said(shot) };
+  const planes = channels.map(({ name, label, help, values }) => ({
+    ...{ name, label: t(label), help: t(help) },
+    values: values.map((each) => t(each)),
+  }));
+  return { settings: said(settings), view: said(view), work: said(work), shot: said(shot), channels: planes };
 }
 
 /** @returns {SettingsTable} */
@@ -37,7 +41,7 @@ export function known() {
 }
 
 /**
- * @param {keyof SettingsTable} part
+ * @param {Exclude<keyof SettingsTable, "channels">} part
  * @param {string} name
  * @returns {Setting}
  */
