@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frames_text, parse_frames
 from tests.page.node import Node
@@ -142,3 +143,22 @@ def test_long_texts_and_deep_quotes_take_no_time(german: Node) -> None:
 def test_on_an_english_page_they_stay(node: Node) -> None:
     assert node.call("base/said", "return a.map((each) => m.said(each));", list(SAID)) == list(SAID)
     assert node.call("base/said", "return m.said(null);") == ""
+
+
+def test_the_channels_are_those_that_the_service_lists(node: Node) -> None:
+    body = """
+        const { inWords, table } = await read("/js/news/settings-table.js");
+        const before = m.channels().map(({ name }) => name);
+        table.set(inWords({ settings: [], view: [], work: [], shot: [], channels: a }));
+        const shown = m.channels();
+        table.set(null);
+        return [before, shown];"""
+    before, shown = node.call("film/channels", body, aovs.described())
+    assert before == [""]
+    assert [channel["name"] for channel in shown] == ["", *aovs.AOVS]
+    assert shown[3] == {
+        "name": "depth",
+        "label": "Depth",
+        "help": "Distance from the eye to the first surface",
+        "values": ["Distance"],
+    }
