@@ -58,7 +58,7 @@ def test_what_is_common_is_plain() -> None:
 
 def test_a_kind_that_is_not_declared_is_refused() -> None:
     scene = compile_scene(described(*PLAIN))
-    scene.material_kind[0] = len(rows.KINDS)
+    scene = scene._replace(material_kind=np.full_like(scene.material_kind, len(rows.KINDS)))
     with pytest.raises(ValueError, match=r"kinds \[11\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
         edition_of(scene)
 
