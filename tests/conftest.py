@@ -45,9 +45,29 @@ def is_ordinary(config: pytest.Config) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Before any test is collected: its settings are taken then."""
-    if is_ordinary(config):
-        hypothesis.settings.load_profile("ordinary")
+    """Loads hypothesis' profile before tests are collected, and has each process of xdist begin with other files.
+
+    Every process imports every file. In a fresh clone the first to import one rewrites its assertions and keeps the result for
+    the others, which takes longer than all other imports: each process begins with a share of its own.
+    """
+    gc.disable()  # until all is collected, and frozen
+    if not is_ordinary(config):
+        return
+    hypothesis.settings.load_profile("ordinary")
+    if config.args == config.getini("testpaths"):
+        files = sorted(str(path) for path in Path(__file__).parent.rglob("test_*.py"))
+        count = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+        begin = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) * len(files) // count
+        config.args = [*files[begin:], *files[:begin]]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
+    """Makes no items of tests marked `long` in an ordinary run, which would deselect them: they are half of all."""
+    if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
+        return None
+    marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
+    return [] if any(mark.name == "long" for mark in marks) else None
 
 
 class ByFile(LoadFileScheduling):
@@ -63,11 +83,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByFile:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: next((n for n, name in enumerate(FIRST) if item.nodeid.startswith(f"tests/{name}")), len(FIRST)))
+    def rank(item: pytest.Item) -> tuple[int, str]:
+        return next((n for n, name in enumerate(FIRST) if item.nodeid.startswith(f"tests/{name}")), len(FIRST)), str(item.path)
+
+    items.sort(key=rank)
 
 
 def pytest_collection_finish() -> None:
     """Takes what is imported and collected, which stays, from the garbage collector's sight: a twentieth of the tests' time."""
+    gc.enable()
     gc.freeze()
 
 
