@@ -13,6 +13,7 @@ import pytest
 from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling
 
+from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
 
@@ -23,7 +24,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
 # Handed out in this order: first what needs no kernel, while these are compiled, then what takes longest by itself.
-FIRST = ("test_", "service/", "worker/", "renderer/scene/", "chaos/", "rayfarm/", "e2e/")
+FIRST = ("test_", "service/", "worker/", "renderer/scene/", "chaos/", "e2e/", "rayfarm/", "renderer/test_target")
 
 # The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser.
 SHARE_A_FARM = (
@@ -54,6 +55,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not is_ordinary(config):
         return
     hypothesis.settings.load_profile("ordinary")
+    leave_out_long()
     if config.args == config.getini("testpaths"):
         files = sorted(str(path) for path in Path(__file__).parent.rglob("test_*.py"))
         count = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
