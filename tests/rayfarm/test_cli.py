@@ -252,7 +252,7 @@ def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_a_render_at_once_and_leaves_no_half_picture(tmp_path: Path) -> None:
     picture = tmp_path / "long.png"
-    command = [sys.executable, "-m", "rayfarm", "render", str(CORNELL), "-o", str(picture), "--spp=100000"]
+    command = [sys.executable, "-m", "rayfarm", "render", str(CORNELL), "-o", str(picture), "--spp=100000", "--threads=1"]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     import psutil
 

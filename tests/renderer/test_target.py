@@ -116,7 +116,11 @@ def test_a_host_programs_numba_stays_as_it_was(answer: Any, tmp_path: Path) -> N
     assert between["same"] == [True, True, True]
     assert between["code"] == [alone["code"][0]] * 2
     assert Path(between["cache"]) == Path(alone["cache"]) == tmp_path / "__pycache__"
-    assert answer("first")["code"] == alone["code"]
+
+
+@pytest.mark.long
+def test_a_host_that_renders_first_compiles_the_same(answer: Any) -> None:
+    assert answer("first")["code"] == answer("alone")["code"]
 
 
 def test_options_of_the_process_do_not_reach_kernels() -> None:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 from renderer.scene.animation import Moment
@@ -67,13 +68,14 @@ def digest(folder):
     return found.hexdigest()
 
 
-def test_other_processors_get_the_same_bits(tmp_path):
+@pytest.mark.parametrize("kernels", ["Prescott", pytest.param("Haswell", marks=pytest.mark.long)])
+def test_other_processors_get_the_same_bits(tmp_path, kernels):
+    """OpenBLAS' kernels for processors without FMA, and with it."""
     ours = digest(tmp_path)
     loops = " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])
     program = "import sys; from tests.renderer.scene.test_same_bits import digest; print(digest(sys.argv[1]))"
-    for kernels in ("Prescott", "Haswell"):  # OpenBLAS's for processors without FMA, and with it
-        environment = {**os.environ, "OPENBLAS_CORETYPE": kernels, "NPY_DISABLE_CPU_FEATURES": loops}
-        done = subprocess.run(
-            [sys.executable, "-c", program, tmp_path], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
-        )
-        assert done.stdout.strip() == ours, kernels
+    environment = {**os.environ, "OPENBLAS_CORETYPE": kernels, "NPY_DISABLE_CPU_FEATURES": loops}
+    done = subprocess.run(
+        [sys.executable, "-c", program, tmp_path], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == ours
