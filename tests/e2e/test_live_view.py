@@ -35,6 +35,7 @@ def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
 
 def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
     page = watched.page
+    page.set_viewport_size({"width": 800, "height": 480})  # rendering and drawing it take most of this test
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     with farm.client() as client:
         client.wait_for_scene(scene)
