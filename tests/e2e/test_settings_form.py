@@ -317,6 +317,7 @@ def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:
     assert asked["view"]["projection"] == "panorama"
 
 
+@pytest.mark.long
 def test_what_cannot_be_is_said_beside_its_field(page: Page) -> None:
     open_form(page)
     page.get_by_label("Roulette").fill("7")

@@ -92,6 +92,7 @@ def test_a_backup_is_made_and_the_farm_looked_at(run: Run, tmp_path: Path) -> No
     assert "Denoiser" not in said
 
 
+@pytest.mark.long
 def test_a_token_that_is_given_counts(run: Run, tmp_path: Path) -> None:
     assert "nobody" not in run("user", "list").stderr
     refused = run("user", "list", RAYFARM_API_TOKEN="wrong")

@@ -14,6 +14,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, View
+from tests.grids import grid
 from tests.renderer.scene.far_files import EYE, FILES
 
 FARS = [(447612.4, 5411234.7, 312.8), (4075580.1, 931.25, -4801568.9)]
@@ -61,7 +62,7 @@ def _shape(description: SceneDescription) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in places.items()}
 
 
-@pytest.mark.parametrize("far", FARS)
+@grid("far", FARS, ordinary=(FARS[1],))
 @pytest.mark.parametrize("name", FILES)
 def test_a_file_far_from_the_origin_keeps_all_places(name, far, tmp_path):
     near, away = _shape(_read(tmp_path, name, NEAR)), _shape(_read(tmp_path, name, far))
@@ -70,7 +71,7 @@ def test_a_file_far_from_the_origin_keeps_all_places(name, far, tmp_path):
         np.testing.assert_allclose(away[what], values, atol=1e-6, rtol=1e-6, err_msg=what)
 
 
-@pytest.mark.parametrize("name", FILES)
+@grid("name", FILES)
 def test_the_picture_of_a_file_far_from_the_origin_is_that_of_its_twin(name, tmp_path):
     pictures = []
     for place in (NEAR, FARS[0]):

@@ -69,6 +69,7 @@ def test_the_slots_of_a_worker_send_one_result_of_which_no_bit_differs(bench: Be
     wait_until(lambda: not bench.report().in_hand, 20, "nothing is left")  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_more_pieces_than_slots_are_left_to_others(bench: Bench, info: SceneInfo) -> None:
     hand_out(bench, joint(info, "many", [1] * 8))
     found: list[Result] = []
@@ -89,6 +90,7 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
     assert ranges(found) == [(0, 4), (4 + long, 4)], "its message may come again: then it is rendered once more, by itself"
 
 
+@pytest.mark.long
 def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
     wait_until(lambda: len(slots_of(bench.process.pid)) == 3, 30, "the slot that was killed has a successor")
     slots = slots_of(bench.process.pid)
