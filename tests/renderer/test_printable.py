@@ -19,9 +19,8 @@ UNSAFE = [
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\u202etxt.exe\x9b31m\r\ud800"
 
 
-@pytest.mark.parametrize("character", UNSAFE, ids=ascii)
-def test_an_unsafe_character_becomes_its_escape(character: str) -> None:
-    assert printable(f"a{character}b") == f"a\\u{ord(character):04x}b"
+def test_an_unsafe_character_becomes_its_escape() -> None:
+    assert [printable(f"a{character}b") for character in UNSAFE] == [f"a\\u{ord(character):04x}b" for character in UNSAFE]
 
 
 def test_other_text_stays() -> None:
@@ -59,7 +58,9 @@ def test_nothing_is_printed_raw() -> None:
             name = str(path.relative_to(ROOT))
             if name in alone or name.startswith("renderer/blender/"):
                 continue
-            for node in ast.walk(ast.parse(path.read_text())):
+            text = path.read_text()
+            nodes = ast.walk(ast.parse(text)) if "print(" in text or "Console(" in text else ()
+            for node in nodes:
                 if not isinstance(node, ast.Call):
                     continue
                 called = ast.unparse(node.func)
