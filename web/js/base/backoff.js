@@ -1,4 +1,4 @@
-/** How long to wait before trying again: twice as long each time, up to a bound, and not all pages at the same moment. */
+/** Delays between retries: doubled each time up to a limit, with jitter so that pages do not retry at the same moment. */
 
 const FIRST_MS = 400;
 const LONGEST_MS = 8000;
@@ -23,7 +23,7 @@ export class Backoff {
     this.timer = setTimeout(() => this.now(), wait);
   }
 
-  /** Tries at once what waits. */
+  /** Runs a scheduled attempt at once. */
   now() {
     const attempt = this.waiting;
     this.cancel();

@@ -1,4 +1,4 @@
-/** Luminance; and sRGB colours of the page's colour fields, as the linear light that the renderer takes. */
+/** Luminance, and conversion between sRGB colours of the page's colour fields and the linear light that the renderer uses. */
 
 /** @param {readonly number[]} light linear Rec.709 @returns {number} */
 export const luminanceOf = ([r = 0, g = 0, b = 0]) => 0.2126 * r + 0.7152 * g + 0.0722 * b;

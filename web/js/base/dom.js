@@ -1,4 +1,4 @@
-/** Building the page out of elements, without markup strings: what a user typed or a file is called is always text, never HTML. */
+/** Creates DOM elements without markup strings, so that user input and file names are always text, never HTML. */
 
 /** @typedef {Node | string | number | null | undefined | false} Child */
 
@@ -59,7 +59,7 @@ export function fill(element, ...children) {
 }
 
 /**
- * Sets an element's text, and touches it only when it differs: screen readers repeat what is written again.
+ * Sets an element's text if it differs, since screen readers repeat text that is written again.
  *
  * @param {Element} element
  * @param {string | number} text
@@ -81,8 +81,8 @@ export function focusRow(element) {
 }
 
 /**
- * Keeps a container's children in step with a list of items: rows keep their identity, and so focus and running
- * transitions, as items change; they are made, moved and removed only as needed. The focus of a row that goes is its successor's.
+ * Keeps a container's children in step with a list of items. Rows are reused by key, so focus and running transitions survive
+ * changes. The focus of a removed row moves to its successor.
  *
  * @template T
  * @param {Element} container

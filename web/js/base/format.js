@@ -1,4 +1,4 @@
-/** Numbers, sizes and times as people read them. */
+/** Formatting of numbers, sizes and times. */
 
 import { grouped, t, tn } from "./words.js";
 
@@ -24,7 +24,7 @@ function significant(value) {
 }
 
 /**
- * Sizes along the axes: "4 × 3 × 2.5", and where they are very large or small "4 × 3 × 2.5 · 10⁵".
+ * Sizes along the axes: "4 × 3 × 2.5"; very large or small ones as "4 × 3 × 2.5 · 10⁵".
  *
  * @param {number[]} sizes
  */
@@ -50,7 +50,7 @@ export function bytes(n) {
 }
 
 /**
- * A duration on a clock: "0:07", "2:05", "1:02:05"; and from two days on "3 d 4 h".
+ * A duration as on a clock: "0:07", "2:05", "1:02:05"; from two days on "3 d 4 h".
  *
  * @param {number} seconds
  */
@@ -65,7 +65,7 @@ export function clock(seconds) {
 }
 
 /**
- * A duration in words, as precise as an estimate is: "about 3 s", "about 2 min", "about 5 h".
+ * An estimated duration in words: "about 3 s", "about 2 min", "about 5 h".
  *
  * @param {number} seconds
  */
@@ -97,7 +97,7 @@ export function ago(then, now = Date.now() / 1000) {
 }
 
 /**
- * A film value with four significant digits and a width that does not jump: "0.1234", "12.35", "1.2e-5".
+ * A film value with four significant digits, formatted to a steady width: "0.1234", "12.35", "1.2e-5".
  *
  * @param {number} value
  */

@@ -1,4 +1,4 @@
-/** Frames as people write them: which ones, `0-99`, `1-250x5,300` or `0-10x0.5`. As renderer/frames.py has it. */
+/** Frame ranges as text: `0-99`, `1-250x5,300` or `0-10x0.5`. Same syntax as renderer/frames.py. */
 
 import { t } from "./words.js";
 
@@ -7,7 +7,7 @@ const PART = /^(\d{1,8}(?:\.[05])?)(?:-(\d{1,8}(?:\.[05])?)(?:[x:](\d{1,8}(?:\.[
 
 /**
  * @param {string} text
- * @returns {number[] | string} in the order written, each once; or a sentence that says what is wrong
+ * @returns {number[] | string} in the order written, without duplicates; or an error message
  */
 export function parseFrames(text) {
   /** @type {Set<number>} */
@@ -28,7 +28,7 @@ export function parseFrames(text) {
 }
 
 /**
- * Runs of whole numbers as ranges: [0, 1, 2, 7] is "0-2,7".
+ * Formats frame numbers as ranges: [0, 1, 2, 7] is "0-2,7".
  *
  * @param {number[]} frames
  */

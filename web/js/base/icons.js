@@ -1,4 +1,4 @@
-/** The page's icons: strokes on a 16-pixel grid, in the colour of the text beside them, silent to screen readers. */
+/** The page's icons: strokes on a 16-pixel grid in the text's colour, hidden from screen readers. */
 
 const PATHS = {
   upload: "M8 11V2.5M4.5 6 8 2.5 11.5 6M2.5 10.5v2a1 1 0 0 0 1 1h9a1 1 0 0 0 1-1v-2",
@@ -47,7 +47,7 @@ const PATHS = {
   copy: "M5.5 5.5h8v8h-8zM3.5 10.5h-1v-8h8v1",
 };
 
-/** Drawn filled: outlines of these read as something else. */
+/** Icons drawn filled, since their outlines look like other symbols. */
 const SOLID = new Set(["play", "stop"]);
 
 /** @typedef {keyof typeof PATHS} IconName */

@@ -1,8 +1,8 @@
-/** A WebSocket that lasts: when it breaks, falls silent or the service starts anew, another takes its place. */
+/** A WebSocket that reconnects when the connection breaks, falls silent, or the service restarts. */
 
 import { Backoff } from "./backoff.js";
 
-/** A silent connection is dead: the service speaks at least every few seconds, and laptops wake up with dead sockets. */
+/** The service sends a message at least every few seconds. A silent connection is dead, for example after a laptop woke up. */
 const SILENCE_MS = 20_000;
 
 /**
@@ -14,7 +14,7 @@ const SILENCE_MS = 20_000;
 export class LastingSocket {
   /**
    * @param {SocketHandlers} handlers
-   * @param {string} refusal said where the service closes it for good and does not say why
+   * @param {string} refusal message if the service closes the connection for good without a reason
    */
   constructor(handlers, refusal) {
     this.link = handlers.link;
@@ -27,12 +27,12 @@ export class LastingSocket {
     this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
   }
 
-  /** Where to; of a path below the page, as https: or http:. @returns {string} */
+  /** The URL, relative to the page, with scheme https: or http:. @returns {string} */
   address() {
     throw new Error("nowhere");
   }
 
-  /** It is open: what the service has to know. */
+  /** Called after the connection opened, to send initial messages. */
   opened() {}
 
   /** @param {any} _message JSON */
@@ -55,7 +55,7 @@ export class LastingSocket {
       this.opened();
     };
     socket.onmessage = ({ data }) => {
-      if (this.socket !== socket) return; // closed while this was on its way
+      if (this.socket !== socket) return; // closed while the message was on its way
       this.lastHeard = performance.now();
       if (typeof data === "string") this.told(JSON.parse(data));
       else this.sent(data);
@@ -71,12 +71,12 @@ export class LastingSocket {
     };
   }
 
-  /** The service closed it for good. @param {number} _code @param {string} reason */
+  /** Called when the service closed the connection for good. @param {number} _code @param {string} reason */
   ended(_code, reason) {
     this.refused(reason || this.refusal);
   }
 
-  /** @param {object} message lost where it is not open */
+  /** @param {object} message dropped if the connection is not open */
   say(message) {
     if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }

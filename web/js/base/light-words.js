@@ -1,4 +1,4 @@
-/** Light from around, in words: of a job as it was asked for, of a preset, of a sky. */
+/** Descriptions of environment light: of a job's request, of a preset, of a sky. */
 
 import { hexOf } from "./colour.js";
 import { t } from "./words.js";

@@ -1,4 +1,4 @@
-/** The project that this browser works in: what is uploaded goes there, and lists show what is in it. Null: all that one sees. */
+/** The project selected in this browser: uploads go into it, and lists show only its items. Null: all visible items. */
 
 const KEY = "rayfarm-project";
 
@@ -7,7 +7,7 @@ export function chosenProject() {
   try {
     return localStorage.getItem(KEY);
   } catch {
-    return null; // a browser that keeps nothing
+    return null; // storage is blocked
   }
 }
 
@@ -17,17 +17,17 @@ export function chooseProject(name) {
     if (name === null) localStorage.removeItem(KEY);
     else localStorage.setItem(KEY, name);
   } catch {
-    // As above: then it is all that one sees.
+    // Storage is blocked: no project is selected.
   }
 }
 
-/** @param {string} path of the API, with or without a query @returns {string} the same within the project */
+/** @param {string} path of the API, with or without a query @returns {string} the same restricted to the project */
 export function inProject(path) {
   const name = chosenProject();
   return name === null ? path : `${path}${path.includes("?") ? "&" : "?"}project=${encodeURIComponent(name)}`;
 }
 
-/** Whether what is told of belongs to what the page shows. @param {{project?: string, deleted?: boolean}} item */
+/** Whether an item of an event belongs to the selected project. @param {{project?: string, deleted?: boolean}} item */
 export function isShown(item) {
   const name = chosenProject();
   return name === null || item.deleted === true || (item.project ?? "") === name;

@@ -1,22 +1,25 @@
 /**
- * What the service says, in the language of the page: errors, reasons, warnings.
+ * Translates the service's messages (errors, reasons, warnings) to the language of the page.
  *
- * Its sentences come from workers, from children that read files, out of databases and of older releases: as English text, which
- * is what programs get too. So the text itself is the key, as with the page's own words, with places for what varies. Several
- * sentences are translated one by one, and so is what a sentence quotes; what is in no catalogue stays English.
+ * The messages come from workers, file readers, databases and older releases as English text, which programs get as well. So the
+ * text itself is the key, as with the page's own texts, with placeholders for the variable parts. Several sentences are
+ * translated one by one, and so are quoted sentences; text without a translation stays English.
  */
 
 import { language, sayings } from "./words.js";
 
-/** A sentence with places: the text between them, and what they are called. @typedef {{parts: string[], names: string[], text: string}} Pattern */
+/**
+ * A sentence with placeholders: the text between them, and their names.
+ * @typedef {{parts: string[], names: string[], text: string}} Pattern
+ */
 
-/** Longer ones are traces of programs. */
+/** Longer messages are traces of programs. */
 const LONGEST = 4000;
 const DEEPEST = 5;
-/** How many translations are remembered: lists show the same ones again and again. */
+/** Number of cached translations, since lists show the same messages repeatedly. */
 const MOST_KEPT = 500;
 const PLACE = /\{(\w+)\}/;
-/** Between sentences; names and numbers have points too, so what follows begins as sentences do. */
+/** Boundary between sentences. Names and numbers contain points too, so the next sentence must start with a capital letter. */
 const BETWEEN = /(?<=[.!?]) (?=[\p{Lu}`])/u;
 
 /** @type {Pattern[] | null} */
@@ -25,8 +28,8 @@ let patterns = null;
 const kept = new Map();
 
 /**
- * @param {string | null | undefined} english a sentence or more of the service
- * @returns {string} empty where it has said nothing
+ * @param {string | null | undefined} english one or more sentences of the service
+ * @returns {string} the translation; empty for no message
  */
 export function said(english) {
   if (!english || language === "en" || english.length > LONGEST) return english ?? "";
@@ -38,13 +41,17 @@ export function said(english) {
   return found;
 }
 
-/** @param {string} text @param {number} depth @returns {string | null} null where nothing of it is known */
+/** @param {string} text @param {number} depth @returns {string | null} null if no part of it can be translated */
 function translated(text, depth) {
   if (depth > DEEPEST) return null;
   return sayings[text] ?? oneByOne(text, depth) ?? whole(text, depth) ?? counted(text, depth) ?? repeated(text, depth) ?? halves(text, depth) ?? afterName(text, depth);
 }
 
-/** As readers say what many things of a file have in common: what (how many): the first of them. @param {string} text @param {number} depth */
+/**
+ * Translates a file reader's summary of many items: "problem (count): first items".
+ * @param {string} text
+ * @param {number} depth
+ */
 function counted(text, depth) {
   const [, what, n, names, others] = /^([^:]+) \((\d+)\): (.+?)( and others)?\.$/s.exec(text) ?? [];
   const found = what === undefined ? null : translated(what, depth + 1);
@@ -58,7 +65,7 @@ function repeated(text, depth) {
   return found === null ? null : found + (sayings[" ({n} times)"] ?? " ({n} times)").replace("{n}", n ?? "");
 }
 
-/** Amounts with their names, of which some have a comma: 2 skins, 1 camera. @param {string} text */
+/** Translates amounts with their names, some of which contain a comma: "2 skins, 1 camera". @param {string} text */
 function amounts(text) {
   if (!/^\d+ /.test(text)) return null;
   return text
@@ -76,7 +83,7 @@ function whole(text, depth) {
   return null;
 }
 
-/** @returns {Pattern[]} those that say most first */
+/** @returns {Pattern[]} the most specific ones first */
 function compiled() {
   const found = Object.entries(sayings).flatMap(([english, text]) => {
     const pieces = english.split(PLACE);
@@ -87,7 +94,10 @@ function compiled() {
   return found.sort((a, b) => length(b) - length(a));
 }
 
-/** @param {string[]} parts @param {string} text @returns {string[] | null} what stands between the parts, where the text has them in turn */
+/**
+ * @param {string[]} parts @param {string} text
+ * @returns {string[] | null} the text between the parts, if they occur in this order
+ */
 function between(parts, text) {
   const last = parts.length - 1;
   const begin = parts[0] ?? "";
@@ -103,11 +113,15 @@ function between(parts, text) {
   }
   if (at > end) return null;
   values.push(text.slice(at, end));
-  // What a sentence begins with is a name; whose name is said before that is for `afterName`.
+  // The sentence starts with a name; a name before that is handled by `afterName`.
   return values.every(Boolean) && (begin || !values[0]?.includes(": ")) ? values : null;
 }
 
-/** What a sentence quotes: mostly a name, sometimes a sentence without its capital or its point. @param {string} value @param {number} depth */
+/**
+ * Translates a quotation: usually a name, sometimes a sentence without its capital letter or full stop.
+ * @param {string} value
+ * @param {number} depth
+ */
 function quoted(value, depth) {
   const capital = value.charAt(0).toUpperCase() + value.slice(1);
   const sentence = () => (value.includes(" ") ? translated(`${capital}.`, depth + 1)?.replace(/[.。]$/, "") : undefined);
@@ -123,7 +137,7 @@ function oneByOne(text, depth) {
   return found.map((each, i) => each ?? sentences[i]).join(language === "zh" ? "" : " ");
 }
 
-/** As files are refused: what is wrong with it; what to do. @param {string} text @param {number} depth */
+/** Translates a refusal of a file: "problem; remedy". @param {string} text @param {number} depth */
 function halves(text, depth) {
   const at = text.lastIndexOf("; ");
   if (at < 0) return null;
@@ -133,7 +147,7 @@ function halves(text, depth) {
   return `${first ?? wrong}${language === "zh" ? "；" : "; "}${second ?? remedy}`;
 }
 
-/** As much is said of files and fields: name: what is wrong with it. @param {string} text @param {number} depth */
+/** Translates an error of a file or field: "name: problem". @param {string} text @param {number} depth */
 function afterName(text, depth) {
   const [, name, rest] = /^([^:]{1,120}): (.+)$/s.exec(text) ?? [];
   const found = rest === undefined ? null : translated(rest, depth + 1) ?? withoutPoint(rest, depth + 1);

@@ -1,4 +1,4 @@
-/** Scenes of the same files and the same name are told apart by their materials' variant and by the light from around. */
+/** Tells apart scenes with the same files and name, by material variant and environment light. */
 
 import { lightWords } from "./light-words.js";
 
@@ -7,7 +7,7 @@ import { lightWords } from "./light-words.js";
 /** @param {Pick<Scene, "variant" | "variants"> | undefined} scene @returns {string} empty: the file's own */
 export function variantOf({ variant = null, variants = [] } = {}) {
   if (!variant || variants.includes(variant)) return variant ?? "";
-  return variants[Number(variant)] ? `${variants[Number(variant)]} (${variant})` : variant; // another one has that name too
+  return variants[Number(variant)] ? `${variants[Number(variant)]} (${variant})` : variant; // another variant has the same name
 }
 
 /** @param {Pick<Scene, "environment"> | undefined} scene @returns {string} empty: the scene's own */

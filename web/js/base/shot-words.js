@@ -1,4 +1,4 @@
-/** What a shot is, and how far it is, in a few words. */
+/** Short descriptions of a shot and its progress. */
 
 import { count } from "./format.js";
 import { t, tn } from "./words.js";
@@ -7,14 +7,14 @@ import { t, tn } from "./words.js";
 
 const LONGEST = 24;
 
-/** Whether a job has more than one picture. @param {Job} job */
+/** Whether a job has more than one frame. @param {Job} job */
 export const isShot = (job) => (job.shot?.count ?? 1) > 1;
 
-/** The frame that stands for a job: a still's only one. @param {Job} job */
+/** The number of the frame that represents a job: the only one of a still. @param {Job} job */
 export const firstFrame = (job) => job.frames?.[0]?.number ?? 0;
 
 /**
- * "frames 0-99 at 24 fps", and of a still of a later moment "frame 12"; empty for any other.
+ * "frames 0-99 at 24 fps", or "frame 12" for a still at a later time; empty otherwise.
  *
  * @param {Job} job
  * @param {number | null} [fps] the scene's own

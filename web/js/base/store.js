@@ -1,4 +1,4 @@
-/** A value that tells who listens when it changes. */
+/** A value that notifies listeners of changes. */
 
 /** @template T */
 export class Store {
@@ -21,7 +21,7 @@ export class Store {
   }
 
   /**
-   * Calls the listener now and at every change.
+   * Calls the listener now and after every change.
    *
    * @param {(value: T) => void} listener
    * @returns {() => void} ends it
@@ -33,7 +33,7 @@ export class Store {
   }
 }
 
-/** What a view has to undo when it is left, in one place. */
+/** Collects the cleanup actions of a view, run when it is left. */
 export class Disposer {
   constructor() {
     /** @type {(() => void)[]} */
@@ -46,7 +46,7 @@ export class Disposer {
   }
 
   /**
-   * A listener on anything, until disposal.
+   * Adds an event listener that is removed on disposal.
    *
    * @param {EventTarget} target
    * @param {string} type

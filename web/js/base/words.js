@@ -1,9 +1,9 @@
 /**
- * The page's texts in the language of whoever reads it. The English text is the key: what a catalogue in `web/words/` lacks is
- * shown in English. Whoever imports this waits until the catalogue is there, so constants may be translated too.
+ * The page's texts in the user's language. The English text is the key; texts missing from a catalogue in `web/words/` are shown
+ * in English. Importing this module waits for the catalogue, so constants may be translated too.
  */
 
-/** What the page is written in, each language under its own name. */
+/** Languages of the page, each with its own name. */
 export const LANGUAGES = /** @type {const} */ ([
   ["en", "English"],
   ["de", "Deutsch"],
@@ -13,21 +13,21 @@ export const LANGUAGES = /** @type {const} */ ([
 /** @typedef {(typeof LANGUAGES)[number][0]} Language */
 
 const KEY = "rayfarm.language";
-/** Chinese is written here in the simplified script. */
+/** The catalogue's Chinese uses the simplified script. */
 const TAGS = { en: "en", de: "de", zh: "zh-Hans" };
 
 /** The language of the page. */
 export const language = chosen();
 
 const [catalogue, spoken] = language === "en" ? [{}, {}] : await Promise.all([load(language), load(`service.${language}`)]);
-/** Sentences of the service, as ./said.js puts them together. */
+/** Translations of the service's messages, used by ./said.js. */
 export const sayings = spoken;
 const plurals = new Intl.PluralRules(language);
-/** Everywhere on the page a point begins the decimals. Where people are used to a comma there, it may not part thousands. */
+/** The page uses a decimal point everywhere. In locales with a decimal comma, a comma must not separate thousands. */
 const parting = (1.5).toLocaleString(language).includes(",") ? "\u202f" : ",";
 if (globalThis.document) document.documentElement.lang = TAGS[language];
 
-/** @returns {Language} what the user chose, else the first of the browser's languages that the page is written in */
+/** @returns {Language} the user's choice, else the first supported language of the browser */
 function chosen() {
   const names = LANGUAGES.map(([name]) => name);
   /** @type {(string | null)[]} */
@@ -48,7 +48,7 @@ function stored() {
   }
 }
 
-/** @param {string} name @returns {Promise<Record<string, string>>} empty where it cannot be had: English is better than no page */
+/** @param {string} name @returns {Promise<Record<string, string>>} empty if it cannot be loaded; the page is then in English */
 async function load(name) {
   try {
     const response = await fetch(new URL(`../../words/${name}.json`, import.meta.url));
@@ -58,7 +58,7 @@ async function load(name) {
   }
 }
 
-/** Shows the page in another language, from now on. @param {Language} next */
+/** Switches the page to another language. @param {Language} next */
 export function speak(next) {
   try {
     localStorage.setItem(KEY, next);
@@ -69,7 +69,7 @@ export function speak(next) {
 }
 
 /**
- * A text in the language of the page.
+ * Translates a text to the language of the page.
  *
  * @param {string} english `{name}` are places for values
  * @param {Record<string, string | number>} [values]
@@ -80,7 +80,7 @@ export function t(english, values) {
 }
 
 /**
- * A whole number with separators of thousands: 1,234,567.
+ * A whole number with thousands separators: 1,234,567.
  *
  * @param {number} n
  */
@@ -89,7 +89,7 @@ export function grouped(n) {
 }
 
 /**
- * A text that counts: "1 sample", "2 samples".
+ * Translates a text with a count: "1 sample", "2 samples".
  *
  * @param {number} n `{n}` in the text, with separators of thousands
  * @param {string} one of a single one

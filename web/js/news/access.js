@@ -1,4 +1,4 @@
-/** Who else is let in, and by what: users, tokens, and the record of what was done. */
+/** Requests for users, tokens, projects, quotas and the audit log. */
 
 import { call, getPage } from "./api.js";
 
@@ -7,7 +7,7 @@ import { call, getPage } from "./api.js";
 /** @typedef {{id: string, name: string, role: Role | "worker", user: string, created: number, expires: number | null, seen: number | null}} Token */
 /** @typedef {{at: number, who: string, what: string, from?: string, about?: string, status?: number | null}} Deed */
 
-/** As many as one chooses among. */
+/** Maximum number of items in a selection list. */
 const CHOICE = "limit=1000";
 
 /** @param {number} offset @returns {Promise<import("./api.js").Page<User>>} by name */
@@ -43,12 +43,18 @@ export const makeToken = (name, role, days) => call("POST", "/tokens", { json: {
 /** @param {string} id @returns {Promise<void>} */
 export const withdrawToken = (id) => call("DELETE", `/tokens/${id}`);
 
-/** Of uploads and films in bytes; unfinished at a time; within 24 hours. @typedef {{bytes: number | null, jobs: number | null, samples_day: number | null}} Amounts */
+/**
+ * Limits or their use: uploads and films in bytes, unfinished jobs, samples within 24 hours.
+ * @typedef {{bytes: number | null, jobs: number | null, samples_day: number | null}} Amounts
+ */
 
-/** @returns {Promise<{whose: string, limits: Amounts, used: Amounts}[]>} what one may; empty: whatever one likes */
+/** @returns {Promise<{whose: string, limits: Amounts, used: Amounts}[]>} the user's limits; empty: no limits */
 export const getQuota = () => call("GET", "/quota");
 
-/** is_own: an administrator has said so; else everybody's. @typedef {{whose: string, limits: Amounts, used: Amounts, is_own: boolean}} Allowance */
+/**
+ * is_own: set by an administrator; otherwise the default of all users.
+ * @typedef {{whose: string, limits: Amounts, used: Amounts, is_own: boolean}} Allowance
+ */
 
 /** @param {number} offset @returns {Promise<import("./api.js").Page<Allowance>>} of all users, and of tokens that have limits of their own */
 export const getQuotas = (offset) => getPage("/quotas", offset);
@@ -59,7 +65,7 @@ const quotaOf = (whose) => whose.replace(/^(user|token):(.*)/, (_, kind, name) =
 /** @param {string} whose @param {Amounts} limits @returns {Promise<void>} */
 export const setQuota = (whose, limits) => call("PUT", quotaOf(whose), { json: limits });
 
-/** From now on what everybody may. @param {string} whose @returns {Promise<void>} */
+/** Resets limits to the default of all users. @param {string} whose @returns {Promise<void>} */
 export const forgetQuota = (whose) => call("DELETE", quotaOf(whose));
 
 /**
@@ -76,13 +82,19 @@ export const getProjects = () => call("GET", `/projects?${CHOICE}`);
 /** @param {string} name @returns {Promise<Project>} */
 export const addProject = (name) => call("POST", "/projects", { json: { name } });
 
-/** One that is empty. @param {string} name @returns {Promise<void>} */
+/** Deletes an empty project. @param {string} name @returns {Promise<void>} */
 export const removeProject = (name) => call("DELETE", `/projects/${encodeURIComponent(name)}`);
 
 /** @param {string} project @param {string} user */
 const memberOf = (project, user) => `/projects/${encodeURIComponent(project)}/members/${encodeURIComponent(user)}`;
 
-/** Or gives a member another role there. @param {string} project @param {string} user @param {"view" | "submit"} role @returns {Promise<Project>} */
+/**
+ * Adds a member to a project, or changes the member's role.
+ * @param {string} project
+ * @param {string} user
+ * @param {"view" | "submit"} role
+ * @returns {Promise<Project>}
+ */
 export const letIn = (project, user, role) => call("PUT", memberOf(project, user), { json: { role } });
 
 /** @param {string} project @param {string} user @returns {Promise<Project>} */

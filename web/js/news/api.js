@@ -1,4 +1,4 @@
-/** The REST API, a function a call. What goes wrong is an `ApiError` whose message is the service's own sentence. */
+/** The REST API, one function per call. Failures are an `ApiError` with the service's message. */
 
 import { decodeFilm } from "./tile-packet.js";
 import { fetchPatiently } from "./busy.js";
@@ -51,7 +51,7 @@ export class ApiError extends Error {
 const NO_ANSWER = t("The service does not answer. Is it still running? `python3 farm.py up` starts it.");
 
 /**
- * The sentence in an error answer: RFC 9457's `detail`, or the plain status where something else than the service spoke.
+ * Extracts the message of an error response: RFC 9457's `detail`, or the status if something else than the service answered.
  *
  * @param {number} status
  * @param {string} body
@@ -64,7 +64,7 @@ export function errorOf(status, body) {
     const sentence = problem.detail ?? problem.title;
     if (typeof sentence === "string" && sentence) return new ApiError(status, said(sentence));
   } catch {
-    // Not JSON: a proxy between the page and the service.
+    // Not JSON: the response of a proxy between the page and the service.
   }
   return new ApiError(status, t("The service answered with status {status}.", { status }));
 }
@@ -110,7 +110,7 @@ async function answerOf(method, path, { json, headers = {}, signal, keepalive } 
  */
 
 const PAGE = 100;
-const MOST = 1000; // that the service tells at once
+const MOST = 1000; // maximum number of items per response
 
 /** @param {string} path @param {number} offset how many come before @returns {Promise<Page<any>>} */
 export async function getPage(path, offset = 0) {
@@ -118,7 +118,7 @@ export async function getPage(path, offset = 0) {
   return { items: data, total };
 }
 
-/** For what has to know all of a list. @param {string} path @returns {Promise<any[]>} */
+/** Fetches all pages of a list. @param {string} path @returns {Promise<any[]>} */
 export async function getAll(path) {
   const found = [];
   let page;
@@ -184,7 +184,11 @@ export const createJob = (request, idempotencyKey) =>
 /** @param {string} id @param {JobChange} change @returns {Promise<Job>} */
 export const changeJob = (id, change) => call("PATCH", `/jobs/${id}`, { json: change });
 
-/** The same picture in a new job, from the first sample; this one is cancelled. @param {string} id @returns {Promise<Job>} */
+/**
+ * Requests the same picture in a new job from the first sample, and cancels this one.
+ * @param {string} id
+ * @returns {Promise<Job>}
+ */
 export const beginAnew = (id) => call("POST", `/jobs/${id}/anew`);
 
 /** @param {number} offset @returns {Promise<Page<Environment>>} presets, then what was uploaded, newest first */
@@ -238,7 +242,7 @@ export const getExamples = () => call("GET", "/examples");
 export const openExample = (name) => call("POST", inProject(`/examples/${encodeURIComponent(name)}`));
 
 /**
- * How a job came to its picture. Seconds are of rendering; events at unix times.
+ * A job's history. Seconds are of rendering; events are at unix times.
  *
  * @typedef {{points: {seconds: number, spp: number, noise: number | null}[], events: {at: number, kind: string, words: string}[]}} History
  */
@@ -253,7 +257,13 @@ export async function getJobLog(id, signal) {
   return answer.text();
 }
 
-/** What is known of the tile that has a pixel. @param {Place} place @param {{x: number, y: number}} pixel @param {AbortSignal} signal @returns {Promise<string>} */
+/**
+ * Fetches the log of the tile that contains a pixel.
+ * @param {Place} place
+ * @param {{x: number, y: number}} pixel
+ * @param {AbortSignal} signal
+ * @returns {Promise<string>}
+ */
 export async function getTileLog({ job, frame }, { x, y }, signal) {
   const answer = await fetch(`api/jobs/${job}/frames/${frame}/log?x=${x}&y=${y}`, { signal });
   if (!answer.ok) throw errorOf(answer.status, await answer.text());
@@ -263,7 +273,7 @@ export async function getTileLog({ job, frame }, { x, y }, signal) {
 /** @param {string} id */
 export const jobLogUrl = (id) => `api/jobs/${id}/log`;
 
-/** A picture of a job. @typedef {{job: string, frame: number}} Place */
+/** A frame of a job. @typedef {{job: string, frame: number}} Place */
 
 /**
  * @param {Place} place
@@ -305,7 +315,7 @@ function queryText(query) {
 }
 
 /**
- * Many frames in one file.
+ * URL of a file with many frames.
  *
  * @param {string} job
  * @param {"frames.zip" | "movie.mp4" | "movie.webm"} file
@@ -326,7 +336,7 @@ async function fetchPicture(place, format, query, signal) {
 }
 
 /**
- * A plane of the film as a picture to look at, and how many samples of all pixels together it was made of.
+ * Fetches a plane of the film as a displayable picture, with its number of samples over all pixels.
  *
  * @param {Place} place
  * @param {Record<string, string | number>} query
@@ -345,7 +355,7 @@ export async function fetchImage(place, query, signal) {
 }
 
 /**
- * A picture as linear light: RGB9E5 words, rows from the top, and how many samples it was made of.
+ * Fetches a picture as linear light: RGB9E5 words, rows from the top, with its number of samples over all pixels.
  *
  * @param {Place} place
  * @param {Record<string, string | number>} query
@@ -358,7 +368,7 @@ export async function fetchWords(place, query, signal) {
 }
 
 /**
- * All of a frame's light, and what each of its tiles has.
+ * Fetches a frame's whole film: its light, and the samples of each tile.
  *
  * @param {Place} place
  * @param {AbortSignal} signal
@@ -367,7 +377,7 @@ export async function fetchWords(place, query, signal) {
 export const fetchFilm = ({ job, frame }, signal) => fetchPacket(`api/jobs/${job}/frames/${frame}/film`, signal);
 
 /**
- * A film from wherever it is kept.
+ * Fetches a film packet from any URL.
  *
  * @param {string} url
  * @param {AbortSignal} signal

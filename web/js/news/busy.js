@@ -1,15 +1,15 @@
-/** Requests that the service turns away for a moment (503 with Retry-After). They are made again, and the page says when. */
+/** Retries of requests that a busy service rejects (503 with Retry-After), and the state that the page shows meanwhile. */
 
 import { Store } from "../base/store.js";
 
 const TRIES = 8;
 const LONGEST_S = 60;
 
-/** When each request that waits is made again, by performance.now(). @type {Store<readonly number[]>} */
+/** Times of the pending retries, by performance.now(). @type {Store<readonly number[]>} */
 export const retries = new Store(/** @type {readonly number[]} */ ([]));
 
 /**
- * As fetch. Where the service is busy, the request is repeated after the time that it names; its last answer is returned.
+ * As fetch, but repeats the request after the time that a busy service names; returns the last response.
  *
  * @param {string} url
  * @param {{signal?: AbortSignal, method?: string, isWanted?: () => boolean}} [options] isWanted: asked before each repetition

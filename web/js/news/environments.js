@@ -1,4 +1,4 @@
-/** Light that can be chosen: presets, and images that were uploaded. */
+/** Available environments: presets and uploaded images. */
 
 import { inProject } from "../base/project.js";
 import { getEnvironments, removeEnvironment } from "./api.js";
@@ -10,7 +10,7 @@ import { sendFiles } from "./upload.js";
 /** @type {Listing<Environment>} */
 export const environments = new Listing(getEnvironments);
 
-/** Asks for them anew. */
+/** Reloads the list. */
 export async function loadEnvironments() {
   await environments.load();
 }

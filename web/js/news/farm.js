@@ -1,4 +1,4 @@
-/** What the page knows of the farm: scenes, jobs and workers, fetched once and kept fresh by server-sent events. */
+/** The page's state of the farm (scenes, jobs, workers), fetched once and updated by server-sent events. */
 
 import * as api from "./api.js";
 import { Backoff } from "../base/backoff.js";
@@ -10,19 +10,19 @@ import { Store } from "../base/store.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Worker} Worker */
 
-/** Null until first fetched. @type {Store<Scene[] | null>} */
+/** Null until fetched. @type {Store<Scene[] | null>} */
 export const scenes = new Store(/** @type {Scene[] | null} */ (null));
 /** @type {Store<Job[] | null>} */
 export const jobs = new Store(/** @type {Job[] | null} */ (null));
 /** @type {Store<Worker[] | null>} */
 export const workers = new Store(/** @type {Worker[] | null} */ (null));
-/** The connections that are lost at the moment, by name. @type {Store<ReadonlySet<string>>} */
+/** Names of the connections that are currently lost. @type {Store<ReadonlySet<string>>} */
 export const lost = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
-/** Counts what may change which jobs there are, or their tallies. @type {Store<number>} */
+/** A counter that increases when the set of jobs or their tallies may have changed. @type {Store<number>} */
 export const jobNews = new Store(0);
 
-/** What the user deleted and may still take back: hidden, not gone. @type {Store<ReadonlySet<string>>} */
+/** Ids of items deleted by the user that can still be restored. @type {Store<ReadonlySet<string>>} */
 export const hidden = new Store(/** @type {ReadonlySet<string>} */ (new Set()));
 
 /**
@@ -52,9 +52,9 @@ export const setHidden = (id, hide) => setMember(hidden, id, hide);
 export const setLink = (connection, up) => setMember(lost, connection, !up);
 
 /**
- * @template {{id: string, created: number}} T
+ * @template {Identified} T
  * @param {Store<T[] | null>} store newest first
- * @param {T} item replaces the one with its id, or comes to its place
+ * @param {T} item replaces the one with its id, or is inserted in order
  */
 function put(store, item) {
   store.update((items) => {
@@ -67,7 +67,7 @@ function put(store, item) {
 }
 
 /**
- * Puts an answer in place where nothing is known yet. What events told is newer than an answer that was on its way.
+ * Stores a response unless the item is known already, since an event may be newer than the response.
  *
  * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store
@@ -107,7 +107,7 @@ function takeJob(job) {
   if (!same) jobNews.update((n) => n + 1);
 }
 
-/** What lists are chosen and ordered by. */
+/** Fields by which lists are filtered and sorted. */
 const LISTED = /** @type {const} */ (["state", "name", "priority"]);
 
 /** @param {Worker & {id: string, deleted?: boolean}} worker */
@@ -125,12 +125,15 @@ const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
   worker: takeWorker,
 });
 
-/** Subscribes to the farm's news for as long as the page is open. */
+/** Subscribes to the farm's events while the page is open. */
 export function followFarm() {
   const backoff = new Backoff();
   const connect = () => {
     const source = new EventSource("api/events");
-    /** What events told while the lists were fetched: it may be newer than they are. @type {(() => void)[] | null} */
+    /**
+     * Events received while the lists were being fetched, applied afterwards since they may be newer.
+     * @type {(() => void)[] | null}
+     */
     let meanwhile = null;
     for (const [type, take] of Object.entries(TAKERS)) {
       source.addEventListener(type, ({ data }) => {
@@ -143,9 +146,9 @@ export function followFarm() {
       meanwhile = [];
       try {
         const lists = await Promise.all([api.getScenes(), api.getJobs(), api.getWorkers(), api.getInfo()]);
-        table.set(inWords(lists[3])); // before all else: what is said of jobs and scenes is said by it
+        table.set(inWords(lists[3])); // first, since descriptions of jobs and scenes use it
         jobs.set(lists[1]);
-        scenes.set(lists[0]); // after the jobs: a scene's form may begin with the settings of one
+        scenes.set(lists[0]); // after the jobs, since a scene's form may start with the settings of a job
         workers.set(lists[2]);
       } catch {
         source.dispatchEvent(new Event("error"));
@@ -158,7 +161,7 @@ export function followFarm() {
       setLink("events", true);
     };
     source.onerror = () => {
-      source.close(); // its own reconnection knows no back-off, and gives up after some answers
+      source.close(); // EventSource reconnects without back-off, and gives up after some responses
       setLink("events", false);
       backoff.schedule(connect);
     };

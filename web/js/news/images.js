@@ -1,14 +1,14 @@
-/** Pictures and files of the service in the page. A busy service is asked again, and a refusal becomes the service's sentence. */
+/** Pictures and files of the service. Requests to a busy service are retried, and a refusal becomes the service's message. */
 
 import { ApiError, errorOf } from "./api.js";
 import { fetchPatiently } from "./busy.js";
 import { t } from "../base/words.js";
 
-/** What each element is to show now. @type {WeakMap<HTMLImageElement, string>} */
+/** The URL that each element should show. @type {WeakMap<HTMLImageElement, string>} */
 const wanted = new WeakMap();
 
 /**
- * Shows a picture. `<img>` does not tell why a picture did not come, so after a failure it is fetched: a busy service is asked
+ * Shows a picture. `<img>` does not report the reason of a failure, so the picture is then fetched: a busy service is asked
  * again after the time that it names.
  *
  * @param {HTMLImageElement} image
@@ -32,10 +32,10 @@ export async function showImage(image, url) {
   }
 }
 
-/** Forgets what an element was to show. @param {HTMLImageElement} image */
+/** Cancels the picture of an element. @param {HTMLImageElement} image */
 export function forgetImage(image) {
   wanted.delete(image);
-  image.removeAttribute("src"); // ends what is under way
+  image.removeAttribute("src"); // cancels loading
 }
 
 /** @param {HTMLImageElement} image @param {string} src @returns {Promise<boolean>} whether it was loaded */
@@ -49,13 +49,13 @@ function shows(image, src) {
   });
 }
 
-/** A file of the service. Rejects with an ApiError. @param {string} url @returns {Promise<Blob>} */
+/** Fetches a file of the service. Rejects with an ApiError. @param {string} url @returns {Promise<Blob>} */
 export const fetchFile = async (url) => (await fetchWell(url)).blob();
 
 /** @param {string} url @returns {Promise<void>} rejects with an ApiError where the service would refuse the file */
 export async function askFor(url) {
   const { status } = await fetchPatiently(url, { method: "HEAD" }).catch(() => Promise.reject(errorOf(0, "")));
-  if (status >= 400) await fetchWell(url); // an answer to HEAD has no sentence
+  if (status >= 400) await fetchWell(url); // a response to HEAD has no message
 }
 
 /** @param {string} url @param {() => boolean} [isWanted] @returns {Promise<Response>} rejects with an ApiError */
@@ -66,8 +66,8 @@ async function fetchWell(url, isWanted) {
 }
 
 /**
- * Saves a file of the service, as a click on a link with `download` does, except that a refusal is an error here and not an entry
- * in the browser's list of downloads.
+ * Saves a file of the service like a link with `download`, except that a refusal throws an error instead of appearing in the
+ * browser's list of downloads.
  *
  * @param {string} url
  */

@@ -1,4 +1,4 @@
-/** Which jobs there are, as the service chooses and orders them: ids of all, and the jobs themselves where somebody looks. */
+/** Filtered and sorted lists of jobs: the ids of all, and the jobs themselves for visible rows. */
 
 import { changeJobs, getJobIds, getJobsOf, getTallies } from "./api.js";
 import { jobNews, jobs } from "./farm.js";
@@ -8,9 +8,12 @@ import { Disposer, Store } from "../base/store.js";
 /** @typedef {import("../base/types.js").JobState} JobState */
 /** @typedef {Partial<Record<JobState, number>>} Tallies */
 
-/** What is sought, as GET /api/jobs takes it. @typedef {{search?: string, state?: JobState[], scene?: string, shot?: string, sort?: string}} JobQuery */
+/**
+ * Filter and order of a list, as query of GET /api/jobs.
+ * @typedef {{search?: string, state?: JobState[], scene?: string, shot?: string, sort?: string}} JobQuery
+ */
 
-/** News come in bursts, and one look answers for all of them. */
+/** Events come in bursts; one query covers all of them. */
 const GATHER_MS = 400;
 const AT_ONCE = 60;
 const AGAIN_MS = 2000;
@@ -20,17 +23,17 @@ export class JobList {
   /** @param {() => void} changed */
   constructor(changed) {
     this.changed = changed;
-    /** In order; null until the service has answered. @type {string[] | null} */
+    /** In order; null until loaded. @type {string[] | null} */
     this.ids = null;
-    /** Of those that are sought, whatever their state. @type {Tallies} */
+    /** Number of matching jobs by state, ignoring the filter on states. @type {Tallies} */
     this.tallies = {};
-    /** What went wrong with the last look. @type {string | null} */
+    /** Error of the latest query. @type {string | null} */
     this.error = null;
     /** @type {JobQuery} */
     this.query = {};
     /** @type {Map<string, Job>} */
     this.rows = new Map();
-    /** To be asked for. @type {Set<string>} */
+    /** Ids of the jobs to fetch. @type {Set<string>} */
     this.wanted = new Set();
     /** Asked for. @type {Set<string>} */
     this.asked = new Set();
@@ -40,7 +43,7 @@ export class JobList {
     this.timer = undefined;
   }
 
-  /** Keeps it fresh from here on. */
+  /** Starts to update the list on events. */
   follow() {
     let first = true;
     this.life.add(jobNews.subscribe(() => (first ? (first = false) : this.soon())));
@@ -75,9 +78,9 @@ export class JobList {
     this.timer ??= setTimeout(() => this.ask(), GATHER_MS);
   }
 
-  /** What is known of a job; where that is nothing it is fetched. @param {string} id */
+  /** Returns a job, or null and fetches it if it is not loaded. @param {string} id */
   row(id) {
-    if (!jobs.value) return null; // nor is it known yet how to speak of a job's settings
+    if (!jobs.value) return null; // the settings' names are not loaded yet either
     const found = this.rows.get(id);
     if (!found && !this.wanted.has(id) && !this.asked.has(id)) {
       if (this.wanted.size === 0) queueMicrotask(() => this.fetch());
@@ -95,11 +98,11 @@ export class JobList {
       try {
         for (const job of await getJobsOf(some)) this.rows.set(job.id, this.rows.get(job.id) ?? job);
       } catch {
-        // The banner says that the service does not answer; whoever looks again asks again.
+        // The banner shows that the service does not respond; the rows are requested again when they are shown again.
       }
       for (const id of some.filter((each) => this.rows.has(each))) this.asked.delete(id);
       const missing = some.filter((id) => this.asked.has(id));
-      // Gone meanwhile, or the service does not answer: not at once again.
+      // Deleted meanwhile, or the service does not respond: retried later.
       if (missing.length) setTimeout(() => missing.forEach((id) => this.asked.delete(id)), AGAIN_MS);
       this.changed();
     }
@@ -112,10 +115,10 @@ export class JobList {
   }
 }
 
-/** How many jobs there are in each state; null until known. @type {Store<Tallies | null>} */
+/** Number of jobs in each state; null until known. @type {Store<Tallies | null>} */
 export const tallies = new Store(/** @type {Tallies | null} */ (null));
 
-/** Keeps the tallies fresh. */
+/** Starts to update the tallies on events. */
 export function followTallies() {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
@@ -123,7 +126,7 @@ export function followTallies() {
     timer = undefined;
     getTallies({}).then(
       (found) => tallies.set(found),
-      () => {}, // the next news bring the next try
+      () => {}, // retried at the next event
     );
   };
   jobNews.subscribe(() => (timer ??= setTimeout(look, GATHER_MS)));
@@ -132,7 +135,7 @@ export function followTallies() {
 /** @typedef {{id: string, state: JobState, priority: number}} Was a job before it was changed */
 /** @typedef {{state?: "running" | "paused" | "cancelled" | "deleted", priority?: number, of?: JobState[]}} Change */
 
-/** As many as one request may name. */
+/** Maximum number of jobs per request. */
 const MOST = 1000;
 
 /**
@@ -155,7 +158,7 @@ export async function changeMany(ids, change) {
   return { changed, refused };
 }
 
-/** Makes jobs what they were. @param {Was[]} before */
+/** Restores the previous state of jobs. @param {Was[]} before */
 export async function restore(before) {
   /** @type {Map<string, {ids: string[], steps: Change[]}>} */
   const groups = new Map();
@@ -171,7 +174,7 @@ export async function restore(before) {
 /** @param {JobState} state @param {number} priority @returns {Change[]} */
 function stepsTo(state, priority) {
   if (state === "queued" || state === "running") return [{ state: "running", priority }];
-  // What was cancelled can only be paused once it goes on.
+  // A cancelled job can only be paused after it was resumed.
   if (state === "paused") return [{ state: "running", of: ["cancelled"] }, { state: "paused", priority }];
   return [{ state: "cancelled", of: ["queued", "running", "paused"] }, { priority }];
 }

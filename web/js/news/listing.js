@@ -1,9 +1,9 @@
-/** A list of which the service tells a page at a time, and the page shows as much as was asked for. */
+/** A paginated list of the service, of which the page loads as many pages as requested. */
 
 import { Store } from "../base/store.js";
 
 /**
- * Its value: what is here; null until the service has told.
+ * The store's value contains the loaded items; null until the first page was loaded.
  *
  * @template T
  * @extends {Store<T[] | null>}
@@ -16,22 +16,22 @@ export class Listing extends Store {
     this.total = 0;
   }
 
-  /** Whether the service has more than is here. */
+  /** Whether the service has further items. */
   get hasMore() {
     return this.value !== null && this.value.length < this.total;
   }
 
-  /** Asks for it anew, as far as it was here. */
+  /** Reloads all pages loaded so far. */
   async load() {
     await this.upTo(this.value?.length ?? 0);
   }
 
-  /** Asks for the next page too. */
+  /** Loads the next page. */
   async more() {
     await this.upTo((this.value?.length ?? 0) + 1);
   }
 
-  /** One that was asked for by itself comes first. @param {T} item */
+  /** Inserts a separately fetched item at the beginning. @param {T} item */
   adopt(item) {
     this.set([item, ...(this.value ?? [])]);
   }

@@ -1,6 +1,6 @@
 /**
- * The WebSocket of one job: state as JSON, tiles as binary packets, an acknowledgement for each, and a new connection when
- * it breaks. It begins with a snapshot of all tiles, or with what differs from what the page says that it has (`have`).
+ * The WebSocket of one job: state as JSON, tiles as binary packets, each acknowledged; reconnects when it breaks. It starts with
+ * a snapshot of all tiles, or with those that differ from the page's (`have`).
  */
 
 import { GONE, NOT_FOUND } from "../base/protocol.js";
@@ -9,6 +9,10 @@ import { decodeTile } from "./tile-packet.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
+
+/** Close codes for a job that was deleted or does not exist. */
+const GONE = [4404, 4410];
+const NOT_THERE = 4404;
 
 /**
  * @typedef {object} LiveHandlers
@@ -31,9 +35,9 @@ export class Live extends LastingSocket {
     this.handlers = handlers;
     this.job = job;
     this.frame = frame;
-    /** The frame that the socket was opened for. */
+    /** The frame requested when the socket was opened. */
     this.asked = frame;
-    /** Whether the service has told of the job. */
+    /** Whether a state of the job has arrived. */
     this.hasHeard = false;
     this.connect();
   }
@@ -65,17 +69,20 @@ export class Live extends LastingSocket {
 
   /** @override @param {number} code @param {string} reason */
   ended(code, reason) {
-    const isClosedToUs = code === NOT_FOUND && this.hasHeard; // one that is deleted is told of otherwise
-    if (isClosedToUs || ![NOT_FOUND, GONE].includes(code)) super.ended(code, reason); // else the farm's news say so too
+    const isClosedToUs = code === NOT_THERE && this.hasHeard; // a deleted job is reported differently
+    if (isClosedToUs || !GONE.includes(code)) super.ended(code, reason); // otherwise the farm's events report it too
   }
 
-  /** From now on the tiles of another frame, first all of them; or what differs, as at the beginning. @param {number} frame */
+  /**
+   * Switches to the tiles of another frame, starting with all of them or, as at the beginning, with those that differ.
+   * @param {number} frame
+   */
   turnTo(frame) {
     this.frame = frame;
     this.say({ frame, snapshot: !this.handlers.have });
   }
 
-  /** What the page has is known now. */
+  /** Sends the samples of the page's tiles, once they are known. */
   sayHave() {
     const have = this.handlers.have?.();
     if (have) this.say({ have });

@@ -1,4 +1,4 @@
-/** Which project the page works in, where the farm asks for a login and one is a member of some; and what one may do there. */
+/** The user's projects and permissions in them, if the farm requires a login. */
 
 import { getAll } from "./api.js";
 import { may, session } from "./session.js";
@@ -6,13 +6,13 @@ import { chooseProject, chosenProject } from "../base/project.js";
 import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
 
-/** Those that one sees, by name. @type {Store<string[]>} */
+/** Names of the visible projects, sorted. @type {Store<string[]>} */
 export const projects = new Store(/** @type {string[]} */ ([]));
 
-/** Those in which one may look at everything and change nothing. @type {Set<string>} */
+/** Projects that the user may only view. @type {Set<string>} */
 const onlySeen = new Set();
 
-/** Asks which there are; a choice of one that is gone is forgotten. */
+/** Loads the projects; a selected project that no longer exists is deselected. */
 export async function lookAtProjects() {
   const { name: me } = session.value;
   try {
@@ -21,7 +21,7 @@ export async function lookAtProjects() {
     for (const { name, roles } of found) if (!may("admin") && roles?.[me ?? ""] === "view") onlySeen.add(name);
     projects.set(found.map(({ name }) => name));
   } catch {
-    return; // the page says by itself that the service does not answer
+    return; // the banner shows that the service does not respond
   }
   if (!projects.value.includes(chosenProject() ?? "")) chooseProject(null);
 }
@@ -35,7 +35,11 @@ export const whyNot = (project) =>
     ? t("You can look at project {name}, but not change it. Ask whoever runs this farm.", { name: project ?? "" })
     : t("Your role lets you look, but not render. Ask whoever runs this farm.");
 
-/** What is in a part of the page is in a project: what would be refused there is not offered. @param {HTMLElement} part @param {string | null | undefined} project */
+/**
+ * Disables or hides the controls in a part of the page that the project's permissions would refuse.
+ * @param {HTMLElement} part
+ * @param {string | null | undefined} project
+ */
 export function offer(part, project) {
   part.dataset.may = mayChange(project) ? "submit" : "view";
 }

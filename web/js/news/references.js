@@ -1,4 +1,4 @@
-/** Pictures that were uploaded to compare with. */
+/** Uploaded reference pictures for comparison. */
 
 import { inProject } from "../base/project.js";
 import { getReference, getReferences, removeReference } from "./api.js";
@@ -10,12 +10,12 @@ import { sendFiles } from "./upload.js";
 /** @type {Listing<Reference>} */
 export const references = new Listing(getReferences);
 
-/** Asks for them anew. */
+/** Reloads the list. */
 export async function loadReferences() {
   await references.load();
 }
 
-/** One that may lie beyond what is shown of the list. @param {string} id */
+/** Returns a reference picture, which may be beyond the loaded part of the list. @param {string} id */
 export async function findReference(id) {
   references.adopt(await getReference(id));
 }

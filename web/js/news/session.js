@@ -1,4 +1,4 @@
-/** Who the service takes this browser for, and the ways in and out. On loopback nobody is asked. */
+/** The session of this browser, login and logout. On loopback no login is needed. */
 
 import { ApiError, call } from "./api.js";
 import { Store } from "../base/store.js";
@@ -12,25 +12,25 @@ import { Store } from "../base/store.js";
  * @property {string | null} [provider] what the OpenID provider is called by which one may log in
  */
 
-/** Whoever runs a service without logins, or reads a page whose service does not answer. @type {Session} */
+/** The session of a service without logins, also used if the service does not respond. @type {Session} */
 const OPEN = { login: false, name: null, role: "admin", kind: "open" };
 
 /** @type {Store<Session>} */
 export const session = new Store(OPEN);
 
-/** What comes before any list of roles that contains it may do all of that too. */
+/** Roles in ascending order; each includes the permissions of those before it. */
 const ROLES = ["view", "submit", "admin"];
 
 /** @param {"view" | "submit" | "admin"} role */
 export const may = (role) => ROLES.indexOf(session.value.role ?? "") >= ROLES.indexOf(role);
 
-/** Asks who we are. @returns {Promise<boolean>} whether somebody has to log in first */
+/** Loads the session. @returns {Promise<boolean>} whether somebody has to log in first */
 export async function mustLogIn() {
   try {
     session.set(await call("GET", "/session"));
   } catch (error) {
     if (!(error instanceof ApiError)) throw error;
-    return false; // it does not answer: the page says so by itself
+    return false; // no response, which the banner shows
   }
   return session.value.login && session.value.name === null;
 }
@@ -40,7 +40,7 @@ export const logIn = (shown) => call("POST", "/login", { json: shown });
 
 export async function logOut() {
   const answer = /** @type {{provider: string} | null} */ (await call("POST", "/logout"));
-  if (answer?.provider) location.assign(answer.provider); // which leads back here
+  if (answer?.provider) location.assign(answer.provider); // the provider redirects back here
   else location.reload();
 }
 

@@ -1,4 +1,4 @@
-/** What a picture can be asked for: each setting with its range, its names and its words, as GET /api/info says them. */
+/** All settings of a picture with their ranges, names and descriptions, from GET /api/info. */
 
 import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
@@ -6,11 +6,11 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Setting} Setting */
 /** @typedef {import("../base/types.js").SettingsTable} SettingsTable */
 
-/** Null until the farm has told it, which it does before it tells of scenes and jobs. */
+/** Null until loaded, which happens before scenes and jobs are loaded. */
 export const table = new Store(/** @type {SettingsTable | null} */ (null));
 
 /**
- * What the farm says of its settings, in the language of the page.
+ * Translates the settings' texts to the language of the page.
  *
  * @param {SettingsTable} english
  * @returns {SettingsTable}
@@ -64,7 +64,7 @@ export const labelOf = ({ label, unit }) => {
 };
 
 /**
- * A value as a person reads it.
+ * Formats a value for display.
  *
  * @param {Setting} setting
  * @param {any} value
@@ -79,7 +79,7 @@ export function valueText(setting, value) {
 }
 
 /**
- * A value as it names a picture.
+ * Formats a value as part of a picture's description.
  *
  * @param {Setting} setting
  * @param {any} value
@@ -87,7 +87,7 @@ export function valueText(setting, value) {
 export const phraseOf = (setting, value) => setting.phrase.replace("{}", valueText(setting, value));
 
 /**
- * What a job ends at, in a few words. Beside a noise level or a time, samples are but a cap.
+ * Describes a job's goal briefly. With a target noise or time, samples are only a limit.
  *
  * @param {{spp: number | null, noise?: number | null, seconds?: number | null}} job
  */
@@ -97,5 +97,5 @@ export function endOf({ spp, noise = null, seconds = null }) {
   return value === null ? "" : phraseOf(settingOf("work", name), value);
 }
 
-/** Four digits tell pictures apart; whole numbers are whole. @param {number} value */
+/** Four digits suffice to tell pictures apart; whole numbers are shown in full. @param {number} value */
 const short = (value) => (Number.isInteger(value) ? value : Number(value.toPrecision(4)));

@@ -1,4 +1,4 @@
-/** What each user's jobs get of the slots, and each project's that has terms of its own. */
+/** Fair shares of users, and of projects with their own terms. */
 
 import { call, getPage } from "./api.js";
 
@@ -17,5 +17,5 @@ export const getShares = (offset) => getPage("/shares", offset);
 /** @param {string} share @param {{weight: number, max_slots: number | null}} terms @returns {Promise<Share>} */
 export const setShare = (share, terms) => call("PUT", `/shares/${encodeURIComponent(share)}`, { json: terms });
 
-/** As by itself; a project's is none any more. @param {string} share @returns {Promise<Share>} */
+/** Resets a share to the default; a project loses its own share. @param {string} share @returns {Promise<Share>} */
 export const resetShare = (share) => call("DELETE", `/shares/${encodeURIComponent(share)}`);

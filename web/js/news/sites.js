@@ -1,4 +1,4 @@
-/** Sites whose machines add up their sums before they travel, as the service tells of them. */
+/** Sites whose machines add up their sums before sending them. */
 
 import { call } from "./api.js";
 

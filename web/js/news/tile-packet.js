@@ -1,4 +1,8 @@
-/** Live tiles and films as the service sends them; protocol/pictures.py declares their layout. */
+/**
+ * A live tile as sent over the WebSocket. Little-endian:
+ *
+ *     u8 version = 1, u8 kind = 1, u16 frame, u32 seq, u16 x, y, w, h, u32 spp, then w * h RGB9E5 words, rows from the top
+ */
 
 import { FILM_HEAD_BYTES, TILE_HEAD_BYTES, decodeFilmHead, decodeTileHead } from "../base/protocol.js";
 

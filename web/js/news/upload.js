@@ -1,4 +1,4 @@
-/** One upload. XMLHttpRequest, because fetch cannot tell how much it has sent. */
+/** An upload. Uses XMLHttpRequest, because fetch reports no upload progress. */
 
 import { ApiError, UPLOAD_URL, errorOf } from "./api.js";
 import { inProject } from "../base/project.js";
@@ -34,7 +34,7 @@ export function sendFiles(url, field, files, { progress, signal, fields = {} }) 
       if (request.status >= 200 && request.status < 300) resolve(JSON.parse(request.responseText));
       else reject(errorOf(request.status, request.responseText));
     };
-    // A service that refuses a large body early may close the connection before its answer is read.
+    // A service that refuses a large body early may close the connection before its response is read.
     request.onerror = () =>
       reject(new ApiError(0, t("The upload broke off: the service does not answer, or refused its size.")));
     request.onabort = () => reject(signal.reason);

@@ -1,6 +1,6 @@
 /**
- * A module that could not be fetched leaves an empty page: a network that just changed, a service that is started anew. Then the page
- * is loaded again, each time after a longer while. A classic script in the head, as it must be there before the modules are.
+ * Reloads the page if a module could not be fetched, as after a network change or during a restart of the service, each time
+ * after a longer delay. A classic script in the head, since it must run before the modules.
  */
 
 (() => {
@@ -8,7 +8,7 @@
   const WAITS_MS = [300, 1000, 3000, 10_000];
   let isFailed = false;
 
-  /** @param {number | null} times null: forget it @returns {number} how often it was tried before */
+  /** @param {number | null} times null: clears the count @returns {number} previous number of attempts */
   function tried(times) {
     try {
       const before = Number(sessionStorage.getItem(KEY) ?? 0);
@@ -16,11 +16,11 @@
       else sessionStorage.setItem(KEY, String(before + times));
       return before;
     } catch {
-      return WAITS_MS.length; // storage is blocked: it would be tried for ever
+      return WAITS_MS.length; // storage is blocked, so the attempts could not be counted
     }
   }
 
-  /** @returns {boolean} whether the page will be loaded again by itself */
+  /** @returns {boolean} whether the page will be reloaded */
   function loadAgain() {
     if (isFailed) return true;
     const wait = WAITS_MS[tried(1)];
@@ -39,13 +39,13 @@
       if (!loadAgain() && isModule)
         (document.getElementById("main") ?? document.body).textContent = "The page could not be loaded. Is the service running? Reload the page to try again.";
     },
-    true, // such an event does not bubble
+    true, // this event does not bubble
   );
 
   Object.assign(window, {
     rayfarmAgain: {
       loadAgain,
-      /** The page stands. */
+      /** Records that the page was loaded successfully. */
       stands: () => isFailed || tried(null),
     },
   });

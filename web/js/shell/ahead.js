@@ -1,12 +1,15 @@
 /**
- * Which view an address names, and its modules asked for before anything imports them: on a slow line every round trip is felt.
- * A classic script in the head, since the first view's modules are to come together with the page's own.
+ * Preloads the modules of the view that the address names, since every round trip counts on a slow line. A classic script in the
+ * head, so that these modules load together with the page's own.
  */
 
 (() => {
   const REST_AFTER_MS = 3000;
 
-  /** By view, and for uploads: addresses of the modules that are needed and the page does not have. The service wrote them. @type {Record<string, string[]>} */
+  /**
+   * By view, and for uploads: URLs of modules that the page does not load itself. Filled in by the service.
+   * @type {Record<string, string[]>}
+   */
   const modules = JSON.parse(document.getElementById("view-modules")?.textContent || "{}");
   /** @type {Set<string>} */
   const asked = new Set();
@@ -22,7 +25,11 @@
     return null;
   }
 
-  /** @param {string} href @param {"auto" | "low"} fetchPriority @returns {Promise<unknown>} until it is there, or could not be had */
+  /**
+   * @param {string} href
+   * @param {"auto" | "low"} fetchPriority
+   * @returns {Promise<unknown>} settles when it is loaded or has failed
+   */
   function ask(href, fetchPriority) {
     asked.add(href);
     const link = Object.assign(document.createElement("link"), { rel: "modulepreload", href, fetchPriority });
@@ -37,13 +44,13 @@
     for (const href of (view && modules[view]) || []) if (!asked.has(href)) void ask(href, "auto");
   }
 
-  /** One after the other, so that nothing else has to wait for long. @param {string[]} hrefs */
+  /** Preloads modules one after another, to leave bandwidth for other requests. @param {string[]} hrefs */
   async function fetchSlowly(hrefs) {
     for (const href of hrefs) if (!asked.has(href)) await ask(href, "low");
   }
 
   fetchView(viewAt(location.hash));
-  // A link that somebody points at will soon be followed.
+  // A link under the pointer or with focus is likely to be followed.
   for (const hint of ["pointerover", "focusin"])
     addEventListener(hint, ({ target }) => {
       const link = target instanceof Element ? target.closest("a") : null;
@@ -53,9 +60,9 @@
   Object.assign(window, {
     rayfarmViews: {
       viewAt,
-      /** The first view stands. */
+      /** Called once the first view is shown. */
       stands() {
-        void fetchSlowly(modules.uploads ?? []); // whoever drops a file should not wait for what takes it
+        void fetchSlowly(modules.uploads ?? []); // so that a dropped file is handled without delay
         const isThrifty = /** @type {any} */ (navigator).connection?.saveData === true;
         if (!isThrifty) setTimeout(() => void fetchSlowly(Object.values(modules).flat()), REST_AFTER_MS);
       },

@@ -1,4 +1,4 @@
-/** Dropping and choosing files. */
+/** Dropping and selecting files. */
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
@@ -10,7 +10,7 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 
-/** Uploads files, by modules that are loaded once the page stands (./ahead.js). @param {NamedFile[]} files */
+/** Uploads files, with modules that are loaded after the page (./ahead.js). @param {NamedFile[]} files */
 async function upload(files) {
   const { start } = await import("./uploads.js").catch(() => {
     throw new Error(t("This part of the page could not be loaded"));
@@ -25,7 +25,7 @@ async function upload(files) {
  */
 export const choose = ({ folder }) => pick({ folder }, upload);
 
-/** Lets files be dropped anywhere on the page. */
+/** Accepts files dropped anywhere on the page. */
 export function acceptDrops() {
   const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
   fill(
@@ -34,7 +34,7 @@ export function acceptDrops() {
     h("strong", null, t("Drop to upload")),
     h("span", { class: "quiet" }, t("A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open")),
   );
-  let depth = 0; // enter and leave fire for every element that is crossed
+  let depth = 0; // enter and leave fire for every crossed element
   /** @param {DragEvent} event */
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
   const isFree = mayChange(chosenProject());
@@ -47,7 +47,7 @@ export function acceptDrops() {
   addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
   addEventListener("dragover", (event) => {
     if (!hasFiles(event)) return;
-    event.preventDefault(); // else the browser leaves the page for the file
+    event.preventDefault(); // otherwise the browser opens the file
     if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
   });
   addEventListener("drop", (event) => {

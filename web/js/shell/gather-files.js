@@ -1,10 +1,10 @@
-/** Files out of a drop or a picker, each with its path inside of what was chosen: a scene finds its textures by path. */
+/** Files of a drop or a picker, each with its relative path, by which a scene finds its textures. */
 
 import { t } from "../base/words.js";
 
 /** @typedef {{file: File, path: string}} NamedFile */
 
-/** Above this many, somebody dropped their home folder. */
+/** More files than this are probably a home folder. */
 const MAX_FILES = 5000;
 
 class TooManyFiles extends Error {
@@ -14,7 +14,8 @@ class TooManyFiles extends Error {
 }
 
 /**
- * The files of a drop, folders walked. Must be called in the drop event itself: the browser empties the list after it.
+ * Returns the files of a drop, including those in folders. Must be called in the drop event, after which the browser clears the
+ * list.
  *
  * @param {DataTransfer} transfer
  * @returns {Promise<NamedFile[]>}
@@ -29,7 +30,7 @@ export async function filesOfDrop(transfer) {
 }
 
 /**
- * The files of `<input type=file>`, with or without `webkitdirectory`.
+ * Returns the files of `<input type=file>`, with or without `webkitdirectory`.
  *
  * @param {FileList} list
  * @returns {NamedFile[]}
@@ -62,14 +63,17 @@ async function walk(entry, found) {
   }
 }
 
-/** @param {NamedFile[]} files what an upload is called until the service names it */
+/**
+ * The provisional title of an upload, until the service names the scene. @param {NamedFile[]} files
+ * @param {NamedFile[]} files what an upload is called until the service names it
+ */
 export function titleOf(files) {
   const scene = files.find(({ path }) => /\.(glb|gltf|usd[acz]?|fbx|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];
   if (!scene) return t("Nothing");
   return files.length > 1 ? t("{path} and {n} more", { path: scene.path, n: files.length - 1 }) : scene.path;
 }
 
-/** What is said of files that were refused. @param {NamedFile[]} files */
+/** Returns the error message for files of unsupported types. @param {NamedFile[]} files */
 export function notTaken(files) {
   const title = titleOf(files);
   return files.length > 1 ? t("{title} were not taken", { title }) : t("{title} was not taken", { title });

@@ -1,11 +1,11 @@
-/** The `?` overlay: the keys that work in the view that is open. */
+/** The `?` dialog: the keyboard shortcuts of the current view. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { letLettersAct, lettersAct, shortcuts } from "./shortcuts.js";
 import { t } from "../base/words.js";
 
-/** Opens the overlay; Escape, its button or a click beside it closes it. */
+/** Opens the dialog. Escape, its button or a click outside closes it. */
 export function showHelp() {
   const close = h(
     "button",
@@ -51,7 +51,7 @@ export function showHelp() {
   dialog.showModal();
 }
 
-/** What a hand does on what is open, a picture or the live view. */
+/** Lists mouse and touch gestures of the current view. */
 function handsOn() {
   /** @type {[string, string][]} */
   const sentences = [

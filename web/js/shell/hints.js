@@ -1,4 +1,4 @@
-/** Empty states and standing hints: each says what to do next. */
+/** Empty states and permanent hints, each with the next step. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -6,7 +6,7 @@ import { announce } from "./tray.js";
 import { t } from "../base/words.js";
 
 /**
- * A shell command with a button that copies it.
+ * A shell command with a copy button.
  *
  * @param {string} text
  */
@@ -30,13 +30,13 @@ export function command(text) {
   return h("div", { class: "command" }, h("code", null, text), button);
 }
 
-/** Adds a worker to this farm; the token is told where the farm was started. */
+/** The command that adds a worker to this farm. The token is printed where the farm was started. */
 const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
 
-/** Whether this page, and so the farm, was opened under a name that only its own machine knows. */
+/** Whether this page was opened by a loopback address, which other machines cannot use. */
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
-/** How another machine joins. */
+/** Explains how another machine joins the farm. */
 export function addMachineHint() {
   return isLoopback()
     ? [
@@ -57,7 +57,7 @@ export function addMachineHint() {
       ];
 }
 
-/** Shown wherever work waits for a worker. */
+/** A notice shown wherever work waits for a worker. */
 export function noWorkerNotice() {
   return h(
     "div",
@@ -83,7 +83,7 @@ export function emptyState(symbol, title, ...children) {
 }
 
 /**
- * The same, where there is nothing else on the page: its title is the page's.
+ * An empty state that fills the page; its title is the page's.
  *
  * @param {import("../base/icons.js").IconName} symbol
  * @param {string} title

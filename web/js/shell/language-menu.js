@@ -1,4 +1,4 @@
-/** The language of the page, each under its own name: a change loads the page anew. */
+/** The language menu; a change reloads the page. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

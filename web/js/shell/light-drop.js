@@ -1,18 +1,18 @@
-/** An image that is dropped on the page of a scene lights it: whoever shows that scene's light takes it. */
+/** Dropped environment images: the view that shows the scene's light receives them. */
 
 /** @typedef {(file: File) => void} Take */
 
 /** @type {Take | null} */
 let taker = null;
 
-/** What lights a scene where it comes alone. */
+/** Images that are always an environment if dropped alone. */
 const LIGHTS = /\.(exr|hdr)$/i;
-/** What also may, but is a texture in the company of a scene. */
+/** Images that may be an environment, but are textures if dropped with a scene. */
 const IMAGES = /\.(exr|hdr|png|jpe?g|tiff?|webp)$/i;
 
 export const LIGHT_FILES = ".exr,.hdr,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 
-/** @param {Take} take @returns {() => void} ends it */
+/** @param {Take} take @returns {() => void} unregisters it */
 export function takeLights(take) {
   taker = take;
   return () => {
@@ -20,7 +20,7 @@ export function takeLights(take) {
   };
 }
 
-/** @param {File[]} files @returns {boolean} whether these are images, and no scene */
+/** @param {File[]} files @returns {boolean} whether these are only images, without a scene */
 export const areImages = (files) => files.length > 0 && files.every(({ name }) => IMAGES.test(name));
 
 /**
@@ -34,5 +34,5 @@ export function offerLight(files) {
   return true;
 }
 
-/** @param {File[]} files @returns {boolean} whether one of them is such an image as nothing but light is made of */
+/** @param {File[]} files @returns {boolean} whether one of them is an image that can only be an environment */
 export const hasLight = (files) => files.some(({ name }) => LIGHTS.test(name));

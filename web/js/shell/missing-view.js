@@ -1,14 +1,14 @@
-/** What is shown in place of a view whose modules could not be fetched. */
+/** The error page for a view whose modules could not be fetched. */
 
 import { fill, h } from "../base/dom.js";
 import { emptyPage } from "./hints.js";
 import { announce } from "./tray.js";
 import { t } from "../base/words.js";
 
-/** What the addresses of this page's files have in them; none where they are served as they are. */
+/** The version in the URLs of this page's files; empty if they are served without one. */
 const VERSION = /\/(v\/\w+\/)/.exec(import.meta.url)?.[1] ?? "";
 
-/** @returns {Promise<boolean | null>} whether the service has another version of the page by now; null: it does not answer */
+/** @returns {Promise<boolean | null>} whether the service now has another version of the page; null: no response */
 export async function isOutdated() {
   try {
     const response = await fetch("./", { cache: "no-store" });
@@ -22,7 +22,7 @@ export async function isOutdated() {
 export function missingView() {
   const why = h("p", { role: "status" });
   const element = h("div", { class: "page" });
-  // Browsers keep in mind that a module failed, so it is not asked for again in this page.
+  // Browsers cache a module's failure, so the page has to be reloaded.
   const again = async () => {
     if ((await look()) === null) announce(why.textContent ?? "");
     else location.reload();

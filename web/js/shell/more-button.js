@@ -1,4 +1,4 @@
-/** Below a list of which not all is shown. */
+/** The button below a partly loaded list. */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";

@@ -1,4 +1,4 @@
-/** A notification when a job ends while one looks elsewhere, for whoever wants that. */
+/** Optional notifications about finished jobs while the page is hidden. */
 
 import { fill, h } from "../base/dom.js";
 import { jobs } from "../news/farm.js";
@@ -11,7 +11,7 @@ import { t, tn } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 
 const KEY = "rayfarm.notify";
-/** Jobs that end together are told together. */
+/** Jobs that end together are reported together. */
 const GATHER_MS = 1000;
 /** @type {Record<string, string>} */
 const ENDS = { finished: t("finished"), failed: t("failed") };
@@ -30,11 +30,11 @@ function keep(wanted) {
   try {
     localStorage.setItem(KEY, wanted ? "on" : "off");
   } catch {
-    // Storage is blocked: there is nothing to remember it by.
+    // Storage is blocked: the choice cannot be stored.
   }
 }
 
-/** Asks for and takes back what `tellOfEnds` needs. Hidden where a browser has no notifications, as on plain HTTP. */
+/** The button that enables and disables notifications. Hidden if the browser has none, as on plain HTTP. */
 export function notifyButton() {
   const button = h("button", { class: "icon-button notify", type: "button", "aria-label": t("Tell me when a job ends") });
   button.hidden = !("Notification" in window) || !isSecureContext;
@@ -58,7 +58,7 @@ export function notifyButton() {
   return button;
 }
 
-/** Watches the jobs for ends. */
+/** Watches the jobs and notifies about those that end. */
 export function tellOfEnds() {
   /** @type {Map<string, string>} */
   const before = new Map();

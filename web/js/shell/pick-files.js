@@ -1,4 +1,4 @@
-/** Files from a drop or a dialog, passed on to whatever takes them. */
+/** Passes on files from a drop or a file dialog. */
 
 import { h } from "../base/dom.js";
 import { filesOfList, notTaken } from "./gather-files.js";

@@ -1,11 +1,11 @@
-/** The switch of project, for whom there are any: a change loads the page anew. */
+/** The project menu, shown to members of any project; a change reloads the page. */
 
 import { fill, h } from "../base/dom.js";
 import { chooseProject, chosenProject } from "../base/project.js";
 import { t } from "../base/words.js";
 import { projects } from "../news/projects.js";
 
-/** @returns {HTMLElement} hidden while there are none */
+/** @returns {HTMLElement} hidden without projects */
 export function projectMenu() {
   const chosen = chosenProject();
   const menu = h("select", { class: "project-menu", "aria-label": t("Project"), title: t("Project: what you upload and render goes there, and only its members see it") });
@@ -19,7 +19,7 @@ export function projectMenu() {
   });
   menu.addEventListener("change", () => {
     chooseProject(menu.value ? menu.value.slice(2) : null);
-    location.hash = "#/"; // what is open may be another project's
+    location.hash = "#/"; // the current view may belong to another project
     location.reload();
   });
   return menu;

@@ -1,6 +1,6 @@
 /**
- * Where the user is, kept in the URL's hash: `#/jobs/ab12?ev=1.5&tone=agx`. The path names the view and the parameters its
- * state, so that a link, the back button and a reload all give the same picture.
+ * The location in the URL's hash: `#/jobs/ab12?ev=1.5&tone=agx`. The path names the view and the parameters its state, so that a
+ * link, the back button and a reload restore the same picture.
  */
 
 /**
@@ -15,7 +15,7 @@ export function here() {
   return { path: path.split("/").filter(Boolean).map(decoded), params: new URLSearchParams(query) };
 }
 
-/** A part of the path as it was meant; one that somebody has cut in the middle of a character stays as it is. @param {string} part */
+/** Decodes a part of the path; a malformed one is returned unchanged. @param {string} part */
 function decoded(part) {
   try {
     return decodeURIComponent(part);
@@ -38,7 +38,7 @@ export function go(...path) {
 }
 
 /**
- * A link to another view of a shot goes on with the frame that is looked at now.
+ * Makes a link to another view of a shot keep the current frame.
  *
  * @param {Event} event its click
  * @param {number | string | null} frame null: none, or the first
@@ -50,7 +50,7 @@ export function followWithFrame(event, frame) {
 }
 
 /**
- * Writes view state into the URL without a history entry, and without a navigation. Null takes a parameter out.
+ * Writes view state into the URL without a history entry or navigation. Null removes a parameter.
  *
  * @param {Record<string, string | null>} changes
  * @param {string[]} [path] where the view's own choice is a part of it
@@ -66,7 +66,7 @@ export function setParams(changes, path = here().path) {
 }
 
 /**
- * Tells a view that another state of it is asked for: by a link, the back button, or a hand in the address.
+ * Notifies a view of a changed state in the URL: by a link, the back button, or editing the address.
  *
  * @param {() => void} listener
  * @returns {() => void} ends it

@@ -1,21 +1,21 @@
-/** How far a view was scrolled, for each entry of the history: the back button leads to where one was, a link to the top. */
+/** The scroll position of each history entry: the back button restores it, a link starts at the top. */
 
-const PATIENCE_MS = 1500; // with what comes from the service and makes the page long enough again
+const PATIENCE_MS = 1500; // waits for content of the service that makes the page long enough again
 
 /** By entry. @type {Map<number, number>} */
 const tops = new Map();
-let newest = Date.now(); // above the entries of this tab before a reload
+let newest = Date.now(); // greater than the entries of this tab before a reload
 let entry = newest;
 let waiting = 0;
 
-/** Begins to follow. */
+/** Starts recording positions. */
 export function followScroll() {
   history.scrollRestoration = "manual";
   addEventListener("scroll", () => waiting || tops.set(entry, scrollY), { passive: true });
   for (const hand of ["wheel", "touchmove", "keydown", "pointerdown"]) addEventListener(hand, giveUp, { passive: true });
 }
 
-/** Once the view of the present entry stands: to where it was left, or to its top where it is a new one. */
+/** Restores the scroll position of the current entry once its view is shown; a new entry starts at the top. */
 export function scrollToPlace() {
   giveUp();
   entry = history.state?.entry ?? ++newest;
@@ -30,7 +30,7 @@ export function scrollToPlace() {
   reach();
 }
 
-/** Whoever scrolls by hand is not pulled away. */
+/** Manual scrolling cancels it. */
 function giveUp() {
   cancelAnimationFrame(waiting);
   waiting = 0;

@@ -1,4 +1,4 @@
-/** The top bar, the banners "connection lost" and "server busy", and the view between them. */
+/** The top bar, the banners "connection lost" and "server busy", and the container of the view. */
 
 import { fill, h, setText } from "../base/dom.js";
 import { retries } from "../news/busy.js";
@@ -16,10 +16,10 @@ import { t } from "../base/words.js";
 
 /** @typedef {"system" | "light" | "dark"} Theme */
 
-/** A hiccup of a second or two is nobody's business. */
+/** Shorter interruptions are not shown. */
 const LOST_AFTER_MS = 1500;
 
-/** Beside the modules, and so of their version. */
+/** Relative to the modules, so with the same version in the URL. */
 const ICON = new URL("../../icon.svg", import.meta.url).href;
 
 const THEMES = /** @type {const} */ ([
@@ -126,7 +126,7 @@ function buildLostBanner() {
   });
 }
 
-/** Says that the service is busy, and when it is asked again. */
+/** The banner for a busy service, with the time of the next retry. */
 export function buildBusyBanner() {
   const words = h("span");
   const banner = h("div", { class: "lost-banner busy", role: "status", hidden: true }, icon("warning"), words);
@@ -145,7 +145,7 @@ export function buildBusyBanner() {
   });
 }
 
-/** Where somebody is logged in: who, and the way to what is theirs. */
+/** A link with the user's name to the account page, if logged in. */
 function accountLink() {
   const { login, name } = session.value;
   if (!login || name === null) return null;

@@ -1,4 +1,4 @@
-/** Keys: each view registers its own, with a sentence each, and `?` lists those that work here. */
+/** Keyboard shortcuts: each view registers its own with a description, and `?` lists the active ones. */
 
 /**
  * @typedef {object} Shortcut
@@ -11,10 +11,10 @@
 /** @type {Set<Shortcut>} */
 const active = new Set();
 
-/** "off" where keys of one letter do nothing: dictation types letters (WCAG 2.2, 2.1.4). */
+/** "off" disables shortcuts of a single letter, since dictation types letters (WCAG 2.2, 2.1.4). */
 const LETTERS_KEY = "rayfarm.letters";
 
-/** Whether keys of one letter do something. */
+/** Whether shortcuts of a single letter are enabled. */
 export function lettersAct() {
   try {
     return localStorage.getItem(LETTERS_KEY) !== "off";
@@ -29,13 +29,13 @@ export function letLettersAct(act) {
     if (act) localStorage.removeItem(LETTERS_KEY);
     else localStorage.setItem(LETTERS_KEY, "off");
   } catch {
-    // Storage is blocked: they go on acting.
+    // Storage is blocked: they stay enabled.
   }
 }
 
 /**
  * @param {Shortcut[]} shortcuts
- * @returns {() => void} takes them away again
+ * @returns {() => void} removes them
  */
 export function addShortcuts(shortcuts) {
   for (const shortcut of shortcuts) active.add(shortcut);
@@ -50,7 +50,7 @@ export function shortcuts() {
 }
 
 /**
- * "Shift+E" for a key event. Characters that need Shift to be typed ("?", "+") stand for themselves.
+ * Returns the name of a key event, such as "Shift+E". Characters that require Shift ("?", "+") are named without it.
  *
  * @param {KeyboardEvent} event
  */
@@ -76,16 +76,16 @@ function dispatch(event) {
   if (document.querySelector("dialog[open]")) return;
   const name = nameOf(event);
   if (event.key.length === 1 && event.key !== " " && !lettersAct()) return;
-  // Enter and Space belong to the button or link that has the focus.
+  // Enter and Space belong to the focused button or link.
   if (
     (name === "Enter" || name === "Space") &&
     event.target instanceof HTMLElement &&
     event.target.matches("button, a, summary, input")
   )
     return;
-  // So do the arrows to what they move.
+  // Arrow keys belong to focused controls that they move.
   if (/^(Shift\+)?(Arrow|Home|End)/.test(name) && event.target instanceof HTMLElement && event.target.matches(MOVED)) return;
-  // With Shift a digit types another character, on each keyboard its own.
+  // With Shift, a digit key types a character that depends on the keyboard.
   const digit = event.shiftKey && /^Digit\d$/.test(event.code) ? `Shift+${event.code.slice(5)}` : name;
   const found = [...active].findLast(({ keys }) => keys === name) ?? [...active].findLast(({ keys }) => keys === digit);
   if (!found) return;

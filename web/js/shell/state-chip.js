@@ -1,4 +1,4 @@
-/** A state as an icon and a word; the colour only repeats them. */
+/** A state as an icon and a word; the colour is redundant. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

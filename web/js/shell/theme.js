@@ -1,6 +1,6 @@
 /**
- * Dark or light: what the system says, unless the user chose. Loaded as a classic script in the head, because a module
- * would run after the first paint and let the wrong theme flash.
+ * Dark or light theme: the system's, unless the user chose one. A classic script in the head, because a module would run after
+ * the first paint and briefly show the wrong theme.
  */
 
 /** @typedef {"system" | "light" | "dark"} Theme */
@@ -14,7 +14,7 @@
       const value = localStorage.getItem(KEY);
       return value === "light" || value === "dark" ? value : "system";
     } catch {
-      return "system"; // storage is blocked: the choice then lasts as long as the page
+      return "system"; // storage is blocked: the choice lasts until the page is closed
     }
   }
 

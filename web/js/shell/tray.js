@@ -1,4 +1,4 @@
-/** The tray at the lower right: uploads under way, what went wrong, what can be undone. */
+/** The tray at the lower right: uploads in progress, errors, and actions that can be undone. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -8,7 +8,7 @@ const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
 const announcer = /** @type {HTMLElement} */ (document.getElementById("announcer"));
 
 /**
- * Tells screen readers, and only them.
+ * Announces a sentence to screen readers only.
  *
  * @param {string} sentence
  */
@@ -22,7 +22,7 @@ export class Card {
   /** @param {string} title */
   constructor(title) {
     this.title = h("span", { class: "title", title }, title);
-    /** Stands in for an icon. */
+    /** Replaces an icon. */
     this.lead = h("span", { hidden: true });
     this.actions = h("span", { class: "row" });
     this.body = h("div", null);
@@ -50,13 +50,13 @@ export class Card {
   }
 }
 
-/** More than these are a wall, and whoever comes back to it needs the latest. */
+/** Only the latest few errors are useful at a glance. */
 const MOST_ERRORS = 3;
 const BRIEF_S = 6;
 
 /** @typedef {{key: string, card: Card, times: number, ofPage: boolean}} Entry */
 
-/** The errors that are shown, the oldest first. @type {Entry[]} */
+/** The errors shown, oldest first. @type {Entry[]} */
 const errors = [];
 
 /** @param {Entry | undefined} entry */
@@ -66,7 +66,7 @@ function dismiss(entry) {
   entry.card.remove();
 }
 
-/** Takes away what was about the page that is left. */
+/** Removes the errors of the page that was left. */
 export function clearPageErrors() {
   for (const entry of errors.filter(({ ofPage }) => ofPage)) dismiss(entry);
 }
@@ -111,7 +111,7 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
 }
 
 /**
- * News that can be followed; it stays until it is, or is dismissed.
+ * A notification with an action; it stays until it is used or dismissed.
  *
  * @param {string} sentence
  * @param {{label: string, run: () => void}} action
@@ -127,10 +127,10 @@ export function offerNews(sentence, { label, run }) {
   card.actions.prepend(h("button", { class: "text-button", type: "button", onclick: follow }, label));
 }
 
-/** What can still be taken back, the latest last. @type {(() => void)[]} */
+/** Actions that can still be undone, latest last. @type {(() => void)[]} */
 const pending = [];
 
-/** Takes back what was done last, where there still is time for it. */
+/** Undoes the latest action, if its time has not expired. */
 export function undoLast() {
   const undo = pending.at(-1);
   if (undo) undo();
@@ -138,7 +138,7 @@ export function undoLast() {
 }
 
 /**
- * A deed that waits a few seconds, so that it can be taken back; longer while the pointer or the focus is on its card.
+ * Delays an action by a few seconds, so that it can be undone; longer while its card is hovered or has focus.
  *
  * @param {string} sentence
  * @param {{commit: () => void, undo: () => void, seconds?: number}} deed

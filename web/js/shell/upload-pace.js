@@ -1,15 +1,15 @@
-/** How fast an upload goes, and how long it will still take. */
+/** Speed and remaining time of an upload. */
 
-/** Over so long the speed is averaged: a hiccup does not show, a change does. */
+/** Window of the average speed: short interruptions do not show, lasting changes do. */
 const WINDOW_MS = 8000;
-/** Before that much has passed, a speed says nothing. */
+/** Minimum time for a meaningful speed. */
 const FIRST_MS = 1500;
 
 export class Pace {
   /** @param {number} total bytes */
   constructor(total) {
     this.total = total;
-    /** Bytes that were sent, and when. @type {{sent: number, at: number}[]} */
+    /** Bytes sent, with times. @type {{sent: number, at: number}[]} */
     this.seen = [];
   }
 

@@ -1,4 +1,4 @@
-/** Files that were dropped or chosen: on their way to the scene's page, with a card in the tray. */
+/** Uploads of dropped or selected files: progress cards in the tray, then the scene's page. */
 
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -20,12 +20,12 @@ import { t } from "../base/words.js";
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** What a sentence says of a scene that lacks a file. */
+/** Recognises the service's message about a scene that lacks a file. */
 export const LACKS = /; add (it|them)/;
 
-/** After so long without an answer it is said that one is waited for. */
+/** Delay without an answer after which a waiting notice is shown. */
 const ANSWER_MS = 300;
-/** After so long without progress it is said that there is none. */
+/** Time without progress after which the upload is shown as stalled. */
 const STALLED_MS = 15_000;
 
 /** @param {NamedFile[]} files */
@@ -70,7 +70,7 @@ export async function start(files) {
 }
 
 /**
- * A slow line is busy with the page itself at first: whoever has chosen files sees at once that they were taken.
+ * Shows immediately that files were accepted, since a slow line is first busy with the page itself.
  *
  * @template T
  * @param {string} title
@@ -94,7 +94,7 @@ async function whileShown(title, asked) {
 }
 
 /**
- * Goes to a scene that has come; whoever has opened something else meanwhile stays there, and is told.
+ * Goes to an uploaded scene; if the user has opened another page meanwhile, shows a notification instead.
  *
  * @param {Scene | null} scene
  * @param {string} from where the page was when the upload began
@@ -107,7 +107,7 @@ function show(scene, from) {
 }
 
 /**
- * Gives a scene the files that it lacks, or others in place of those of the same names.
+ * Adds missing files to a scene, or replaces those of the same names.
  *
  * @param {Scene} base
  */
@@ -120,10 +120,10 @@ async function add(base, files) {
   const scene = files.length ? await send(files, { base: base.id }) : null;
   if (!scene || scene.id === base.id) return;
   go("scenes", scene.id);
-  if (base.status === "failed") await deleteScene(base.id); // it could never be rendered
+  if (base.status === "failed") await deleteScene(base.id); // it can never be rendered
 }
 
-/** The scene that is open, where it says that it lacks each of these files. @param {File[]} files */
+/** Returns the open scene if it lacks each of these files. @param {File[]} files */
 function sceneThatLacks(files) {
   const { path } = here();
   const scene = path[0] === "scenes" ? scenes.value?.find(({ id }) => id === path[1]) : undefined;
@@ -132,7 +132,7 @@ function sceneThatLacks(files) {
 }
 
 /**
- * Of an upload with several scenes, shows another one.
+ * Shows another scene of an upload with several.
  *
  * @param {Scene} base
  * @param {string} main its file
@@ -154,7 +154,7 @@ async function send(files, fields = {}) {
   }
 }
 
-/** What a try ends with that broke off, and is wanted once more. */
+/** Result of an interrupted attempt that is to be repeated. */
 const AGAIN = Symbol("again");
 
 /** @param {NamedFile[]} files @param {Record<string, string>} fields @returns {Promise<Scene | null | typeof AGAIN>} */
@@ -208,7 +208,7 @@ async function sendOnce(files, fields) {
   } catch (error) {
     if (abort.signal.aborted) return null;
     const heading = notTaken(files);
-    // A service that answered says itself what to do.
+    // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
       return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
     showError(heading, error, { action: { label: t("Choose other files"), run: () => pick({ folder: false }, start) } });
@@ -228,7 +228,7 @@ function progressWords(sent, all, pace) {
 
 let underWay = 0;
 
-/** A page that is closed gives up its uploads, so the browser asks before. @param {1 | -1} more */
+/** Counts uploads in progress, so that the browser warns before the page is closed. @param {1 | -1} more */
 function setUnderWay(more) {
   underWay += more;
   if (underWay) addEventListener("beforeunload", ask);
@@ -238,7 +238,7 @@ function setUnderWay(more) {
 /** @param {BeforeUnloadEvent} event */
 const ask = (event) => event.preventDefault();
 
-/** An image alone is no scene; what it may be is said, and one that lights scenes can be kept. @param {File[]} files */
+/** Explains that images alone are no scene, and offers to keep one that can be an environment. @param {File[]} files */
 function explainImages(files) {
   const name = files.length > 1 ? t("{name} and {n} more", { name: files[0]?.name ?? "", n: files.length - 1 }) : (files[0]?.name ?? "");
   const isLight = files.length === 1 && hasLight(files);

@@ -1,17 +1,17 @@
-/** Several models in one drop: which of them is the scene, or each one of its own. */
+/** The question which of several models in a drop is the scene, or whether each is one. */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 
-/** These hold all that they show: as scenes of their own they need nothing else of the drop. */
+/** Formats without external files, which need nothing else of the drop. */
 const WHOLE = /\.(glb|stl|ply|off)$/i;
-/** The number in the name of one of a sequence: smoke.0001.obj. */
+/** Frame number in the name of a file of a sequence: smoke.0001.obj. */
 const NUMBER = /\d{3,}(?=\.[a-z]+$)/i;
 
 /**
- * The files that may be the scene, best first; one where there is no question.
+ * Returns the files that may be the scene, best first; a single one if it is unambiguous.
  *
  * @param {NamedFile[]} files
  * @param {string[]} formats suffixes of scenes, best first, and of archives
@@ -27,11 +27,11 @@ export function rivals(files, formats) {
   return paths.slice(0, 1);
 }
 
-/** @param {NamedFile[]} files @param {string} main @returns {NamedFile[]} what it needs of them, as far as its name says */
+/** @param {NamedFile[]} files @param {string} main @returns {NamedFile[]} the files that it needs, judging by its name */
 export const filesFor = (files, main) => (WHOLE.test(main) ? files.filter(({ path }) => path === main) : files);
 
 /**
- * Asks which one is meant.
+ * Asks the user which model is the scene.
  *
  * @param {string[]} mains
  * @returns {Promise<string[]>} one, all of them, or none: it was dismissed
