@@ -1,4 +1,4 @@
-/** Starts the page: the shell, the farm's news, drops, and the views. */
+/** Starts the page: the shell, the farm's events, drops, and the views. */
 
 import { fill } from "./base/dom.js";
 import { chooseProject, chosenProject } from "./base/project.js";
@@ -35,12 +35,12 @@ function start() {
   followFarm();
   followTallies();
   tellOfEnds();
-  // Who was logged out meanwhile loses all connections, and is not told why by any of them.
+  // A revoked session closes all connections without a reason, so the session is checked then.
   lost.subscribe(({ size }) => size && void mustLogIn().then((must) => must && location.reload()));
   tellOfUpdates();
 }
 
-/** Whoever works for days in one tab learns, when the service comes back, that it has another version of the page. */
+/** Offers a reload if the service has another version of the page after a reconnection. */
 function tellOfUpdates() {
   let wasLost = false;
   let isTold = false;
@@ -59,7 +59,7 @@ const fault = (error) =>
 addEventListener("error", (event) => event.error && fault(event.error));
 addEventListener("unhandledrejection", (event) => fault(event.reason));
 
-// A link that lets in, opened in a tab that shows this page already, changes the address alone.
+// A login link opened in a tab that already shows this page only changes the hash.
 addEventListener("hashchange", () => here().path[0] === "login" && location.reload());
 const code = takeCode();
 const must = await mustLogIn();
@@ -69,6 +69,6 @@ if (code !== null || must) {
   fill(main, loginView(code).element);
 } else {
   if (session.value.login) await lookAtProjects();
-  else chooseProject(null); // where nobody is asked who they are, all is everybody's
+  else chooseProject(null); // without logins, items belong to all
   start();
 }

@@ -1,4 +1,4 @@
-/** What is about the wipe of a comparison: the choice of each side, how far it is, and in what the two differ. */
+/** The controls of a comparison: the selection of each side, its progress, and the differences. */
 
 import { DENOISED_CHANNEL, channels as planes } from "../film/channels.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
@@ -13,7 +13,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
 /**
- * What one side shows: a job, a channel of it and a moment on its way; or an uploaded picture.
+ * Selects what one side shows: a job's channel and snapshot, or an uploaded picture.
  *
  * @param {"A" | "B"} letter
  * @param {import("../base/store.js").Store<Comparison>} state
@@ -89,7 +89,7 @@ function pictureOption(/** @type {Job} */ { id }) {
     update(job) {
       const { name, settings, width, height } = job;
       const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
-      const facts = [name, endOf(job), `${width}×${height}`, integrator]; // a narrow page cuts the end off
+      const facts = [name, endOf(job), `${width}×${height}`, integrator]; // last, since a narrow page cuts off the end
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

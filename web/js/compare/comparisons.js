@@ -1,5 +1,5 @@
 /**
- * Comparisons that an example offers: one scene rendered with two settings, opened at the wipe in one click. They stand in
+ * Predefined comparisons of an example: one scene with two settings, opened at the wipe in one click. Defined in
  * web/examples/comparisons.json, by the example's name.
  */
 
@@ -29,7 +29,7 @@ export async function getComparisons() {
 }
 
 /**
- * Asks for both pictures, or finds them where they were asked for before, and opens their comparison.
+ * Creates both pictures, or finds existing ones, and opens their comparison.
  *
  * @param {string} example
  * @param {ExampleComparison} comparison
@@ -43,7 +43,7 @@ export async function openComparison(example, { both = {}, left, right }) {
 }
 
 /**
- * The job of a request: its key is made of the request, so that asking again finds the one that is there.
+ * Returns the job of a request. The idempotency key is derived from the request, so an existing job is reused.
  *
  * @param {JobRequest} request
  * @returns {Promise<Job>}
@@ -54,7 +54,7 @@ async function find(request) {
   try {
     job = await createJob(request, key);
   } catch (error) {
-    // An older version of the service understood the same request otherwise.
+    // An older release of the service stored the same request differently.
     if (!(error instanceof ApiError) || error.status !== CONFLICT) throw error;
     job = await createJob(request, `${key}-${Date.now()}`);
   }
@@ -63,7 +63,7 @@ async function find(request) {
   return job;
 }
 
-/** FNV-1a of 64 bits: crypto.subtle is there on HTTPS and localhost only. @param {string} text */
+/** 64-bit FNV-1a, since crypto.subtle exists only on HTTPS and localhost. @param {string} text */
 function fingerprint(text) {
   let hash = 0xcbf29ce484222325n;
   for (const byte of new TextEncoder().encode(text)) hash = BigInt.asUintN(64, (hash ^ BigInt(byte)) * 0x100000001b3n);

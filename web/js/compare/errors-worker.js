@@ -1,4 +1,4 @@
-/** Measures beside the page, which goes on meanwhile. */
+/** Web worker that measures errors without blocking the page. */
 
 import { errorsOf } from "./errors.js";
 

@@ -1,4 +1,4 @@
-/** How far two pictures are from each other: a map of every pixel, and figures of the whole. The first is the reference. */
+/** Error metrics of two pictures: a map of all pixels, and overall figures. The first is the reference. */
 
 import { HEAT } from "../film/colour-map.js";
 import { decode } from "../film/rgb9e5.js";
@@ -24,9 +24,9 @@ import { flip } from "./flip.js";
  * @property {number} high what the map's last colour stands for
  */
 
-/** Added to the reference's square, so that what is black does not count for everything. */
+/** Added to the reference's square, to limit the weight of black pixels. */
 const EPSILON = 0.01;
-/** The rest is drawn as the greatest. */
+/** Larger values are clamped to this quantile. */
 const QUANTILE = 0.99;
 
 /** @param {Pair} pair @returns {Errors} */

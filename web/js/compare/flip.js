@@ -1,9 +1,9 @@
 /**
- * FLIP: how different two pictures look when they take turns on a screen, 0 to 1 a pixel (Andersson, Nilsson, Akenine-Möller,
- * Oskarsson, Åström, Fairchild 2020, "FLIP: A Difference Evaluator for Alternating Images"). Pictures are sRGB-coded, as shown.
+ * FLIP: perceived difference of two alternating pictures, 0 to 1 per pixel (Andersson, Nilsson, Akenine-Möller, Oskarsson,
+ * Åström, Fairchild 2020, "FLIP: A Difference Evaluator for Alternating Images"). Pictures are sRGB-coded, as displayed.
  */
 
-/** A screen of 3840 pixels across 0.7 m, seen from 0.7 m, as the paper takes it. */
+/** The paper's viewing conditions: a screen of 3840 pixels across 0.7 m, seen from 0.7 m. */
 const PIXELS_PER_DEGREE = 67.02;
 
 const QC = 0.7;
@@ -47,7 +47,7 @@ export function flip(a, b, width, height) {
   return { map, mean: sum / map.length };
 }
 
-/** The greatest difference of colours, between green and blue, to the power. */
+/** Maximum colour difference, between green and blue, raised to the exponent. */
 function greatest() {
   const [green, blue] = [[0, 1, 0], [0, 0, 1]].map((rgb) => hunt(...labOf(.../** @type {[number, number, number]} */ (rgb))));
   if (!green || !blue) return 1;
@@ -75,7 +75,13 @@ function ycxcz(rgba, pixels) {
   return planes;
 }
 
-/** What the eye makes of it: filtered by contrast sensitivity, in CIELAB with Hunt's effect. @param {Planes} planes @param {number} width @param {number} height @returns {Planes} */
+/**
+ * The perceived colours: filtered by contrast sensitivity, in CIELAB with the Hunt effect.
+ * @param {Planes} planes
+ * @param {number} width
+ * @param {number} height
+ * @returns {Planes}
+ */
 function asSeen(planes, width, height) {
   const radius = Math.ceil(3 * Math.sqrt(WIDEST / (2 * Math.PI ** 2)) * PIXELS_PER_DEGREE);
   const filtered = planes.map((plane, c) => {
@@ -104,7 +110,7 @@ function asSeen(planes, width, height) {
 }
 
 /**
- * How strong edges and points are.
+ * Strength of edges and points.
  *
  * @param {Float32Array} y of ycxcz
  * @param {number} width
@@ -128,7 +134,7 @@ function features(y, width, height) {
 }
 
 /**
- * A plane under a filter that is one along rows times one along columns; beyond its edges it goes on as they are.
+ * Applies a separable filter to a plane; edge pixels are repeated.
  *
  * @param {Float32Array} plane
  * @param {number} width
@@ -172,7 +178,13 @@ function labOf(r, g, b) {
   return [116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)];
 }
 
-/** Colours are seen the less, the darker they are. @param {number} l @param {number} a @param {number} b @returns {[number, number, number]} */
+/**
+ * The Hunt effect: darker colours are perceived as less chromatic.
+ * @param {number} l
+ * @param {number} a
+ * @param {number} b
+ * @returns {[number, number, number]}
+ */
 function hunt(l, a, b) {
   return [l, 0.01 * l * a, 0.01 * l * b];
 }

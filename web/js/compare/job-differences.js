@@ -1,4 +1,4 @@
-/** In what two jobs differ: for the table beside their comparison, and for what each side is called. */
+/** Differences between two jobs, for the table of a comparison and the names of its sides. */
 
 import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
@@ -10,14 +10,14 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Setting} Setting */
 
-/** At most this many differences name a side; the table has all of them. */
+/** Maximum number of differences in a side's name; the table has all. */
 const NAMED_BY = 2;
 
-/** Basic settings tell most, those of the lab more than what stays as it is. */
+/** Sections of settings, most significant first. */
 const TELLING = ["basic", "lab", "advanced"];
 
 /**
- * Something that is compared: its label, its value in the table, and how it names a side.
+ * A compared property: its label, its value in the table, and its part of a side's name.
  *
  * @typedef {object} Row
  * @property {string} label
@@ -76,7 +76,7 @@ export const differences = (a, b) =>
   differing(a, b).map(({ label, value }) => ({ label, a: value(a) || "–", b: value(b) || "–" }));
 
 /**
- * What the two sides are called: by what tells them apart.
+ * Names of the two sides, from their differences.
  *
  * @param {{job: Job, channel: string}} left
  * @param {{job: Job, channel: string}} right

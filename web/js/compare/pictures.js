@@ -1,6 +1,6 @@
 /**
- * What may stand on a side of a comparison: a job as it is now, a job as it was at some samples, or a picture that was uploaded.
- * An address names the first two by the job's id, the last by REFERENCE and its id.
+ * Pictures that can be compared: a job's current picture, a snapshot of a job, or an uploaded picture. In URLs the first two are
+ * given by the job's id, the last by REFERENCE and its id.
  */
 
 import { count } from "../base/format.js";
@@ -61,7 +61,7 @@ export function filmOf({ job, reference, width, height }, at, frame) {
 }
 
 /**
- * The address of a picture as a PNG that looks as the page shows it.
+ * URL of a picture as a PNG that looks as displayed.
  *
  * @param {Picture} picture
  * @param {string} channel
@@ -85,7 +85,7 @@ export const momentName = (at) => (at === null ? t("now") : t("{n} spp", { n: co
 /** @typedef {{picture: Picture, channel: string, at: number | null}} Side */
 
 /**
- * What the two sides are called: by what tells them apart.
+ * Names of the two sides, from their differences.
  *
  * @param {Side} a
  * @param {Side} b
@@ -108,7 +108,7 @@ export function namesOf(a, b) {
 }
 
 /**
- * In what the two differ, for a table; of a picture that was uploaded only what is known of it.
+ * Differences of two pictures for a table; for an uploaded picture, only its known properties.
  *
  * @param {Side} a
  * @param {Side} b

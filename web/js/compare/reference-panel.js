@@ -1,4 +1,4 @@
-/** The pictures that were uploaded to compare with: added by a drop on the page or by a button, and removed. */
+/** Uploaded reference pictures: added by a drop or a button, and removed. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -16,7 +16,7 @@ import { addressOf } from "./pictures.js";
 const REFERENCE_FILES = ".exr,.hdr,.pfm,.png,.jpg,.jpeg,.tif,.tiff,.webp";
 
 /**
- * Takes an image that is dropped on the page, as A: what is measured is measured against A.
+ * Accepts an image dropped on the page as A, the reference of measurements.
  *
  * @param {import("../base/store.js").Store<Comparison>} state
  * @param {import("../base/store.js").Disposer} life

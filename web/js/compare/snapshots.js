@@ -1,4 +1,4 @@
-/** What is kept of the jobs of a comparison on their way, asked for anew while they run. */
+/** Snapshots of the compared jobs, reloaded while they run. */
 
 import { getSnapshots } from "../news/api.js";
 import { Store } from "../base/store.js";
@@ -17,7 +17,7 @@ export function snapshotsOf(jobs, life) {
   const of = new Store(/** @type {Record<string, Snapshot[]>} */ ({}));
   const abort = new AbortController();
   life.add(() => abort.abort());
-  /** By job: in which state it was when it was asked last. @type {Record<string, string>} */
+  /** By job: its state at the latest request. @type {Record<string, string>} */
   const asked = {};
   const ask = async (/** @type {Job} */ { id, state }) => {
     asked[id] = state;
@@ -25,7 +25,7 @@ export function snapshotsOf(jobs, life) {
       const found = await getSnapshots(id, abort.signal);
       if (JSON.stringify(found) !== JSON.stringify(of.value[id])) of.set({ ...of.value, [id]: found });
     } catch {
-      // Cut off or gone, which the page says elsewhere.
+      // Connection lost or job deleted, as shown elsewhere.
     }
   };
   const renew = () => {

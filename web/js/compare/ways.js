@@ -1,4 +1,4 @@
-/** The ways in which two pictures are compared: at a wipe, taking turns, beside each other, and as a map of what differs. */
+/** Modes of a comparison: wipe, flicker, side by side, and difference maps. */
 
 import { heatBar } from "../job/part-fields.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -23,7 +23,7 @@ export const WAYS = /** @type {const} */ ([
 /** @param {string | null} text of the URL @returns {Way} */
 export const wayFrom = (text) => WAYS.find(({ name }) => name === text)?.name ?? "wipe";
 
-/** The kind of map that a way shows. @param {Way} way @returns {ErrorKind | null} */
+/** The kind of map of a mode. @param {Way} way @returns {ErrorKind | null} */
 const mapOf = (way) => (way === "difference" || way === "relative" || way === "flip" ? way : null);
 
 const TURN_MS = 600;
@@ -54,7 +54,7 @@ export function compareWays({ stage, state, differInSize, life }) {
   const shownTag = h("div", { class: "channel-tag alone turn-tag", role: "status", hidden: true });
   stage.element.append(shownTag);
 
-  // Taking turns: by the clock, or for as long as B is held.
+  // Whether flicker shows B: by the clock, or while a key is held.
   let isOther = false;
   let isHeld = false;
   const turn = () => {
@@ -193,9 +193,9 @@ export function compareWays({ stage, state, differInSize, life }) {
   );
   return {
     element: h("section", { class: "side-section stack tight", "aria-label": t("Ways to compare") }, choice.element, hint, bar, values, said),
-    /** A side's picture has come. */
+    /** A side's picture has been loaded. */
     changed: now,
-    /** What is measured changes with this film. */
+    /** Measurements change with this film. */
     listen,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [

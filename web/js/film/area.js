@@ -1,4 +1,4 @@
-/** How bright a part of a film is: its mean light, and between which luminances its pixels lie. */
+/** Brightness statistics of a rectangle of a film: the mean light, and the range of the pixels' luminances. */
 
 import { luminanceOf } from "../base/colour.js";
 import { decode } from "./rgb9e5.js";

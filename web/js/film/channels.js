@@ -1,4 +1,4 @@
-/** What can be looked at of a picture: its light, denoised or not, and the planes that are rendered with it (renderer/aovs.py). */
+/** Displayable channels of a picture: its light, denoised or not, and its AOVs. */
 
 import { table } from "../news/settings-table.js";
 import { t } from "../base/words.js";

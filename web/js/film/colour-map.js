@@ -1,16 +1,16 @@
 /**
- * Numbers as colours. False colour is Turbo (Mikhailov 2019, "Turbo, An Improved Rainbow Colormap for Visualization"), in the
- * polynomial fit that Google published with it; the heat of a plane is the service's own (renderer/aovs.py).
+ * Colour maps. False colour is Turbo (Mikhailov 2019, "Turbo, An Improved Rainbow Colormap for Visualization"), in the
+ * polynomial fit that Google published with it; the heat map of a plane is the service's (renderer/aovs.py).
  */
 
-/** From the lowest power to the fifth, of red, green and blue. */
+/** Polynomial coefficients of red, green and blue, in ascending order. */
 const TURBO = [
   [0.13572138, 4.6153926, -42.66032258, 132.13108234, -152.94239396, 59.28637943],
   [0.09140261, 2.19418839, 4.84296658, -14.18503333, 4.27729857, 2.82956604],
   [0.1066733, 12.64194608, -60.58204836, 110.36276771, -89.90310912, 27.34824973],
 ];
 
-/** Stops about middle grey (0.18) that false colour spans, downwards and upwards. */
+/** Range of false colour: stops above and below middle grey (0.18). */
 export const FALSE_STOPS = 6;
 
 const digits = (/** @type {number} */ v) => v.toFixed(8);
@@ -38,7 +38,7 @@ export function turbo(t) {
   return [r, g, b];
 }
 
-/** What the service draws samples and error with: equal steps from nothing to the greatest. */
+/** The service's heat map for samples and error: equal steps from zero to the maximum. */
 export const HEAT = [
   [0, 0, 0],
   [50, 25, 120],
@@ -51,5 +51,5 @@ export const HEAT = [
 export const gradient = (colours) =>
   `linear-gradient(to right, ${colours.map((rgb) => `rgb(${rgb.map((v) => Math.round(v * 255)).join(" ")})`).join(", ")})`;
 
-/** Of a bar that shows `turbo`. */
+/** CSS gradient of a bar that shows `turbo`. */
 export const turboGradient = () => gradient(Array.from({ length: 33 }, (_, i) => turbo(i / 32)));

@@ -1,6 +1,6 @@
 /**
- * The WebGL2 canvas: one picture, or two beside each other at a wipe. What is drawn is decided by `layers`, `wipe`, `look`
- * and `viewport`; `invalidate` draws once at the next frame.
+ * The WebGL2 canvas: one picture, or two side by side at a wipe. Drawn from `layers`, `wipe`, `look` and `viewport`;
+ * `invalidate` redraws at the next animation frame.
  */
 
 import { FilmLayer } from "./film-layer.js";
@@ -13,13 +13,13 @@ import { t } from "../base/words.js";
 
 const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "raw", "part"]);
 
-/** The browser cannot show a film: the message says why, for a person. */
+/** Error: the browser cannot show a film; the message is the reason. */
 export class CannotShow extends Error {}
 
 export class FilmCanvas {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @param {HTMLCanvasElement} over is kept in the same place
+   * @param {HTMLCanvasElement} over resized and placed like the canvas
    * @param {Viewport} viewport
    */
   constructor(canvas, over, viewport) {
@@ -28,9 +28,9 @@ export class FilmCanvas {
     this.viewport = viewport;
     /** @type {Look} */
     this.look = { exposure: 0, curve: "neutral" };
-    /** How much of the canvas' width, from the left, is the first layer's; the rest is the second's. */
+    /** Position of the wipe as a fraction of the canvas' width; the first layer is on its left. */
     this.wipe = 1;
-    /** Told after every draw, to move what lies over the picture. */
+    /** Called after every draw, to update overlays. */
     this.afterDraw = () => {};
     this.pending = 0;
 
@@ -41,14 +41,14 @@ export class FilmCanvas {
       );
     this.gl = gl;
     this.maxSize = gl.getParameter(gl.MAX_TEXTURE_SIZE);
-    /** Left and right of the wipe. */
+    /** Layers left and right of the wipe. */
     this.layers = /** @type {const} */ ([
       new FilmLayer(gl, () => this.invalidate()),
       new FilmLayer(gl, () => this.invalidate()),
     ]);
-    /** An image over both, a map of what differs. */
+    /** An image over both layers, such as a difference map. */
     this.cover = new FilmLayer(gl, () => this.invalidate());
-    /** Each layer in a half of the canvas, at the same place of the picture. */
+    /** Whether each layer is shown in its own half of the canvas, with the same part of the picture. */
     this.sideBySide = false;
     this.build();
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -82,7 +82,7 @@ export class FilmCanvas {
   }
 
   /**
-   * The size of the picture, which is the first layer's; the second is drawn as wide.
+   * Sets the size of the first layer's picture; the second is drawn at the same width.
    *
    * @param {number} width
    * @param {number} height
@@ -96,7 +96,7 @@ export class FilmCanvas {
     this.viewport.setPicture(width, height);
   }
 
-  /** Lays the canvas onto the screen's own pixels, so that a pixel of it is one of them: layout gives fractions of both. */
+  /** Aligns the canvas to device pixels, since layout yields fractional sizes. */
   resize() {
     const ratio = devicePixelRatio;
     const box = /** @type {Element} */ (this.canvas.parentElement).getBoundingClientRect();
@@ -117,7 +117,7 @@ export class FilmCanvas {
       this.canvas.width = width;
       this.canvas.height = height;
       this.viewport.resizeCanvas(width, height);
-      this.draw(); // at once: a resized canvas is blank until it is drawn
+      this.draw(); // immediately, since a resized canvas is blank until drawn
     }
   }
 
@@ -150,7 +150,7 @@ export class FilmCanvas {
     this.afterDraw();
   }
 
-  /** The parts of the canvas that each show the picture: from where, how wide, and how far from where the viewport has it. */
+  /** The panes of the canvas that each show the picture: position, width, and offset from the viewport. */
   panes() {
     const { width } = this.canvas;
     const half = Math.floor(width / 2);
@@ -163,7 +163,7 @@ export class FilmCanvas {
   }
 
   /**
-   * A layer's pixels as they are shown, RGBA from the top; null where there is nothing.
+   * Returns a layer's displayed pixels, RGBA, rows from the top; null if the layer is empty.
    *
    * @param {FilmLayer} layer
    * @returns {Uint8Array | null}

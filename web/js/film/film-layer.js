@@ -1,4 +1,4 @@
-/** One picture as a texture: a film's RGB9E5 words, written tile by tile, or a finished image (an AOV) in its place. */
+/** A picture as a texture: a film's RGB9E5 words, updated tile by tile, or a finished image (an AOV) instead. */
 
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
@@ -13,11 +13,11 @@ export class FilmLayer {
     this.changed = changed;
     /** @type {Film | null} */
     this.film = null;
-    /** Shown in the film's place. @type {ImageBitmap | null} */
+    /** Shown instead of the film. @type {ImageBitmap | null} */
     this.image = null;
     /** @type {WebGLTexture | null} */
     this.texture = null;
-    /** What the texture has room for. */
+    /** Format and size of the allocated texture. */
     this.room = "";
   }
 
@@ -50,13 +50,13 @@ export class FilmLayer {
     this.changed();
   }
 
-  /** The context was lost, and the texture with it. */
+  /** Recreates the texture after the context was lost. */
   restore() {
     this.room = "";
     this.upload();
   }
 
-  /** Fills the texture; a new one where the old one is of another size. */
+  /** Fills the texture; allocates a new one if the size has changed. */
   upload() {
     const { gl, film, image } = this;
     this.makeRoom(image ? gl.RGBA8 : gl.RGB9_E5, image ?? film);

@@ -1,10 +1,10 @@
-/** The shader that shows a film: which texels a screen pixel covers, exposure, tone curve, sRGB. */
+/** The shader that shows a film: resampling, exposure, tone curve, sRGB. */
 
 import { COLOUR_MAP_GLSL } from "./colour-map.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
 import { t } from "../base/words.js";
 
-/** What of the light is shown, in the order of the shader's `part`. */
+/** Displayable parts of the light, in the order of the shader's `part`. */
 export const PARTS = [
   { name: "", label: "RGB", hint: t("Colour") },
   { name: "r", label: "R", hint: t("Red alone, as grey") },

@@ -1,6 +1,6 @@
 /**
- * The picture on the page, or two at a wipe: WebGL canvas, what lies over it, and the mouse. It knows nothing of jobs; it is
- * given layers to fill and a look, and tells which pixel is under the cursor.
+ * The picture on the page, or two at a wipe: the WebGL canvas, its overlays, and mouse input. Independent of jobs: it gets
+ * layers and a look, and reports the pixel under the cursor.
  */
 
 import { h } from "../base/dom.js";
@@ -42,7 +42,7 @@ export class FilmView {
     this.canvas.afterDraw = () => {
       this.over.draw();
       this.placePoster();
-      // Where the picture lies, for whoever compares screenshots with films.
+      // The picture's position, for tests that compare screenshots with films.
       const { scale, x, y } = this.viewport;
       this.element.dataset.view = `${scale} ${x} ${y}`;
       handlers.moved();
@@ -70,7 +70,7 @@ export class FilmView {
     this.canvas.invalidate();
   }
 
-  /** Each picture in a half of the stage, or both at the wipe. @param {boolean} on */
+  /** Shows the pictures side by side, or both at the wipe. @param {boolean} on */
   setSideBySide(on) {
     if (this.canvas.sideBySide === on) return;
     this.canvas.sideBySide = on;
@@ -79,7 +79,10 @@ export class FilmView {
     this.canvas.invalidate();
   }
 
-  /** An image over the pictures. @param {ImageBitmap | null} image it is this view's from now on; null: the pictures again */
+  /**
+   * Shows an image over the pictures.
+   * @param {ImageBitmap | null} image it is this view's from now on; null: the pictures again
+   */
   setCover(image) {
     if (image) this.canvas.cover.setImage(image);
     else if (this.canvas.cover.image) this.canvas.cover.clear();
@@ -87,7 +90,7 @@ export class FilmView {
   }
 
   /**
-   * The film that is seen at a place across the canvas; null where an image is, whose values are not the film's.
+   * Returns the film shown at a canvas position; null for an image, whose values are not the film's.
    *
    * @param {number} cx device pixels
    */
@@ -98,7 +101,7 @@ export class FilmView {
     return layer.image ? null : layer.film;
   }
 
-  /** What is shown until the first film has something. @param {string | null} url of an image; null: black */
+  /** Sets the image shown until the film has samples. @param {string | null} url of an image; null: black */
   setPoster(url) {
     this.poster?.element.remove();
     this.poster = new Poster(url);
@@ -150,7 +153,7 @@ export class FilmView {
   }
 
   /**
-   * Moves the inspected pixel by keys, from the middle where there is none.
+   * Moves the inspected pixel by keys, starting at the centre.
    *
    * @param {number} dx
    * @param {number} dy

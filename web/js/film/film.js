@@ -1,10 +1,10 @@
-/** The page's copy of a frame: the mean of every pixel as RGB9E5, and how many samples are in it. */
+/** The page's copy of a frame: the mean of every pixel as RGB9E5, with its number of samples. */
 
 import { decode, peak } from "./rgb9e5.js";
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Normalising looks at about this many pixels: enough for a percentile, few enough to be instant at 8k. */
+/** Approximate number of pixels used for normalising: enough for a percentile, and fast at 8k. */
 const NORMALISE_PIXELS = 250_000;
 /** The brightest 0.5 % (lamps, fireflies) may clip. */
 const NORMALISE_QUANTILE = 0.995;
@@ -23,9 +23,9 @@ export class Film {
     this.height = height;
     this.words = words;
     this.samples = new Uint32Array(width * height);
-    /** Samples of all pixels together. */
+    /** Number of samples over all pixels. */
     this.total = 0;
-    /** Nothing of it has come yet. */
+    /** Whether no tile has arrived yet. */
     this.isBlank = given === undefined;
     /** Single tiles came, and the whole film is still being fetched: without it they would stand alone on black. */
     this.isPartial = false;
@@ -33,7 +33,7 @@ export class Film {
 
   /** @param {TilePacket} tile */
   put({ x, y, w, h, spp, words }) {
-    if (x + w > this.width || y + h > this.height) return; // of a job with another size: not ours
+    if (x + w > this.width || y + h > this.height) return; // from a job of another size
     this.isBlank = false;
     for (let row = 0; row < h; row++) {
       const at = (y + row) * this.width + x;
@@ -44,7 +44,7 @@ export class Film {
   }
 
   /**
-   * A whole film that came in one answer: of every tile what has more samples than is here already.
+   * Merges a whole film: the tiles that have more samples than here.
    *
    * @param {import("../news/tile-packet.js").FilmPacket} packet
    */
@@ -67,7 +67,7 @@ export class Film {
     }
   }
 
-  /** Samples a pixel of every tile, in reading order. @param {number} side of a tile @returns {number[]} */
+  /** Returns the samples per pixel of every tile, in reading order. @param {number} side of a tile @returns {number[]} */
   tileSamples(side) {
     const found = [];
     for (let y = 0; y < this.height; y += side)
@@ -76,7 +76,7 @@ export class Film {
   }
 
   /**
-   * Begins anew: black, or with another picture in its place until there are samples.
+   * Resets to black, or to another picture until there are samples.
    *
    * @param {Film | null} [other] of any size
    */
@@ -115,7 +115,7 @@ export class Film {
   }
 
   /**
-   * The exposure in stops that brings all but the very brightest pixels below 1; null while the film is black.
+   * Returns the exposure in stops that maps all but the brightest pixels below 1; null while the film is black.
    *
    * @returns {number | null}
    */

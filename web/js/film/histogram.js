@@ -1,4 +1,4 @@
-/** How bright a film's pixels are: of each channel and of the luminance, how many pixels lie in each quarter of a stop. */
+/** Histogram of a film's pixels in bins of a quarter stop, for each channel and the luminance. */
 
 import { luminanceOf } from "../base/colour.js";
 import { decode } from "./rgb9e5.js";
@@ -6,11 +6,11 @@ import { decode } from "./rgb9e5.js";
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("./region.js").Rect} Rect */
 
-/** Stops about 1, the brightest that a screen shows. */
+/** Lowest bin in stops relative to 1, the display's white. */
 export const LOWEST = -12;
 export const HIGHEST = 6;
 const BINS = (HIGHEST - LOWEST) * 4;
-/** About so many pixels are looked at: enough for a curve, few enough to be done at once. */
+/** Approximate number of pixels used: enough for a curve, and fast. */
 const MOST_PIXELS = 200_000;
 
 /**
@@ -30,7 +30,7 @@ const MOST_PIXELS = 200_000;
 export function histogramOf(film, exposure, { x, y, w, h } = { x: 0, y: 0, w: film.width, h: film.height }) {
   const channels = Array.from({ length: 4 }, () => new Float64Array(BINS));
   const gain = 2 ** exposure;
-  // A step that shares no factor with the width, so that no columns are left out.
+  // A step without a common factor with the width, so that all columns are sampled.
   let step = Math.max(1, Math.floor((w * h) / MOST_PIXELS));
   while (step > 1 && w % step === 0) step++;
   let [pixels, black, above] = [0, 0, 0];

@@ -1,7 +1,4 @@
-/**
- * The film of one job as it grows: fetched whole, then its live connection, which sends what has changed since; and who wants to
- * know of new samples.
- */
+/** The growing film of one job: fetched whole, then updated over its live connection. Notifies listeners of new samples. */
 
 import { ApiError, fetchFilm } from "../news/api.js";
 import { putJob, setLink } from "../news/farm.js";
@@ -16,20 +13,20 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
-/** Whoever goes through many frames rests on one so long before all of it is fetched. */
+/** Delay before a frame's whole film is fetched, so that stepping through frames fetches only the last. */
 const REST_MS = 200;
 
 export class LiveFilm {
   /** @param {Job} job of known size @param {number} [frame] */
   constructor(job, frame = firstFrame(job)) {
     this.job = job.id;
-    /** Which of its pictures this is; `turnTo` goes to another. */
+    /** Current frame; changed by `turnTo`. */
     this.frame = frame;
-    /** Whether no more samples are to come. */
+    /** Whether no more samples will arrive. */
     this.finished = job.state === "finished";
     this.film = new Film(job.width ?? 1, job.height ?? 1);
     this.side = job.tile_size ?? 0;
-    /** Whether the film was fetched, or could not be: from then on the service is told what is here. */
+    /** Whether the fetch of the film has ended; afterwards the service is told which samples are here. */
     this.isFetched = false;
     this.fetching = new AbortController();
     /** @type {Set<() => void>} */
@@ -41,14 +38,14 @@ export class LiveFilm {
     this.listeners = new Set();
     /** @type {Set<() => void>} */
     this.turned = new Set();
-    /** Of a shot: told of frames that changed. @type {(frames: import("../base/types.js").Frame[]) => void} */
+    /** Called with the changed frames of a shot. @type {(frames: import("../base/types.js").Frame[]) => void} */
     this.framesChanged = () => {};
-    /** Why the frame has no film, though it had samples; empty where it has one. @type {Store<string>} */
+    /** Why the frame has lost its film; empty if it has one. @type {Store<string>} */
     this.missing = new Store("");
     this.link = `live ${job.id}`;
     this.live = new Live(job.id, frame, {
       tile: (tile) => {
-        if (tile.frame !== Math.floor(this.frame) % 65536) return; // of the frame before
+        if (tile.frame !== Math.floor(this.frame) % 65536) return; // of the previous frame
         this.missing.set("");
         this.film.put(tile);
         for (const listener of this.listeners) listener(tile);
@@ -57,7 +54,7 @@ export class LiveFilm {
         if (message.type === "frames") this.framesChanged(message.frames);
         if (message.type !== "state") return;
         this.finished = message.job.state === "finished";
-        if (["queued", "running"].includes(message.job.state)) this.missing.set(""); // it is rendered again
+        if (["queued", "running"].includes(message.job.state)) this.missing.set(""); // it is being rendered again
         putJob(message.job);
       },
       link: (up) => setLink(this.link, up),
@@ -73,7 +70,7 @@ export class LiveFilm {
     void this.fetch(hasSamples);
   }
 
-  /** Fetches the whole film; where that fails, its tiles come one by one. @param {boolean} hasSamples whether there is anything */
+  /** Fetches the whole film; if that fails, tiles arrive individually. @param {boolean} hasSamples whether there is anything */
   async fetch(hasSamples) {
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
@@ -109,7 +106,7 @@ export class LiveFilm {
   }
 
   /**
-   * Goes to another frame of the shot.
+   * Switches to another frame of the shot.
    *
    * @param {number} frame
    * @param {Film | null} meanwhile what is shown until its tiles are here

@@ -1,4 +1,4 @@
-/** The picture of a job as it grows, its planes, and its denoised copy instead of it or beside it. */
+/** The growing picture of a job, its AOVs, and its denoised copy instead of it or beside it. */
 
 import { DENOISED } from "./channels.js";
 import { imageUrl } from "../news/api.js";
@@ -94,7 +94,7 @@ export function livePicture(job, display, life, changed, frame) {
   };
 }
 
-/** As the list of jobs asks for it, so that the browser has it already. */
+/** Same width as in the list of jobs, so the browser may have it cached. */
 const POSTER_WIDTH = 320;
 
 /** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */

@@ -1,4 +1,4 @@
-/** Mouse, pen, touch and trackpad on the canvas: drag pans, the wheel zooms to the cursor, two fingers pinch. */
+/** Mouse, pen, touch and trackpad input on the canvas: dragging pans, the wheel zooms at the cursor, two fingers pinch. */
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
@@ -10,7 +10,7 @@
  * @returns {() => void} undoes it
  */
 export function panAndZoom(surface, place, viewport, changed) {
-  /** Pointers that are down, at their last place. @type {Map<number, {x: number, y: number}>} */
+  /** Pressed pointers with their latest positions. @type {Map<number, {x: number, y: number}>} */
   const down = new Map();
   const abort = new AbortController();
   const signal = abort.signal;
@@ -21,7 +21,7 @@ export function panAndZoom(surface, place, viewport, changed) {
       event.preventDefault();
       const unit =
         event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : event.deltaMode === WheelEvent.DOM_DELTA_PAGE ? 400 : 1;
-      // A mouse's notch is 100 or 120: a quarter octave. A trackpad's pinch comes as small deltas with Ctrl.
+      // A mouse wheel's notch is 100 or 120, a quarter octave. A trackpad's pinch arrives as small deltas with Ctrl.
       const factor = 2 ** (-event.deltaY * unit * (event.ctrlKey ? 0.01 : 0.0025));
       const { x, y } = place(event);
       viewport.zoomTo(viewport.scale * factor, x, y);

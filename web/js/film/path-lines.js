@@ -1,7 +1,6 @@
 /**
- * A path of light over the picture: numbered vertices and the lines between them, and dashed ones to the lights that were chosen.
- * Lines end at the canvas' edge with an arrow where they leave it. What carried light ends in a diamond, what was in the way of
- * it in a cross.
+ * A light path over the picture: numbered vertices with lines between them, and dashed lines to sampled lights. Lines end at the
+ * canvas' edge with an arrow where they leave it. An unoccluded light is marked with a diamond, an occluder with a cross.
  */
 
 /** @typedef {import("../base/types.js").Spot} Spot */
@@ -9,7 +8,7 @@
 /** @typedef {{x: number, y: number}} Point */
 /** @typedef {{from: Point, to: Point, isCut: boolean}} Line isCut: it goes on beyond `to` */
 
-/** Before the eye by so little, in units of the scene's own: a line to what lies behind is cut there. */
+/** Near clipping distance in scene units, for lines that pass behind the eye. */
 const NEAREST = 1e-4;
 const PATH = "#fff";
 const LIT = "#ffe06b";
@@ -17,7 +16,7 @@ const BLOCKED = "#ff9a8f";
 const CHOSEN = "#5cc8ff";
 
 /**
- * The line between two spots, as far as it lies before the eye and on the canvas; null where nothing of it does.
+ * The visible part of the line between two spots, clipped to the canvas; null if there is none.
  *
  * @param {Spot} a
  * @param {Spot} b
@@ -46,7 +45,7 @@ function mixed(behind, before, w) {
 const onCanvas = ([x, y, w], { x: left, y: top, scale }) => ({ x: left + (x / w) * scale, y: top + (y / w) * scale });
 
 /**
- * Liang and Barsky's clipping of a line by a rectangle.
+ * Liang-Barsky clipping of a line by a rectangle.
  *
  * @param {Point} a
  * @param {Point} b

@@ -1,7 +1,6 @@
 /**
- * One picture on the stage, left or right of the wipe: a channel of a job on a layer. Colour grows by itself; planes are
- * fetched, and renewed while the job runs; a denoised picture is fetched, is stale from the next sample on, and is renewed
- * when the job is finished.
+ * One side of the stage, left or right of the wipe: a channel of a job on a layer. Colour updates live; planes are fetched, and
+ * refreshed while the job runs; a denoised picture is stale from the next sample on, and is refreshed when the job is finished.
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
@@ -16,7 +15,7 @@ import { Store } from "../base/store.js";
  * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean}} FilmSource
  */
 
-/** What is stale is renewed at most this often. */
+/** Minimum interval between refreshes of a stale picture. */
 const EVERY_MS = 3000;
 const SETTLE_MS = 300;
 
@@ -38,12 +37,12 @@ export class PictureSide {
     this.live = live;
     this.layer = layer;
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
-    /** The denoised film, where that is the channel and it is here. @type {Film | null} */
+    /** The denoised film, if that channel is selected and loaded. @type {Film | null} */
     this.denoised = null;
-    /** How many samples the shown picture was made of; none is older than one that is not here. */
+    /** Number of samples in the shown picture; Infinity while none is loaded. */
     this.madeOf = Infinity;
     this.fetching = new AbortController();
-    /** A frame that is played, in the place of the live one. @type {Film | null} */
+    /** A played frame that replaces the live one. @type {Film | null} */
     this.played = null;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -64,19 +63,19 @@ export class PictureSide {
     layer.setFilm(live.film);
   }
 
-  /** The film whose values are seen; null where a plane is. */
+  /** The film whose values are shown; null for a plane. */
   get film() {
     const { channel } = this.state.value;
-    if (this.played) return this.played.total ? this.played : null; // a frame that is played has no samples of its own
+    if (this.played) return this.played.total ? this.played : null; // a played frame has no samples of its own
     return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
   }
 
-  /** After a snapshot, too, that comes after the picture: by the number of samples, not by their coming. */
+  /** Whether the film has more samples than the shown picture, even if they arrived as a snapshot. */
   isOutgrown() {
     return this.live.film.total > this.madeOf;
   }
 
-  /** Whether it is to be fetched anew unasked: denoising takes a worker's time, so only with the last samples. */
+  /** Whether to refresh automatically. Denoising takes a worker's time, so only after the last samples. */
   isOld() {
     const { channel, stale, waiting, error } = this.state.value;
     return stale && !waiting && !error && (channel !== DENOISED || this.live.finished);
@@ -105,7 +104,7 @@ export class PictureSide {
     if (this.state.value.channel === "") this.layer.setFilm(film ?? this.live.film);
   }
 
-  /** Another frame of the shot is shown. What is fetched of it waits until nobody goes on to the next. */
+  /** Called after a change of frame. Fetching is delayed until no further change follows. */
   turned() {
     const { channel } = this.state.value;
     if (channel === "") {
@@ -121,7 +120,7 @@ export class PictureSide {
     this.settling = setTimeout(() => void this.fetch(), SETTLE_MS);
   }
 
-  /** Fetches the channel as it is now; what is shown stays until it is here. */
+  /** Fetches the channel; the shown picture stays until it arrives. */
   async fetch() {
     const { channel } = this.state.value;
     this.fetching.abort();

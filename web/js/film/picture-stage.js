@@ -1,4 +1,4 @@
-/** The stage of one picture, or of two at a wipe: canvas, divider, the name of each side, pixel values, zoom. */
+/** The stage of one picture, or of two at a wipe: canvas, divider, names of the sides, pixel values, zoom. */
 
 import { channelOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
@@ -77,7 +77,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
   /** @type {[Part | null, Part | null]} */
   const parts = [null, null];
   if (view) {
-    view.element.append(divider.element); // within the stage: the wheel zooms over it too
+    view.element.append(divider.element); // inside the stage, so that the wheel zooms over it too
     const remember = rememberPlace(view.viewport, life);
     moved = () => {
       zoom.show(view.viewport.scale);
@@ -160,7 +160,7 @@ function makePart(live, layer, changed) {
 }
 
 /**
- * The pixel of a film that is shown at the width of another, under that other's pixel; null where it has none.
+ * Returns the pixel of a film shown at another film's width that corresponds to that film's pixel; null if there is none.
  *
  * @param {import("./film.js").Film} film
  * @param {{x: number, y: number}} at

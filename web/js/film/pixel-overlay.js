@@ -1,6 +1,6 @@
 /**
- * What lies over the picture, on a 2D canvas of its own: the pixels' values once they are large enough to hold them, a
- * frame about the pixel under the cursor, and the outlines of the tiles that workers render at this moment.
+ * The overlay of the picture on a separate 2D canvas: pixel values at high zoom, a frame around the pixel under the cursor, and
+ * outlines of the tiles that workers are rendering.
  */
 
 import { luminanceOf } from "../base/colour.js";
@@ -9,11 +9,11 @@ import { radiance } from "../base/format.js";
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {{x: number, y: number, w: number, h: number, label: string, short: string, worker: string, colour: string}} Outline */
-/** Something else that lies over the picture. @typedef {(over: PixelOverlay, ratio: number) => void} Mark */
+/** An additional drawing over the picture. @typedef {(over: PixelOverlay, ratio: number) => void} Mark */
 
-/** CSS pixels that a picture pixel must measure before its three values fit into it. */
+/** Minimum size of a picture pixel, in CSS pixels, at which its three values fit. */
 const VALUES_FROM = 44;
-/** And before it is framed under the cursor. */
+/** Minimum size of a picture pixel, in CSS pixels, at which it is framed under the cursor. */
 const CURSOR_FROM = 6;
 
 export class PixelOverlay {
@@ -33,10 +33,10 @@ export class PixelOverlay {
     this.cursor = null;
     /** @type {Outline[]} */
     this.outlines = [];
-    /** By the name of what put them there. @type {Map<string, Mark>} */
+    /** By the name of their owner. @type {Map<string, Mark>} */
     this.marks = new Map();
     this.exposure = 0;
-    /** As FilmCanvas has them. */
+    /** As in FilmCanvas. */
     this.panes = () => [{ left: 0, width: viewport.canvas.width, shift: 0 }];
   }
 
@@ -56,7 +56,7 @@ export class PixelOverlay {
     const ratio = devicePixelRatio;
     const values = viewport.scale >= VALUES_FROM * ratio;
     const cursor = viewport.scale >= CURSOR_FROM * ratio ? this.cursor : null;
-    // Chromium may go on showing what was on a canvas that is cleared and not drawn on again.
+    // Chromium may keep showing a canvas that was cleared and not drawn again.
     canvas.hidden = !values && !cursor && this.outlines.length === 0 && this.marks.size === 0;
     for (const { left, width: part, shift } of this.panes()) {
       context.save();
@@ -85,7 +85,7 @@ export class PixelOverlay {
   }
 
   /**
-   * A light line inside a dark one: seen on any picture.
+   * A light line inside a dark one, visible on any picture.
    *
    * @param {number} x
    * @param {number} y
@@ -143,7 +143,7 @@ export class PixelOverlay {
       for (let x = Math.max(0, from.x); x <= Math.min(this.size.width - 1, to.x); x++) {
         const cx = viewport.x + (x + 0.5) * viewport.scale;
         const film = this.filmAt(cx + shift);
-        if (film?.width !== this.size.width) continue; // of another size: its pixels are elsewhere
+        if (film?.width !== this.size.width) continue; // of another size, so its pixels differ
         const { rgb } = film.at(x, y);
         const luminance = luminanceOf(rgb) * 2 ** this.exposure;
         const ink = luminance > 0.18 ? "#000" : "#fff";

@@ -1,5 +1,5 @@
 /**
- * The status bar's pixel: its value at once from the film on the page (RGB9E5, so to 0.2 %), and when the cursor rests,
+ * The pixel in the status bar: its value at once from the page's film (RGB9E5, accurate to 0.2 %), and when the cursor rests,
  * the exact value and sample count from the service.
  */
 
@@ -74,7 +74,7 @@ export class PixelReadout {
   }
 
   /**
-   * The film changed, another channel is shown, or the cursor moved.
+   * Updates after a change of the film, the channel or the cursor.
    *
    * @param {boolean} [aloud] a screen reader says it: not each move of the mouse, nor each sample that comes
    */
@@ -101,7 +101,7 @@ export class PixelReadout {
       const pixel = await getPixel(this.side.live, at.x, at.y, this.asking.signal);
       this.show(textsOf(pixel, channel), pixel.samples, true);
     } catch {
-      // Moved on, or the connection is lost (the banner says so): the page's own value stays.
+      // The cursor has moved, or the connection is lost, as the banner shows: the page's value stays.
     }
   }
 
@@ -125,7 +125,7 @@ export class PixelReadout {
 }
 
 /**
- * A pixel's values of a channel as they are read.
+ * Formats a pixel's values of a channel.
  *
  * @param {import("../base/types.js").PixelValue} pixel
  * @param {string} channel

@@ -1,6 +1,6 @@
 /**
- * What is seen of a picture until its film is here: a small JPEG, which a list of pictures most likely has shown before, in the
- * film's place. It lies under the canvas, and goes as soon as that has something to draw.
+ * A placeholder for a film that is being loaded: a small JPEG, usually cached from a list of pictures. It is under the canvas,
+ * and is removed once the canvas has something to draw.
  */
 
 import { h } from "../base/dom.js";
@@ -15,7 +15,7 @@ export class Poster {
     if (!url) return;
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
     this.element.append(image);
-    showImage(image, url).catch(() => image.remove()); // of a picture without samples, which is explained on the stage
+    showImage(image, url).catch(() => image.remove()); // a picture without samples; the stage shows the reason
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas that it lies under */

@@ -1,4 +1,4 @@
-/** A rectangle drawn on the picture, by a drag that is wanted for that. */
+/** Drawing a rectangle on the picture by dragging. */
 
 /** @typedef {{x: number, y: number, w: number, h: number}} Rect in pixels of the picture */
 /** @typedef {import("./film-view.js").FilmView} FilmView */
@@ -39,7 +39,7 @@ export function drawsRegions(view, { wanted, chosen }) {
     show();
   };
 
-  // Before the stage takes it for a pan.
+  // Before the stage handles it as panning.
   surface.addEventListener(
     "pointerdown",
     (event) => {

@@ -1,6 +1,6 @@
 /**
- * RGB9E5: three 9-bit mantissas under one 5-bit exponent in a 32-bit word, as GL's UNSIGNED_INT_5_9_9_9_REV
- * (OpenGL ES 3.0, 3.8.3.2). 4 bytes a pixel, true to 0.2 % of the brightest channel.
+ * RGB9E5: three 9-bit mantissas with a shared 5-bit exponent in a 32-bit word, as GL's UNSIGNED_INT_5_9_9_9_REV (OpenGL ES 3.0,
+ * 3.8.3.2). 4 bytes per pixel, accurate to 0.2 % of the brightest channel.
  */
 
 /**
@@ -13,7 +13,7 @@ export function decode(word) {
 }
 
 /**
- * The brightest of the three channels.
+ * Returns the maximum of the three channels.
  *
  * @param {number} word
  */
@@ -23,10 +23,10 @@ export function peak(word) {
 
 const float = new Float32Array(1);
 const bits = new Int32Array(float.buffer);
-/** 2 ** (24 - exponent), by which a value becomes its mantissa. */
+/** 2 ** (24 - exponent), the factor from value to mantissa. */
 const STEPS = Float64Array.from({ length: 32 }, (_, exponent) => 2 ** (24 - exponent));
 
-/** As renderer/image/rgbe9995.py packs. @param {number} r @param {number} g @param {number} b */
+/** Packs as renderer/image/rgbe9995.py. @param {number} r @param {number} g @param {number} b */
 export function encode(r, g, b) {
   const brightest = Math.max(r, g, b);
   if (!(brightest > 0)) return 0;

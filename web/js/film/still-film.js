@@ -1,4 +1,4 @@
-/** A film that does not grow: what a job looked like at some samples, or a picture that was uploaded. Else as a LiveFilm. */
+/** A film that does not change: a snapshot of a job, or an uploaded picture. Same interface as LiveFilm. */
 
 import { fetchPacket } from "../news/api.js";
 import { Film } from "./film.js";
@@ -21,9 +21,9 @@ export class StillFilm {
     this.fetching = new AbortController();
     /** @type {Set<() => void>} */
     this.filled = new Set();
-    /** Settles when it is here. Rejects with what went wrong. */
+    /** Resolves once loaded; rejects with the error. */
     this.ready = this.fetch();
-    this.ready.catch(() => {}); // whoever shows it says so
+    this.ready.catch(() => {}); // reported by the view that shows it
   }
 
   async fetch() {
@@ -38,12 +38,12 @@ export class StillFilm {
     return () => this.filled.delete(listener);
   }
 
-  /** Nothing comes after. @param {(tile: TilePacket) => void} listener @returns {() => void} */
+  /** Never called, since no tiles follow. @param {(tile: TilePacket) => void} listener @returns {() => void} */
   onTile(listener) {
     return () => void listener;
   }
 
-  /** It has no other frame. @param {() => void} listener @returns {() => void} */
+  /** Never called, since there is only one frame. @param {() => void} listener @returns {() => void} */
   onTurn(listener) {
     return () => void listener;
   }

@@ -1,4 +1,4 @@
-/** Which tiles of a picture are rendered at this moment, as outlines with the worker and slot that has them, in the worker's colour. */
+/** Outlines of the tiles being rendered, with worker and slot, in the worker's colour. */
 
 import { workerColours } from "./worker-colours.js";
 

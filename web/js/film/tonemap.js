@@ -1,11 +1,11 @@
 /**
- * The tone curves, in GLSL: scene-linear Rec.709, exposed, to sRGB-coded display values. The same formulas as
- * renderer/image/tonemap.py, so that a downloaded PNG looks as the page does.
+ * The tone curves in GLSL, from exposed scene-linear Rec.709 to sRGB-coded display values. Same formulas as
+ * renderer/image/tonemap.py, so that a downloaded PNG matches the page.
  */
 
 import { t } from "../base/words.js";
 
-/** In the order of the shader's `curve`; the shader has a function of each name. */
+/** In the order of the shader's `curve`; the shader has a function for each name. */
 export const CURVES = [
   { name: "neutral", label: t("Neutral"), hint: t("Khronos PBR Neutral: true base colours, highlights roll off") },
   { name: "srgb", label: "sRGB", hint: t("No curve: what is above 1 clips") },

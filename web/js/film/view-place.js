@@ -1,4 +1,4 @@
-/** Zoom and place of the picture in the URL: `at=scale,x,y`, x and y being the picture point in the middle. */
+/** Zoom and position of the picture in the URL: `at=scale,x,y`, where x and y are the picture point at the centre. */
 
 import { here, setParams } from "../shell/router.js";
 
@@ -7,7 +7,7 @@ import { here, setParams } from "../shell/router.js";
 const REST_MS = 400;
 
 /**
- * Shows what the URL says, if it says anything.
+ * Restores zoom and position from the URL, if present.
  *
  * @param {Viewport} viewport
  * @param {import("../base/store.js").Disposer} life

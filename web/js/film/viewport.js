@@ -1,12 +1,12 @@
 /**
- * Where on the canvas a picture lies: a scale (device pixels per picture pixel) and the canvas position of the picture's
- * upper left corner, in device pixels. Pure arithmetic; the canvas and the mouse are elsewhere.
+ * Position of a picture on the canvas: a scale (device pixels per picture pixel) and the canvas position of the picture's upper
+ * left corner, in device pixels. Pure arithmetic, independent of the canvas and the mouse.
  */
 
 const MIN_SCALE = 1 / 64;
 const MAX_SCALE = 256;
 
-/** Powers of two and the steps between that zooming by keys stops at. */
+/** Zoom levels for keyboard zooming: powers of two and steps between them. */
 const STOPS = [
   1 / 64,
   1 / 32,
@@ -40,17 +40,17 @@ export class Viewport {
     this.scale = 1;
     this.x = 0;
     this.y = 0;
-    /** Follow the canvas as it resizes, until the user zooms or pans. */
+    /** Whether to follow the canvas' size, until the user zooms or pans. */
     this.fitted = true;
     this.canvas = { width: 1, height: 1 };
-    /** The picture fits without a margin, and at any scale: for a canvas of its own shape. */
+    /** Whether the picture fits without a margin and at any scale, for a canvas of its shape. */
     this.isSnug = false;
-    /** So many pictures lie beside each other on the canvas. */
+    /** Number of pictures side by side on the canvas. */
     this.across = 1;
     this.picture = { width: 1, height: 1 };
   }
 
-  /** The largest scale that shows all; whole numbers above 2, where uneven pixels would show. */
+  /** Sets the largest scale that shows the whole picture; integers above 2, where uneven pixels would show. */
   fit() {
     const { picture } = this;
     const canvas = { width: this.canvas.width / this.across, height: this.canvas.height };
@@ -61,7 +61,7 @@ export class Viewport {
     this.fitted = true;
   }
 
-  /** One picture pixel on one device pixel, about the canvas' centre. */
+  /** Sets one picture pixel per device pixel, around the canvas' centre. */
   actualSize() {
     this.zoomTo(1, this.canvas.width / 2, this.canvas.height / 2);
   }
@@ -93,7 +93,7 @@ export class Viewport {
   }
 
   /**
-   * Scales so that the picture point under (cx, cy) stays there.
+   * Sets the scale while keeping the picture point under (cx, cy) in place.
    *
    * @param {number} scale
    * @param {number} cx
@@ -111,7 +111,7 @@ export class Viewport {
   }
 
   /**
-   * The next stop up or down, about the canvas' centre.
+   * Zooms to the next level up or down, around the canvas' centre.
    *
    * @param {1 | -1} direction
    */
@@ -132,7 +132,7 @@ export class Viewport {
     this.keepInSight();
   }
 
-  /** A picture dragged out of the window is lost: a strip of it always stays. */
+  /** Keeps a strip of the picture visible while panning. */
   keepInSight() {
     const strip = 40;
     const w = this.picture.width * this.scale;
@@ -141,13 +141,13 @@ export class Viewport {
     this.y = Math.round(Math.min(Math.max(this.y, strip - h), this.canvas.height - strip));
   }
 
-  /** The picture point in the canvas' middle. */
+  /** Returns the picture point at the canvas' centre. */
   middle() {
     return { x: (this.canvas.width / 2 - this.x) / this.scale, y: (this.canvas.height / 2 - this.y) / this.scale };
   }
 
   /**
-   * Puts a picture point into the canvas' middle.
+   * Centres a picture point on the canvas.
    *
    * @param {number} scale
    * @param {number} px
@@ -161,7 +161,7 @@ export class Viewport {
   }
 
   /**
-   * The picture pixel under a canvas point; it may lie outside of the picture.
+   * Returns the picture pixel under a canvas point, which may be outside the picture.
    *
    * @param {number} cx
    * @param {number} cy

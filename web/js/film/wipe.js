@@ -1,4 +1,4 @@
-/** The divider between two pictures: dragged by mouse or finger, moved by keys. */
+/** The divider between two pictures, moved by mouse, finger or keys. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -30,7 +30,7 @@ export function wipeDivider(moved) {
   const move = (fraction) => moved(Math.min(Math.max(fraction, 0), 1));
 
   element.addEventListener("pointerdown", (event) => {
-    event.stopPropagation(); // the stage below pans
+    event.stopPropagation(); // otherwise the stage below pans
     element.setPointerCapture(event.pointerId);
     element.focus({ preventScroll: true });
   });
@@ -57,7 +57,7 @@ export function wipeDivider(moved) {
     };
     const to = places[event.key];
     if (to === undefined || event.ctrlKey || event.metaKey || event.altKey) return;
-    event.preventDefault(); // the render view's arrows read pixels
+    event.preventDefault(); // otherwise the render view moves its pixel cursor
     move(Math.round(to / STEP) * STEP);
   });
   return {

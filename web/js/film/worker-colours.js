@@ -1,9 +1,9 @@
-/** A colour for each worker, for what lies over a picture: bright on any of them, and never the only thing that tells them apart. */
+/** Colours of workers in overlays: bright on any picture, and never the only distinction. */
 
 const COLOURS = ["#ffb648", "#5cc8ff", "#8ee06b", "#ff86be", "#b9a4ff", "#ffe65c", "#4fe0c4", "#ff9a7a"];
 
 /**
- * The same for a farm's workers on every page: by the order of their names. Beyond eight they come again.
+ * Assigns colours in the order of the workers' names, so they are the same on every page. They repeat beyond eight workers.
  *
  * @param {{name: string}[]} workers
  * @returns {Map<string, string>} by the worker's name

@@ -1,4 +1,4 @@
-/** The zoom in the status bar: out, how much, in, fit. */
+/** Zoom controls in the status bar: zoom out, scale, zoom in, fit. */
 
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";

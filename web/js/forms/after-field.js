@@ -1,4 +1,4 @@
-/** Which unfinished jobs a new one comes after: chosen one by one, each taken back by a click. */
+/** The field of jobs that a new one waits for; a click removes one. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

@@ -1,4 +1,4 @@
-/** What the form asks for, as a program would ask for it: for a script that goes on from what was tried out here. */
+/** The form's request as program code, as a starting point for scripts. */
 
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -53,7 +53,7 @@ function asPython({ scene, ...asked }, farm) {
   return `import rayfarm\n\nwith rayfarm.Client("${farm}") as farm:\n    job = farm.submit(\n        "${scene}",\n${fields.join("")}    )\n    print(farm.wait(job.id).state)`;
 }
 
-/** As Python writes it. @param {unknown} value @returns {string} */
+/** Formats a value as Python code. @param {unknown} value @returns {string} */
 function literal(value) {
   if (value === null || value === undefined) return "None";
   if (typeof value === "boolean") return value ? "True" : "False";

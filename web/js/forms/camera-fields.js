@@ -1,4 +1,4 @@
-/** The camera of a picture: one of the scene's, as it is or with another lens, or one by numbers. */
+/** The camera of a picture: one of the scene's, unchanged or with another lens, or a custom one. */
 
 import { h } from "../base/dom.js";
 import { field } from "./fields.js";
@@ -18,8 +18,8 @@ import { t } from "../base/words.js";
  * @property {(distance: number) => void} focus at this distance along the line of sight
  */
 
-const AUTO_CAMERA = "auto"; // the one that every scene has
-const OWN_VIEW = "\0view"; // no camera's number
+const AUTO_CAMERA = "auto"; // a camera that every scene has
+const OWN_VIEW = "\0view"; // never the number of a camera
 
 /**
  * @param {Scene} scene
@@ -37,8 +37,8 @@ export function cameraFields({ cameras }, projected) {
   const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
   camera.addEventListener("change", () => {
     show();
-    const chosen = cameras[Number(camera.value)]; // none for a view of the user's own
-    if (chosen) view.set(chosen.view); // where a view of one's own then starts
+    const chosen = cameras[Number(camera.value)]; // undefined for a custom view
+    if (chosen) view.set(chosen.view); // the starting point of a custom view
   });
   show();
   return {
@@ -54,7 +54,7 @@ export function cameraFields({ cameras }, projected) {
   };
 }
 
-/** Namesakes get their place among themselves. @param {Scene["cameras"]} cameras @param {string} name @param {number} number */
+/** Numbers cameras of the same name. @param {Scene["cameras"]} cameras @param {string} name @param {number} number */
 function shownName(cameras, name, number) {
   const before = cameras.slice(0, number).filter((other) => other.name === name).length;
   const hasNamesakes = cameras.filter((other) => other.name === name).length > 1;
@@ -62,7 +62,11 @@ function shownName(cameras, name, number) {
   return hasNamesakes ? `${name} (${before + 1})` : name;
 }
 
-/** A camera's name, where that means it: of namesakes it means the first. @param {Scene["cameras"]} cameras @param {number} number */
+/**
+ * A camera's name if it is unambiguous; a shared name refers to the first such camera.
+ * @param {Scene["cameras"]} cameras
+ * @param {number} number
+ */
 function asked(cameras, number) {
   const name = cameras[number]?.name;
   return name !== undefined && cameras.findIndex((other) => other.name === name) === number ? name : number;

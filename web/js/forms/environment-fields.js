@@ -1,4 +1,4 @@
-/** Light from all around: the scene's own, one colour, a preset, a clear sky with its sun, or an image of one's own. */
+/** The environment light: the scene's own, a colour, a preset, a clear sky with its sun, or an uploaded image. */
 
 import { hexOf, linearOf } from "../base/colour.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -36,7 +36,7 @@ const ALWAYS = [
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
-/** Asks whoever shows the scene to let the sun be placed by a click there. */
+/** Event that asks the live view to place the sun by a click. */
 export const PLACE_SUN = "place-sun";
 
 /**
@@ -58,7 +58,7 @@ export function environmentFields(first) {
   const dial = sunDial((next, isDone) => {
     elevation.value = String(next.elevation);
     azimuth.value = String(next.azimuth);
-    if (environmentOf(kind)?.sky) pick("sky"); // no longer the preset's sun
+    if (environmentOf(kind)?.sky) pick("sky"); // replaces the preset, whose sun is fixed
     tell(isDone);
   });
   dial.set(sun);
@@ -137,7 +137,7 @@ export function environmentFields(first) {
     setShown(colourField, id === "color");
     setShown(sky, id === "sky" || Boolean(environmentOf(id)?.sky));
   }
-  /** The form's other parts follow its events. @param {boolean} isDone */
+  /** Dispatches events that update other parts of the form. @param {boolean} isDone */
   function tell(isDone) {
     element.dispatchEvent(new Event("input", { bubbles: true }));
     if (isDone) element.dispatchEvent(new Event("change", { bubbles: true }));
@@ -186,7 +186,7 @@ export function environmentFields(first) {
       );
     const [rotation, strength] = [inputOf("rotation"), inputOf("strength")];
     const show = () => {
-      for (const input of [rotation, strength]) input.dispatchEvent(new Event("input")); // its slider and its mark follow
+      for (const input of [rotation, strength]) input.dispatchEvent(new Event("input")); // updates the slider and the reset mark
     };
     const isSky = () => kind === "sky" || Boolean(environmentOf(kind)?.sky);
     return {
@@ -225,7 +225,7 @@ export function environmentFields(first) {
     const asked = environmentOf(kind);
     if (kind === "sky" || asked?.sky) return { sky: { elevation: elevation.valueAsNumber, azimuth: azimuth.valueAsNumber } };
     if (asked) return asked;
-    return kind === before.image ? { image: kind } : { preset: kind }; // the list is not here yet
+    return kind === before.image ? { image: kind } : { preset: kind }; // the list is not loaded yet
   }
 }
 
@@ -248,7 +248,7 @@ function ask(take) {
   input.click();
 }
 
-/** Sends an image, with a card in the tray meanwhile. @param {File} file @returns {Promise<Environment | null>} */
+/** Uploads an image, with a progress card in the tray. @param {File} file @returns {Promise<Environment | null>} */
 async function sent(file) {
   const card = new Card(t("Adding {name}", { name: file.name }));
   const abort = new AbortController();

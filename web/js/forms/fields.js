@@ -1,4 +1,4 @@
-/** Form fields: a label, a control, and a sentence below where one helps. */
+/** Form fields: a label, a control, and an optional explanation below. */
 
 import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
@@ -32,7 +32,7 @@ export function field(label, control, hint) {
 }
 
 /**
- * Says below the fields what is wrong with them, in place of the browser's bubble, until it is mended.
+ * Shows validation errors below the fields instead of the browser's bubble, until they are fixed.
  *
  * @param {HTMLElement} element
  * @param {string} label
@@ -61,12 +61,12 @@ function problemOf({ type, validity, validationMessage, min, max }, label) {
   if (validity.badInput) return t("{label}: this is not a number.", { label });
   if (validity.valueMissing) return t("{label} needs a number.", { label });
   if (validity.stepMismatch) return t("{label} is a whole number.", { label });
-  // The largest numbers that the renderer takes are nobody's concern.
+  // Very large technical maximums are not shown.
   return Number(max) < 1e6 ? t("{label} lies between {min} and {max}.", { label, min, max }) : t("{label} is at least {min}.", { label, min });
 }
 
 /**
- * A field that is not shown must not hold the form back.
+ * Hides and disables a field, since a hidden invalid field would block the form.
  *
  * @param {HTMLElement} element
  * @param {boolean} shown
@@ -77,7 +77,7 @@ export function setShown(element, shown) {
 }
 
 /**
- * A choice with a sentence below that says what the chosen one does.
+ * A choice with an explanation of the selected option below.
  *
  * @param {string} label
  * @param {import("../base/types.js").Choice[]} choices
@@ -118,7 +118,7 @@ export function numberInput({ value = "", min, max, step = 1, placeholder, requi
 }
 
 /**
- * A few exclusive choices side by side. `aside` stands at the right of the label and says what the choice comes to.
+ * A few exclusive options side by side. `aside` is at the right of the label and shows the effect of the choice.
  *
  * @param {string} label
  * @param {{value: string, label: string}[]} options
@@ -147,7 +147,7 @@ export function segments(label, options, changed) {
   };
 }
 
-/** Where a pointer chose to type something; keys go on among the choices. @param {HTMLInputElement} input */
+/** Focuses the input after a choice by pointer; keyboard focus stays among the options. @param {HTMLInputElement} input */
 export function typeNext(input) {
   if (!document.activeElement?.matches(":focus-visible")) input.focus();
 }

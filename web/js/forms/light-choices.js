@@ -1,4 +1,4 @@
-/** Lights to choose from, as a row of small pictures: one is chosen, by a click or the arrow keys. */
+/** A row of thumbnails of environments, of which one is selected by a click or the arrow keys. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

@@ -1,4 +1,4 @@
-/** The quality of a picture: samples per pixel, by choices that say what each takes and how noisy it will be, or any number. */
+/** The quality of a picture: samples per pixel, by presets with their expected time and noise, or as a number. */
 
 import { h, setText } from "../base/dom.js";
 import { noiseText, roughly } from "../base/format.js";
@@ -12,7 +12,7 @@ import { t } from "../base/words.js";
 const START_SPP = 128;
 
 /**
- * What so many samples come to: seconds on this farm and relative noise; null where that is not known.
+ * Expected seconds on this farm and relative noise for a sample count; null if unknown.
  *
  * @typedef {(spp: number) => {seconds: number | null, noise: number | null}} Expect
  */
@@ -26,7 +26,7 @@ const START_SPP = 128;
 export function qualityFields(defaults, changed, expect) {
   const setting = settingOf("work", "spp");
   const spp = numberFor(setting, defaults.spp ?? START_SPP);
-  spp.required = true; // the form has a number of its own where the scene has none
+  spp.required = true; // the form has a default if the scene has none
   const custom = field(setting.label, spp);
   addSlider(setting, spp);
   const get = () => numberOf(spp, 0);

@@ -1,4 +1,4 @@
-/** A job's place among the others, as fields: by when it is wanted, how soon, of how many slots, and what it needs of workers. */
+/** Fields of a job's place in the queue: deadline, priority, maximum slots, and requirements on workers. */
 
 import { h, setText } from "../base/dom.js";
 import { t } from "../base/words.js";
@@ -8,7 +8,7 @@ import { explain, field, numberOf } from "./fields.js";
 /** @typedef {{deadline?: string | null, priority?: number, max_slots?: number | null, needs?: string[]}} Place */
 /** @typedef {{deadline?: number | null, priority?: number, max_slots?: number | null, needs?: string[]}} Placed */
 
-/** As the service reads them. */
+/** Same syntax as the service's. */
 const TAG = /^[a-z0-9][a-z0-9._:-]{0,62}$/;
 const MEMORY = /^memory_gb=\d{1,6}(\.\d{1,3})?$/;
 
@@ -63,7 +63,7 @@ export function queueFields(changed) {
   };
 }
 
-/** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
+/** Does not overwrite a field that has focus. @param {HTMLInputElement} input @param {string} value */
 function put(input, value) {
   if (input === document.activeElement || input.value === value) return;
   input.value = value;
@@ -79,7 +79,7 @@ function problemOf(needs) {
   return wrong === undefined ? "" : t("Needs: “{need}” is not valid. Use tags in lower case, or memory_gb=32.", { need: wrong });
 }
 
-/** That it would wait, and for what. @param {string[]} needs */
+/** Returns a note that the job would wait, and for which requirement. @param {string[]} needs */
 function lackingWords(needs) {
   const offers = (workers.value ?? []).flatMap(({ offer }) => (offer ? [offer] : []));
   const tags = needs.filter((need) => TAG.test(need));
@@ -91,7 +91,7 @@ function lackingWords(needs) {
   return needs.length && !isThere ? t("No connected worker has all of these: the job waits for one.") : "";
 }
 
-/** As the field has it: of this browser's zone. @param {number} at unix seconds */
+/** Formats a time for the field, in this browser's time zone. @param {number} at unix seconds */
 function localOf(at) {
   const zone = new Date(at * 1000).getTimezoneOffset() * 60;
   return new Date((at - zone) * 1000).toISOString().slice(0, 16);

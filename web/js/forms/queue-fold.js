@@ -1,4 +1,4 @@
-/** The fold before a job is asked for: its place among the others, and how its samples are come by. What is set shows while it is closed. */
+/** The collapsible section of a new job's queue options and reuse of samples. Shows a summary while collapsed. */
 
 import { h, setText } from "../base/dom.js";
 import { t, tn } from "../base/words.js";
@@ -49,7 +49,7 @@ export function queueFold(like) {
   return { element, get, dispose: after.dispose };
 }
 
-/** What of it is asked for, in a few words. @param {Partial<JobRequest>} asked */
+/** Summarises the options in a few words. @param {Partial<JobRequest>} asked */
 function wordsOf({ deadline, priority, max_slots, needs, after, verify, fresh }) {
   const parts = [];
   if (deadline) parts.push(t("by {time}", { time: new Date(deadline).toLocaleString([], { weekday: "short", hour: "2-digit", minute: "2-digit" }) }));

@@ -1,4 +1,4 @@
-/** Sizes and qualities that people ask for, and what a request costs. */
+/** Presets of size and quality, and the cost of a request. */
 
 import { t } from "../base/words.js";
 
@@ -18,7 +18,7 @@ export const QUALITIES = [
   { name: "finest", label: t("Finest"), spp: 2048 },
 ];
 
-/** The choice beside the presets. */
+/** The option beside the presets. */
 export const CUSTOM = "custom";
 
 export const DEFAULT_ASPECT = 16 / 9;
@@ -33,15 +33,15 @@ export function sizeOf(long, aspect) {
     : { width: Math.max(1, Math.round(long * aspect)), height: long };
 }
 
-/** Seconds from a click to the first samples, however small the picture is. */
+/** Seconds until the first samples, whatever the picture's size. */
 const BEGIN_S = 0.5;
 
-/** A few specks may be as noisy as this, whatever the rest of the picture is: nothing is said of it then. */
+/** Above this relative noise no estimate is shown, since a few bright pixels may dominate it. */
 const NO_PICTURE = 1;
 
 /**
- * What a picture takes on this farm: from what the scene's latest one measured, else from what the workers rendered last,
- * which says nothing of its noise.
+ * Estimates a picture's time and noise: from measurements of the scene's latest picture, or else the time alone from the
+ * workers' latest speeds.
  *
  * @param {import("../base/types.js").Scene | undefined} scene
  * @param {Worker[]} workers

@@ -1,4 +1,4 @@
-/** A mark at a field whose value is not what it would be if it were left alone, and the way back. */
+/** A mark at a field whose value differs from its default, which resets it. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";

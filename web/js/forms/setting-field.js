@@ -1,4 +1,4 @@
-/** The field of one setting: a choice, a number, or a grey in place of a colour. */
+/** The field of one setting: a choice, a number, or a grey for a colour. */
 
 import { choiceField, field, numberInput } from "./fields.js";
 import { addReset } from "./reset.js";
@@ -34,13 +34,13 @@ export function settingField(setting, start, changed, own = setting.default) {
   const element = field(labelOf(setting), input, setting.help);
   addSlider(setting, input);
   addReset(element, input, numberFor(setting, isColour ? own[0] : own).value);
-  // A grey, unless the scene's own colour is left as it is.
+  // A grey, unless the scene's colour is unchanged.
   const grey = () => (input.valueAsNumber === start[0] ? start : Array(3).fill(input.valueAsNumber));
   return { setting, element, get: isColour ? grey : () => numberIn(setting, input) };
 }
 
 /**
- * Empty where the value is the one that switches the setting off, or none.
+ * The field's number; empty for no value and for the value that disables the setting.
  *
  * @param {Setting} setting
  * @param {number | null} value
@@ -71,5 +71,5 @@ function numberIn(setting, input) {
 /** @param {Setting} setting */
 const isOptional = (setting) => setting.off !== null || setting.default === null;
 
-/** Fractions are shown as percents. @param {Setting} setting @param {number} value */
+/** Fractions are shown as percentages. @param {Setting} setting @param {number} value */
 const shownAs = ({ unit }, value) => (unit === "fraction" ? Number((value * 100).toPrecision(12)) : value);

@@ -1,4 +1,4 @@
-/** The fields of all settings that the renderer has: light, among the first, in the fold of what few change, in the lab. */
+/** The fields of all the renderer's settings: light, basic, advanced (collapsed) and lab. */
 
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
@@ -11,7 +11,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Setting} Setting */
 /** @typedef {import("./setting-field.js").SettingField} SettingField */
 
-/** These have fields of their own: presets along the longer side. */
+/** Settings with separate fields: presets along the longer side. */
 const SIZE = ["width", "height"];
 
 /**

@@ -1,4 +1,4 @@
-/** The size of a picture: presets along the longer side in the scene's own aspect, or any two numbers. */
+/** The size of a picture: presets along the longer side with the scene's aspect ratio, or two numbers. */
 
 import { h, setText } from "../base/dom.js";
 import { field, numberOf, segments, typeNext } from "./fields.js";

@@ -1,15 +1,15 @@
-/** A slider beside a number, over the range that people use; the number takes more. */
+/** A slider beside a number, with the usual range; the number accepts more. */
 
 import { h } from "../base/dom.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
 
 const STEPS = 400;
-/** From here on, steps are of equal ratio. */
+/** Ratio of the range from which steps are logarithmic. */
 const WIDE = 16;
 
 /**
- * Puts the slider before the number; dragging it is typing.
+ * Adds the slider before the number; dragging it counts as typing.
  *
  * @param {Setting} setting with a usual range
  * @param {HTMLInputElement} input in the page, in the units that are shown
@@ -18,7 +18,7 @@ export function addSlider(setting, input) {
   const { type, unit, usual, off } = setting;
   if (!usual) return;
   const [low, high] = unit === "fraction" ? [usual[0] * 100, usual[1] * 100] : usual;
-  // For the pointer alone: the number beside it is the same, with a keyboard and a screen reader.
+  // For pointers only: keyboards and screen readers use the number.
   const slider = h("input", { type: "range", min: 0, max: STEPS, step: "any", tabindex: "-1", "aria-hidden": "true" });
   const isWide = low > 0 && high / low >= WIDE;
   /** @param {number} t 0 ... 1 */

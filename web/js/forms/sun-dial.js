@@ -1,6 +1,6 @@
 /**
- * Where the sun stands, on the hemisphere seen from above: the middle is overhead, the rim the horizon. Up is away from who
- * stands before the scene (-Z), right is +X.
+ * The sun's position on the hemisphere seen from above: the centre is the zenith, the rim the horizon. Up is -Z, away from a
+ * viewer in front of the scene; right is +X.
  */
 
 import { h } from "../base/dom.js";

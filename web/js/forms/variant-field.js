@@ -1,4 +1,4 @@
-/** Which of a glTF file's variants of its materials is shown. */
+/** The material variant of a glTF file. */
 
 import { choiceField } from "./fields.js";
 import { t } from "../base/words.js";
@@ -10,7 +10,7 @@ import { t } from "../base/words.js";
  */
 export function variantField({ variants = [], variant = null }, asked = null) {
   if (!variants.length) return { elements: [], get: () => ({}) };
-  // By number: names may be alike. The scene's own comes by its name, or by its number where another has that name too.
+  // Selected by number, since names may repeat. The scene gives its own by name, or by number if the name is ambiguous.
   const numberOf = (/** @type {string} */ name) => (name ? String(variants.includes(name) ? variants.indexOf(name) : Number(name)) : "");
   const own = numberOf(variant ?? "");
   const choices = [

@@ -1,4 +1,4 @@
-/** A camera by numbers: where it is, what it looks at, which way is up; and its lens. */
+/** A camera by numbers: eye, target, up direction, and lens. */
 
 import { h } from "../base/dom.js";
 import { choiceField, explain, field, numberInput, numberOf, setShown } from "./fields.js";
@@ -60,7 +60,11 @@ export function viewFields(start = START, projected = () => {}) {
     if (projection.get() !== before) projected(projection.get());
   };
 
-  /** The base's exact number where the field still shows it, rounded. @param {HTMLInputElement} input @param {number} exact */
+  /**
+   * Keeps the exact original number if the field still shows its rounded value.
+   * @param {HTMLInputElement} input
+   * @param {number} exact
+   */
   const kept = (input, exact) => (input.value === String(short(exact)) ? exact : numberOf(input, exact));
 
   /** @returns {View} */
@@ -90,7 +94,7 @@ export function viewFields(start = START, projected = () => {}) {
       lens.map(({ element }) => element),
     ),
   );
-  /** As the fields had it when they were set. */
+  /** The fields' values when they were last set. */
   const unchanged = () => JSON.stringify(get());
   let asSet = unchanged();
   return {
@@ -103,18 +107,18 @@ export function viewFields(start = START, projected = () => {}) {
     },
     focus(distance) {
       focus.value = String(short(distance));
-      fold.open = true; // where the distance, and the aperture that makes it seen, are
+      fold.open = true; // shows the distance, and the aperture that makes it visible
     },
     isChanged: () => unchanged() !== asSet,
   };
 }
 
-/** Of a full-frame camera, whose pictures are 36 mm wide. */
+/** Sensor of a full-frame camera, in millimetres. */
 const SENSOR_MM = { width: 36, height: 24 };
 
 /**
- * The lens as photographers call it, beside the fields that say the same: focal length in place of the angle, f-number in place of
- * the radius. The scene's unit is taken for a metre.
+ * Photographic lens fields that mirror the others: focal length for the angle, f-number for the radius. The scene's unit counts
+ * as a metre.
  *
  * @param {HTMLInputElement} fov
  * @param {HTMLInputElement} aperture
@@ -154,13 +158,13 @@ function distance({ eye, target }) {
   return Math.hypot(...eye.map((v, i) => v - (target[i] ?? 0)));
 }
 
-/** What an orthographic camera must show to have the target in the same size. @param {View} view */
+/** Returns the height of an orthographic view that shows the target at the same size. @param {View} view */
 function heightAtTarget(view) {
   return 2 * distance(view) * Math.tan((view.fov * Math.PI) / 360);
 }
 
 /**
- * What a view has of a setting: its own, else what shows the same.
+ * Returns a view's value of a setting, or the equivalent one if it has none.
  *
  * @param {View} view
  * @param {Setting} setting
@@ -195,7 +199,7 @@ function vector({ label, minimum, maximum }) {
   };
 }
 
-/** Six digits place a camera to a pixel; seventeen fill the field. @param {number} value */
+/** Six digits place a camera to a pixel; seventeen would fill the field. @param {number} value */
 function short(value) {
   return Number(value.toPrecision(6));
 }

@@ -1,4 +1,4 @@
-/** The denoised picture: instead of the raw one or beside it; how its making goes; when it is older than the film. */
+/** The denoised picture: instead of the raw one or beside it, its progress, and whether it is outdated. */
 
 import { h, setText } from "../base/dom.js";
 import { segments } from "../forms/fields.js";
@@ -57,5 +57,5 @@ export function denoiseFields(display, renew) {
   };
 }
 
-/** Whether a worker that is connected can denoise. @param {import("../base/types.js").Worker[] | null} all */
+/** Whether a connected worker can denoise. @param {import("../base/types.js").Worker[] | null} all */
 export const canDenoise = (all) => (all ?? []).some(({ denoises }) => denoises);

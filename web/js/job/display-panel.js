@@ -1,4 +1,7 @@
-/** How the picture is shown: exposure, tone curve, channel, denoised or not. The state is a store; sliders, keys and the URL all write it. */
+/**
+ * The display options of a picture: exposure, tone curve, channel, denoising. The state is a store, which sliders, keys and the
+ * URL modify.
+ */
 
 import { channels } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
@@ -47,7 +50,7 @@ export function displayFromUrl() {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
   store.subscribe(({ exposure, curve, channel, part, pins, denoise, wipe, outlines }) => {
-    // Browsers throttle history changes; a dragged slider makes sixty a second.
+    // Browsers throttle history changes; dragging a slider makes sixty per second.
     clearTimeout(timer);
     const { path } = here();
     timer = setTimeout(() => {
@@ -160,7 +163,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     });
     showWorkers();
   };
-  /** What the colours of the plane stand for. @param {import("../film/picture-side.js").SideState | null} state */
+  /** Updates the legend of the plane's heat map. @param {import("../film/picture-side.js").SideState | null} state */
   const updateHeat = (state) => {
     const span = state?.span;
     const name = channels().find((each) => each.name === state?.channel)?.label ?? "";
@@ -171,7 +174,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
 }
 
 /**
- * Exposure and tone curve.
+ * Fields of exposure and tone curve.
  *
  * @template {{exposure: number, curve: string}} T
  * @param {Store<T>} display
@@ -223,7 +226,7 @@ export function lookFields(display, normalise) {
     setText(value, `${stops(d.exposure)} EV`);
     slider.valueAsNumber = d.exposure;
     slider.setAttribute("aria-valuetext", `${d.exposure.toFixed(1)} stops`);
-    reset.style.visibility = d.exposure === 0 ? "hidden" : ""; // its room stays: nothing moves under the hand on the slider
+    reset.style.visibility = d.exposure === 0 ? "hidden" : ""; // keeps its space, so that the slider does not move while dragged
     curve.value = d.curve;
   });
   return h("div", { class: "stack" }, exposure, field(t("Tone curve"), curve));

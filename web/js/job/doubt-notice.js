@@ -1,4 +1,4 @@
-/** Says of a finished picture that it holds samples of a worker that was found out since, and renders those again where one wants it. */
+/** The notice on a finished picture with samples of a distrusted worker, with a button to render those again. */
 
 import { change } from "./job-panel.js";
 import { h, setText } from "../base/dom.js";

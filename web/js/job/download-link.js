@@ -1,4 +1,4 @@
-/** Links that save a file of the service, or say why it cannot be had. */
+/** Links that save a file of the service, or show its error. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -18,7 +18,7 @@ export function downloadLink(text, hint, address, { label, isLarge = false } = {
   const aim = () => (anchor.href = address());
   for (const type of ["pointerdown", "focus"]) anchor.addEventListener(type, aim);
   let isSaving = false;
-  let isAnswered = false; // the click is repeated by the page, for the browser
+  let isAnswered = false; // the page repeats the click for the browser
   anchor.addEventListener("click", async (event) => {
     aim();
     if (isAnswered || event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return;

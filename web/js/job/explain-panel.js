@@ -1,4 +1,4 @@
-/** A pixel explained: the paths of some of its samples, drawn over the picture, with a table of what each met and what light it brought. */
+/** Explanation of a pixel: the paths of some samples, drawn over the picture, with a table of their vertices and light. */
 
 import { explainPixel } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";

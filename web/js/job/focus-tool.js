@@ -1,6 +1,6 @@
 /**
- * A part of the picture is rendered first: drawn with Shift, or with the tool's button on, and marked for as long as it holds. How
- * the picture ends stays the same to the bit.
+ * The focus rectangle, a part of the picture that is rendered first: drawn with Shift or with the tool, and marked while active.
+ * The final picture does not change.
  */
 
 import { isShot } from "../base/shot-words.js";
@@ -61,7 +61,7 @@ export function focusTool(job, picture, life) {
     const isOpen = OPEN.includes(latest.state);
     button.disabled = !isOpen;
     const rect = isOpen && focus ? { x: focus[0], y: focus[1], w: focus[2], h: focus[3] } : null;
-    // A click names a pixel, and its tile is what comes first.
+    // A click selects the pixel's tile.
     const side = latest.tile_size ?? 0;
     const marked = rect && rect.w * rect.h === 1 && side ? tileOf(rect, side, latest) : rect;
     view?.over.setMark("focus", marked && ((over) => over.strokeTwice(marked.x, marked.y, marked.w, marked.h, { colour: COLOUR, dash: true })));
@@ -93,7 +93,7 @@ export function focusTool(job, picture, life) {
 }
 
 /**
- * The tile of a pixel.
+ * Returns the tile that contains a pixel.
  *
  * @param {Rect} at
  * @param {number} side

@@ -1,4 +1,4 @@
-/** The histogram beside a picture: how bright its pixels are after exposure, in stops; renewed while samples come. */
+/** The histogram of a picture's pixels after exposure, in stops, updated as samples arrive. */
 
 import { HIGHEST, LOWEST, histogramOf } from "../film/histogram.js";
 import { areaWithin, keyOf } from "./pins.js";
@@ -10,7 +10,7 @@ import { t } from "../base/words.js";
 
 const RENEW_MS = 500;
 const HEIGHT = 96;
-/** A logarithmic share below this is not seen. */
+/** Smaller shares are not visible on the logarithmic scale. */
 const FLOOR = 1e-5;
 const LINES = /** @type {const} */ ([
   ["R", "#ff5a4f"],
@@ -64,7 +64,7 @@ export function histogramPanel(live, display, life) {
     const most = Math.max(...channels.map((channel) => Math.max(...channel)), FLOOR);
     const level = (/** @type {number} */ share) =>
       log.checked ? Math.max(0, Math.log(share / FLOOR) / Math.log(most / FLOOR)) : share / most;
-    // Where the screen's white is.
+    // Position of the display's white.
     const white = (-LOWEST / (HIGHEST - LOWEST)) * width;
     context.globalAlpha = 0.35;
     context.fillStyle = ink;

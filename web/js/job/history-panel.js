@@ -1,4 +1,4 @@
-/** How a picture came about: its noise against time with what is to be expected, and what happened on the way. */
+/** A job's history: its noise against time with a forecast, and its events. */
 
 import { getHistory } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -12,7 +12,7 @@ import { t } from "../base/words.js";
 const RENEW_MS = 3000;
 const WIDTH = 240;
 const HEIGHT = 120;
-/** Noise that a picture is taken for clean with. */
+/** Relative noise of a picture that counts as clean. */
 const CLEAN = 0.01;
 
 /** @type {Record<string, (words: string) => string>} */
@@ -54,7 +54,7 @@ export function historyPanel(job, life) {
       if (key !== shown) show(history);
       shown = key;
     } catch {
-      // Cut off or gone, which the page says elsewhere.
+      // Connection lost or job deleted, as shown elsewhere.
     }
   };
   element.addEventListener("toggle", () => void renew());
@@ -84,7 +84,7 @@ export function historyPanel(job, life) {
 }
 
 /**
- * Both axes logarithmic: a picture that converges as it should is a straight line.
+ * Plots with logarithmic axes, where a converging picture is a straight line.
  *
  * @param {{seconds: number, noise: number}[]} points
  * @param {number} left seconds until it is clean; 0 or less: it is

@@ -1,4 +1,4 @@
-/** A job's progress and what can be done with it: pause, resume, cancel, more samples. */
+/** A job's progress and actions: pause, resume, cancel, more samples. */
 
 import { beginAnew, changeJob } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -17,11 +17,11 @@ import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-/** To add fewer of a pixel shows nothing; more at a time nobody waits for. */
+/** Limits of additional samples per pixel: fewer are not visible, more take too long. */
 const [FEWEST_MORE, MOST_MORE] = [16, 4096];
-/** Of the samples that were left out, so many are named. */
+/** Maximum number of discarded samples listed. */
 const BAD_NAMED = 3;
-/** States from which a job goes on where it stopped: its film stays. */
+/** States from which a job can continue with its film. */
 const STOPPED = ["paused", "cancelled", "failed"];
 
 /**
@@ -31,7 +31,7 @@ const STOPPED = ["paused", "cancelled", "failed"];
  */
 export async function change(job, change, failure) {
   if (!mayChange(job.project)) {
-    showError(failure, whyNot(job.project), { brief: true }); // asked by a key
+    showError(failure, whyNot(job.project), { brief: true }); // requested by a key
     return;
   }
   try {
@@ -42,7 +42,7 @@ export async function change(job, change, failure) {
 }
 
 /**
- * A job whose kind of workers is gone begins anew, in a new job, after a few seconds in which that can be taken back.
+ * Starts the picture again in a new job if the kind of workers no longer exists, after a few seconds for undoing.
  *
  * @param {Job} job
  * @param {HTMLElement} button
@@ -63,7 +63,7 @@ function offerAnew(job, button) {
   });
 }
 
-/** Progress in numbers, ticking between the service's messages. */
+/** Progress in numbers, which continue between the service's messages. */
 export function progressPanel() {
   const samples = h("strong", { class: "big number" });
   const of = h("span", { class: "quiet number" });
@@ -96,7 +96,7 @@ export function progressPanel() {
     setText(
       left,
       latest.state === "running"
-        ? latest.eta_s == null || latest.message // it does not go on: what it takes so cannot be foretold
+        ? latest.eta_s == null || latest.message // it does not progress, so there is no forecast
           ? "…"
           : clock(latest.eta_s - since)
         : "–",
@@ -138,7 +138,7 @@ export function progressPanel() {
       anew.hidden = !job.stranded;
       error.hidden = !job.error;
       if (job.error !== shownError) {
-        shownError = job.error; // an alert that is written again is read out again
+        shownError = job.error; // rewriting an alert would make screen readers repeat it
         fill(error, icon("warning"), h("div", { class: "grow" }, said(job.error), job.reproduce && command(job.reproduce)));
       }
       const from = takenSentence(job);
@@ -239,7 +239,7 @@ export function actionsPanel() {
       setText(number, t("{n} samples", { n: count(asManyAgain(job)) }));
       if (keep.getAttribute("aria-pressed") !== String(Boolean(job.pinned))) fill(keep, icon(job.pinned ? "check" : "keep"), t("Keep"));
       keep.setAttribute("aria-pressed", String(Boolean(job.pinned)));
-      // The button that was pressed may be the one that goes: the focus must not go with it.
+      // Moves the focus if the pressed button disappears.
       if (focused?.hidden) [resume, pause, more].find((button) => !button.hidden)?.focus();
     },
   };
@@ -252,7 +252,7 @@ export function pauseOrResume(job) {
     void change(job, { state: "paused" }, t("The job was not paused"));
 }
 
-/** What takes the noise down by three tenths: as many as were asked for, or as a pixel has. @param {Job} job */
+/** Number of samples that reduces the noise by 30 %: as many as requested, or as a pixel has. @param {Job} job */
 function asManyAgain({ spp, noise, seconds, samples, width, height, shot }) {
   const pixels = Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1);
   const has = 2 ** Math.round(Math.log2(Math.max(samples / pixels, 1)));

@@ -1,4 +1,4 @@
-/** The log of a picture, or of one of its tiles: what the service and the workers told of it, line by line. */
+/** The log of a picture or of one of its tiles, from the service and the workers. */
 
 import { getJobLog, getTileLog, jobLogUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
@@ -13,9 +13,9 @@ const RENEW_MS = 2000;
  * @param {import("../base/store.js").Disposer} life
  */
 export function logPanel(job, life) {
-  /** Of which tile: the frame and a pixel in it; null: of all. @type {{frame: number, x: number, y: number} | null} */
+  /** The tile as its frame and a pixel in it; null: the whole job. @type {{frame: number, x: number, y: number} | null} */
   let tile = null;
-  let isCalled = false; // into view, once it has its lines
+  let isCalled = false; // Whether to scroll it into view once it is loaded.
   const whole = h("button", { class: "text-button small", type: "button", onclick: () => show(null) }, t("The whole log"));
   const which = h("p", { class: "row spread small", hidden: true }, h("span"), whole);
   const lines = h("pre", { class: "log-lines", tabindex: "0", role: "log", "aria-live": "off", "aria-label": t("Log") });
@@ -68,13 +68,13 @@ export function logPanel(job, life) {
     setText(lines, "");
     void renew();
   };
-  // Whoever reads further up is left there; at the end again, the log is followed again.
+  // Scrolling up stops following the log; scrolling to the end resumes it.
   lines.addEventListener("scroll", () => (follow.checked = lines.scrollHeight - lines.scrollTop - lines.clientHeight < 8));
   element.addEventListener("toggle", () => element.open && void renew());
   life.every(RENEW_MS, () => element.open && !document.hidden && void renew());
   return {
     element,
-    /** Show what is known of the tile with a pixel. @param {number} frame @param {{x: number, y: number}} pixel */
+    /** Shows the log of the tile that contains a pixel. @param {number} frame @param {{x: number, y: number}} pixel */
     ofTile(frame, { x, y }) {
       element.open = true;
       isCalled = true;

@@ -1,4 +1,4 @@
-/** What the picture looked like on its way: steps at 1, 2, 4, 8 ... samples a pixel, shown in its place on the stage. */
+/** Intermediate pictures at 1, 2, 4, 8 ... samples per pixel, shown on the stage instead of the current one. */
 
 import { fetchPacket, getSnapshots, snapshotUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -11,7 +11,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Snapshot} Snapshot */
 
 const RENEW_MS = 3000;
-/** From so many on every second one is labelled. */
+/** Number of steps from which only every second is labelled. */
 const CROWDED = 7;
 
 /**
@@ -40,9 +40,9 @@ export function momentsPanel(job, picture, display, life) {
   );
   /** @type {Snapshot[]} */
   let known = [];
-  /** Samples a pixel; null: as it is now. @type {number | null} */
+  /** Samples per pixel; null: the current picture. @type {number | null} */
   let at = Number(here().params.get("then")) || null;
-  /** Those that were looked at. @type {Map<number, Promise<Film>>} */
+  /** Loaded snapshots. @type {Map<number, Promise<Film>>} */
   const films = new Map();
   const abort = new AbortController();
   life.add(() => abort.abort());
@@ -85,11 +85,11 @@ export function momentsPanel(job, picture, display, life) {
   slider.addEventListener("input", () => {
     at = known[slider.valueAsNumber]?.spp ?? null;
     setParams({ then: at === null ? null : String(at) });
-    // Only colour is kept.
+    // Snapshots contain only colour.
     if (at !== null) display.update((look) => ({ ...look, channel: "", denoise: "off" }));
     void show();
   });
-  // A plane, or the denoised picture, is of the picture as it is now.
+  // Planes and the denoised picture exist only for the current picture.
   life.add(
     display.subscribe(({ channel, denoise }) => {
       if (at === null || (channel === "" && denoise === "off")) return;
@@ -104,7 +104,7 @@ export function momentsPanel(job, picture, display, life) {
       if (JSON.stringify(found) === JSON.stringify(known)) return;
       known = found;
     } catch {
-      return; // cut off or gone, which the page says elsewhere
+      return; // connection lost or job deleted, as shown elsewhere
     }
     element.hidden = known.length === 0;
     fill(ticks, ...[...known.map(({ spp }, i) => ((known.length - i) % 2 === 0 || known.length < CROWDED ? shortOf(spp) : "")), t("now")].map((text) => h("span", null, text)));

@@ -1,4 +1,4 @@
-/** What people say of a job: what it is called, and a note of a few lines. Both are found by the search of the list. */
+/** The name and note of a job, both searchable in the list. */
 
 import { change } from "./job-panel.js";
 import { h, setText } from "../base/dom.js";
@@ -12,8 +12,8 @@ const LONGEST_NAME = 200;
 const LONGEST_NOTE = 2000;
 
 /**
- * The title of its page, which a pencil or F2 makes a field. Enter and leaving it keep what was typed, Escape does not; an empty
- * one takes the scene's name again.
+ * The page's title, editable by a pencil or F2. Enter and leaving the field store the text, Escape restores it; an empty name
+ * resets to the scene's.
  *
  * @returns {{element: HTMLElement, keys: import("../shell/shortcuts.js").Shortcut[], update: (job: Job) => void}}
  */
@@ -43,7 +43,7 @@ export function jobTitle() {
   input.addEventListener("keydown", (event) => {
     if (event.key !== "Enter" && event.key !== "Escape") return;
     event.preventDefault();
-    event.stopPropagation(); // both mean something to the page as well
+    event.stopPropagation(); // both keys have page-wide meanings too
     end(event.key === "Enter");
   });
   input.addEventListener("blur", () => end(true));
@@ -95,7 +95,7 @@ export function notePanel() {
     form.hidden = true;
     if (isKept && latest && note !== (latest.note ?? "")) {
       void change(latest, { note }, t("The note was not kept"));
-      latest = { ...latest, note: note || null }; // at once; what the service answers is shown in its place
+      latest = { ...latest, note: note || null }; // shown at once, then replaced by the service's answer
     }
     show();
     (add.hidden ? pencil : add).focus();

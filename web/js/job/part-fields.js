@@ -1,4 +1,4 @@
-/** Which part of the light is shown: all of it, one channel, its luminance, or that in false colour; with the bar that reads it. */
+/** The displayed part of the light: all, one channel, luminance, or luminance in false colour, with a legend. */
 
 import { FALSE_STOPS, HEAT, gradient, turboGradient } from "../film/colour-map.js";
 import { PARTS } from "../film/film-shader.js";
@@ -31,7 +31,7 @@ export function partFields(display) {
 }
 
 /**
- * A strip of colours with what they stand for, at equal steps.
+ * A colour bar with labels at equal steps.
  *
  * @param {string} label
  * @param {string} colours CSS
@@ -53,7 +53,7 @@ function colourBar(label, colours, ticks) {
 }
 
 /**
- * What the heat of a plane stands for.
+ * Legend of a plane's heat map.
  *
  * @param {string} label
  * @param {number} low

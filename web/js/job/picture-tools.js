@@ -1,4 +1,4 @@
-/** What can be done with the picture as it is on the screen: fullscreen, copied, and its address with it. */
+/** Tools for the displayed picture: fullscreen, copy, copy link. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -9,7 +9,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../film/film-view.js").FilmView} FilmView */
 /** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
-/** So long a tool shows that it has done its work. */
+/** Duration of a tool's success mark. */
 const DONE_MS = 1600;
 const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
 
@@ -22,7 +22,7 @@ const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
  */
 export function pictureTools(stage, view, image, more = []) {
   const copyPicture = tool(t("Copy the picture"), "Y", "copy", () => {
-    // The promise goes into the item: Safari copies only what begins within the click.
+    // The promise is passed to the item, since Safari only copies what starts within the click.
     return navigator.clipboard.write([new ClipboardItem({ "image/png": fetchFile(image()) })]);
   });
   const copyLink = tool(t("Copy the link to this view"), "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));

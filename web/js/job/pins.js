@@ -1,4 +1,4 @@
-/** Pixels and areas that stay pinned: marked on the picture, their values listed, and what each has to the first of them. */
+/** Pinned pixels and areas: marked on the picture, with their values and the ratio to the first pin. */
 
 import { getPixel } from "../news/api.js";
 import { areaOf } from "../film/area.js";
@@ -12,7 +12,7 @@ import { grouped, t } from "../base/words.js";
 
 /** @typedef {import("../base/store.js").Store<import("./display-panel.js").Display>} DisplayStore */
 /** A pixel, or an area with its size. @typedef {{x: number, y: number, w?: number, h?: number}} Pin */
-/** What is read at a pin. @typedef {{light: number[], about: string, title: string}} Reading */
+/** The values read at a pin. @typedef {{light: number[], about: string, title: string}} Reading */
 
 const MOST = 12;
 const RENEW_MS = 1000;
@@ -29,11 +29,11 @@ export function pinsFrom(text) {
 /** @param {Pin[]} pins @returns {string | null} for the URL */
 export const pinsText = (pins) => pins.map(keyOf).join(";") || null;
 
-/** A pin as the URL names it. @param {Pin} pin */
+/** A pin as text for the URL. @param {Pin} pin */
 export const keyOf = ({ x, y, w, h }) => (w ? `${x},${y},${w},${h}` : `${x},${y}`);
 
 /**
- * What of a pinned area lies on a film; nothing of a pixel.
+ * The part of a pinned area inside a film; empty for a pixel.
  *
  * @param {Pin} pin
  * @param {{width: number, height: number}} film
@@ -70,7 +70,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     }
     set(without.length < pins.length ? without : [...pins, pin]);
   };
-  /** By keys alone: what lies between the last pin and the cursor. */
+  /** Keyboard alternative: the area between the last pin and the cursor. */
   const stretch = () => {
     const { pins } = display.value;
     const from = pins.at(-1);
@@ -89,7 +89,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
   life.add(() => (clearTimeout(waiting), asking.abort()));
   /** @type {PinRow[]} */
   let shown = [];
-  /** The service has not answered yet; and whether the film changed since it was asked. */
+  /** Whether a request is in progress, and whether the film has changed since. */
   let [isAsked, isOld] = [false, false];
   const showAll = () => {
     const first = luminanceOf(shown[0]?.reading?.light ?? []);
@@ -109,13 +109,13 @@ export function pinsPanel(picture, display, life, explain, tell) {
       pixels.forEach((row, i) => (row.reading = readings[i] ?? null));
       showAll();
     } catch {
-      // Gone on, or cut off: what was read stays.
+      // Another frame, or the connection is lost: the previous values stay.
     }
     if (signal.aborted) return;
     isAsked = false;
     if (isOld) soon();
   };
-  // A slow answer is waited for: asked anew with each tile there would never be one.
+  // Waits for a slow response, since repeating the request with every tile would never finish.
   const soon = () => {
     if (isAsked) isOld = true;
     else if (shown.length) waiting ??= setTimeout(read, RENEW_MS);
@@ -138,7 +138,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
     }),
   );
 
-  /** What a click or a drag on the picture does, while the tool is on. */
+  /** Whether the tool is active, so that a click or drag sets a pin. */
   let isOn = false;
   const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Pin pixels"), onclick: () => turn(!isOn) }, icon("pin"));
   button.title = t("Pin pixels: click on the picture to pin a pixel or let it go (V pins the one under the cursor); drag to measure an area");
@@ -164,7 +164,7 @@ export function pinsPanel(picture, display, life, explain, tell) {
 }
 
 /**
- * A pin's line in the list.
+ * A pin's row in the list.
  *
  * @typedef {{pin: Pin, element: HTMLElement, reading: Reading | null, show: (ratio: string) => void}} PinRow reading: null until there is one
  *
@@ -216,7 +216,7 @@ function pinRow(pin, number, { remove, explain, tell }) {
   };
 }
 
-/** How far a light is from the first, as a factor and as stops. @param {number} light @param {number} first */
+/** The ratio of a light to the first, as a factor and in stops. @param {number} light @param {number} first */
 function ratioWords(light, first) {
   if (!(first > 0)) return "";
   const factor = t("{n} × the first", { n: (light / first).toPrecision(3) });

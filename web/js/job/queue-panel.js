@@ -1,4 +1,4 @@
-/** A job's place among the others: what it waits for, by when it is wanted, and how much of the farm it may have. */
+/** A job's place in the queue: its dependencies, deadline, and maximum slots. */
 
 import { change } from "./job-panel.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -15,7 +15,7 @@ import { stateChip } from "../shell/state-chip.js";
 
 const OPEN = ["queued", "running", "paused"];
 
-/** A forecast beyond that says no more than "too late": seconds. */
+/** Seconds beyond which a forecast is only shown as too late. */
 const FORESEEN_S = 30 * 86400;
 
 /** @returns {{element: HTMLElement, update: (job: Job) => void}} */

@@ -1,4 +1,4 @@
-/** The keys of the render view; tev's, where tev has them. */
+/** Keyboard shortcuts of the render view; same as tev's where tev has them. */
 
 import { channels } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
@@ -12,7 +12,7 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("../shell/shortcuts.js").Shortcut} Shortcut */
 
-/** In a shot the arrows go to other frames, and vi's keys read pixels. */
+/** In a shot, the arrows change frames and vi's keys move the pixel cursor. */
 const ARROWS = /** @type {const} */ ([
   ["ArrowLeft", "H", -1, 0],
   ["ArrowRight", "L", 1, 0],
@@ -21,7 +21,7 @@ const ARROWS = /** @type {const} */ ([
 ]);
 
 /**
- * The keys of every stage: exposure, zoom, the pixel that is read.
+ * Shortcuts of every stage: exposure, zoom, pixel cursor.
  *
  * @template {{exposure: number, curve: string}} T
  * @param {object} parts
@@ -40,7 +40,7 @@ export function stageKeys({ view, display, normalise, inShot = false }) {
   const inspect = ARROWS.flatMap(([arrow, letter, dx, dy]) =>
     [1, 10].map((by) => ({
       keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
-      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line for all eight
+      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line of help for all eight
       does: t("Read pixels by keys; with Shift ten at a time"),
       run: () => view?.moveCursor(dx * by, dy * by),
     })),
@@ -59,7 +59,7 @@ export function stageKeys({ view, display, normalise, inShot = false }) {
 }
 
 /**
- * The keys of a job beside those of its stage.
+ * Additional shortcuts of a job.
  *
  * @param {object} parts
  * @param {() => import("../base/types.js").Job} parts.job

@@ -1,4 +1,4 @@
-/** Downloads: the picture as it looks now, or its light; as it was rendered, and denoised. */
+/** Downloads: the picture as displayed, or its light; raw and denoised. */
 
 import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
@@ -29,7 +29,7 @@ export function savePanel(display, place) {
   );
   let can = false;
   const show = () => {
-    // Where there is a denoiser their room stays, also for planes that are not denoised: what lies below must not move.
+    // With a denoiser these keep their space for planes that are not denoised, so that nothing below moves.
     const shown = display.value.channel === "" ? "" : "hidden";
     setText(raw.label, t("As rendered"));
     for (const part of [raw.label, clean.element]) {
@@ -54,7 +54,7 @@ export function savePanel(display, place) {
 }
 
 /**
- * The picture's address, as it looks now.
+ * URL of the picture as displayed.
  *
  * @param {import("../news/api.js").Place} place
  * @param {import("./display-panel.js").Display} look

@@ -1,4 +1,4 @@
-/** What is said over a picture that has nothing to show: why, and that no worker is there. */
+/** Notices over a picture without samples: the reason, and missing workers. */
 
 import { fill, h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -24,7 +24,8 @@ const OVER = ["finished", ...ENDED];
 export function stageNotices(stage, job, live, life) {
   const notice = h("div", { class: "stage-notice" });
   const why = h("span");
-  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), why); // its panel says the same
+  // its panel shows the same
+  const waiting = h("p", { class: "stage-waiting", "aria-hidden": "true", hidden: true }, icon("info"), why);
   const again = async () => {
     try {
       putJob(await changeJob(job().id, { state: "running" }));

@@ -1,4 +1,4 @@
-/** Views of one's own, kept in this browser: a button each, and one that keeps the view of the moment. */
+/** Bookmarked views stored in this browser: a button for each, and one that adds the current view. */
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -30,7 +30,7 @@ export function bookmarks(scene, view, turn) {
     try {
       localStorage.setItem(key, JSON.stringify(kept));
     } catch {
-      // No room, or a browser that keeps nothing: the views last as long as the page.
+      // Storage is full or blocked: the bookmarks last until the page is closed.
     }
     show();
   };

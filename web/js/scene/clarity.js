@@ -1,9 +1,9 @@
-/** How clear the live view is, and how clear it is to become: until its noise, as a job's is measured, is below a level. */
+/** The noise of the live view, and its target noise, measured as a job's. */
 
 import { h } from "../base/dom.js";
 import { t, tn } from "../base/words.js";
 
-/** Relative noise; what is asked for until one chooses is the second. */
+/** Relative noise levels; the second is the default. */
 const LEVELS = [0.05, 0.02, 0.01];
 const DEFAULT = 0.02;
 const KEY = "rayfarm-view-noise";
@@ -24,7 +24,7 @@ export function clarity(mean, noise, slots) {
 const percent = (noise) => `${Number((100 * noise).toPrecision(2))} %`;
 
 /**
- * The choice, which is remembered.
+ * The selected level, which is remembered.
  *
  * @param {() => void} changed
  */
@@ -40,13 +40,13 @@ export function clearness(changed) {
     try {
       localStorage.setItem(KEY, element.value);
     } catch {
-      // A browser that keeps nothing: it lasts as long as the page.
+      // Storage is blocked: the choice lasts until the page is closed.
     }
     changed();
   });
   return {
     element,
-    /** What a view's request says of it. @returns {{noise?: number}} */
+    /** The fields for a view's request. @returns {{noise?: number}} */
     request: () => (Number(element.value) ? { noise: Number(element.value) } : {}),
   };
 }

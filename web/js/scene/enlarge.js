@@ -1,4 +1,4 @@
-/** A small picture made large smoothly: what is seen until its own samples are here. */
+/** Smooth enlargement of a small picture, shown until the full-size samples arrive. */
 
 import { decode, encode } from "../film/rgb9e5.js";
 import { Film } from "../film/film.js";
@@ -28,7 +28,13 @@ export function enlarged(film, width, height) {
   return large;
 }
 
-/** The texels on both sides of a pixel's centre, and how near it is to the second. @param {number} at @param {number} large @param {number} small @returns {[number, number, number]} */
+/**
+ * The two texels around a pixel's centre, and the weight of the second.
+ * @param {number} at
+ * @param {number} large
+ * @param {number} small
+ * @returns {[number, number, number]}
+ */
 function between(at, large, small) {
   const place = Math.min(Math.max(((at + 0.5) * small) / large - 0.5, 0), small - 1);
   const first = Math.floor(place);

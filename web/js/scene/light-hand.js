@@ -1,6 +1,6 @@
 /**
- * The light in the hand: dragging across the view turns it, up and down makes it stronger and weaker; the arrows do the same. A key
- * that is held takes it up for as long, pressed and let go it stays.
+ * The light tool: dragging sideways across the view rotates the light, dragging vertically changes its strength; the arrow keys
+ * do the same. Holding its key activates it temporarily, pressing the key toggles it.
  */
 
 import { h, setText } from "../base/dom.js";
@@ -9,10 +9,10 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("../forms/environment-fields.js").LightHandle} LightHandle */
 
-/** Degrees and stops of a press of an arrow; with Shift. */
+/** Degrees, and stops, per press of an arrow key; `long` with Shift. */
 const TURN = { step: 5, long: 15 };
 const STOPS = { step: 1 / 8, long: 1 / 2 };
-/** A key that is down for longer was held. */
+/** Minimum duration of a press that counts as holding. */
 const HELD_MS = 400;
 const READ_MS = 1500;
 
@@ -106,7 +106,7 @@ export function lightHand(surface, seen, light) {
 }
 
 /**
- * The key that takes up a tool: as long as it is held, or for good.
+ * The key that activates a tool, while held or until pressed again.
  *
  * @param {string} letter in lower case
  * @param {() => boolean} isOn
@@ -114,7 +114,7 @@ export function lightHand(surface, seen, light) {
  * @returns {{down: () => void, dispose: () => void}} down: it is pressed, or repeats
  */
 export function heldKey(letter, isOn, choose) {
-  /** Since when it is down. @type {{at: number, wasOn: boolean, isUsed: boolean} | null} */
+  /** Time of the key press, while the key is down. @type {{at: number, wasOn: boolean, isUsed: boolean} | null} */
   let held = null;
   const used = () => held && (held.isUsed = true);
   const up = (/** @type {KeyboardEvent} */ { key }) => {

@@ -1,14 +1,14 @@
-/** Where a hand in the view puts the light: pure arithmetic on angles, strengths and directions. */
+/** Arithmetic of the light tool: angles, strengths and directions. */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 
-/** A view's width turns the light once around; its height is so many doublings of the strength. */
+/** Doublings of the strength over the view's height; its width is one full rotation. */
 const STOPS_A_HEIGHT = 4;
-/** A hand that goes sideways also goes a little up and down: so much of it, in pixels, changes nothing. */
+/** Dead zone in pixels, since a sideways drag also moves slightly up or down. */
 const SLACK = { across: 3, up: 16 };
 const LEAST_STRENGTH = 0.01;
 const MOST_STRENGTH = 1000;
-/** Degrees: the lowest that the sun is put, where it would have to stand below the horizon. */
+/** Minimum elevation in degrees, used if the sun would be below the horizon. */
 const LOWEST_SUN = 2;
 
 /** @param {number} degrees @returns {number} -180 ... 180, as the slider has it */
@@ -25,7 +25,7 @@ export const brighter = (strength, stops) =>
 const past = (pixels, slack) => Math.sign(pixels) * Math.max(0, Math.abs(pixels) - slack);
 
 /**
- * The light after a drag: what lies behind the scene follows the hand sideways; up is brighter.
+ * The light after a drag: the background follows the pointer sideways; up is brighter.
  *
  * @param {{rotation: number, strength: number}} before the drag
  * @param {{across: number, up: number}} moved pixels, to the right and up
@@ -42,8 +42,8 @@ export function dragged(before, moved, { width, height }) {
 }
 
 /**
- * Where the sun must stand for a click: in the sky, there; on a surface, where a mirror in its place would show it to the eye, so
- * that its highlight is at the click.
+ * The sun's position for a click: in the sky, at the click; on a surface, the mirror direction, so that its highlight is at the
+ * click.
  *
  * @param {{direction: Vec3, normal: Vec3 | null}} picked which way the eye looks, a unit vector; null: nothing is there
  * @returns {{elevation: number, azimuth: number, isRaised: boolean}} degrees; azimuth clockwise from -Z, seen from above; raised: it
@@ -59,7 +59,7 @@ export function sunFor({ direction, normal }) {
 /** @param {Vec3} d unit @param {Vec3} n of any side, and length @returns {Vec3} unit */
 function reflected(d, n) {
   const size = Math.hypot(...n);
-  if (!(size > 0)) return [-d[0], -d[1], -d[2]]; // it faces nowhere: lit from where one looks
+  if (!(size > 0)) return [-d[0], -d[1], -d[2]]; // no normal: light from the viewer
   const twice = (2 * (d[0] * n[0] + d[1] * n[1] + d[2] * n[2])) / (size * size);
   return [d[0] - twice * n[0], d[1] - twice * n[1], d[2] - twice * n[2]];
 }

@@ -1,6 +1,6 @@
 /**
- * The scene as it is seen now: the farm renders what the form asks for while one looks, turns and chooses. It is no job, and
- * nothing of it stays.
+ * The live view of a scene: the farm renders the form's current request while the user navigates. It is not a job, and nothing
+ * is stored.
  */
 
 import { h, setText } from "../base/dom.js";
@@ -30,13 +30,13 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./view-link.js").Picked} Picked */
 
-/** The farm renders no more pixels than these, whatever the screen has. */
+/** Maximum number of pixels rendered, whatever the screen's size. */
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
-/** What a request says of more than one picture of a few samples. */
+/** Request fields that do not apply to a view. */
 const NOT_OF_A_VIEW = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
-/** Told in the help; the view itself takes them, while it has the focus. */
+/** Listed in the help; the view handles them while it has focus. */
 const HAND_KEYS = [
   { keys: "W A S D Q E", does: t("In the view: fly; with Shift faster") },
   { keys: t("Arrows"), does: t("In the view: turn it; with Shift move it") },
@@ -87,7 +87,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (!(error instanceof CannotShow)) throw error;
     return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }) };
   }
-  // Until the first samples are here: better another view of the scene than a black one.
+  // A previous picture of the scene until the first samples arrive.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
 
   const film = new ViewFilm();
@@ -96,9 +96,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture.layers[0].setFilm(film.film);
   });
   film.onTile((tile) => picture.layers[0].putTile(film.film, tile));
-  /** What was asked for last. */
+  /** The latest request. */
   let asked = { width: 1, height: 1 };
-  /** What to do with the place that the next answer names. @type {((picked: Picked) => void) | null} */
+  /** Handler of the next picked point. @type {((picked: Picked) => void) | null} */
   let onPicked = null;
 
   const link = new ViewLink(scene.id, {
@@ -124,7 +124,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     setText(state, sentence);
   };
 
-  /** The canvas has the picture's own pixels, and the page's layout stretches it smoothly. @param {number} width @param {number} height */
+  /** Gives the canvas the picture's size; layout scales it smoothly. @param {number} width @param {number} height */
   const fit = (width, height) => {
     canvas.width = width;
     canvas.height = height;
@@ -133,7 +133,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     viewport.show(1, width / 2, height / 2);
   };
 
-  /** Of the view on the screen, in CSS pixels. */
+  /** Width of the view in CSS pixels. */
   let wide = 0;
   const refresh = () => {
     if (!form.element.checkValidity()) return;
@@ -155,9 +155,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     turned(view);
   };
 
-  /** What is seen in the view's place. */
+  /** State of the stage that replaces the view. */
   let instead = { isOpen: false, hasLive: true };
-  /** Shows the tools that there is something for. */
+  /** Shows the tools that are applicable. */
   const offer = () => {
     const canFocus = (form.view().projection ?? "perspective") === "perspective";
     for (const [name, button] of tools.buttons) {
@@ -165,7 +165,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (button.hidden && tools.chosen() === name) tools.choose("");
     }
   };
-  /** The lens is focused and has no aperture yet, which makes it seen. */
+  /** Whether the lens is focused but has no aperture yet, so that the focus is not visible. */
   let focused = false;
   const tell = (/** @type {string} */ sentence = "") => {
     focused = false;
@@ -268,7 +268,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
   });
   frame.append(stage.element, light.readout);
-  // Over the stage, which drags its picture, the light is turned all the same.
+  // The light tool also works over the stage, which otherwise pans its picture.
   frame.addEventListener(
     "pointerdown",
     (event) => {
@@ -325,7 +325,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 }
 
 /**
- * As many pixels as the view has on the screen, in the picture's shape.
+ * Returns the view's size on screen, in pixels, with the picture's aspect ratio.
  *
  * @param {number} width of the picture that is asked for
  * @param {number} height

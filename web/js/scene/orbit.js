@@ -1,9 +1,9 @@
-/** Turning a view by hand: around its target, along the picture, nearer and farther. Pure arithmetic on views. */
+/** Navigation of a view: orbit around its target, pan, dolly. Pure arithmetic on views. */
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 
-/** A view may come this near to looking along `up`, where left and right lose their meaning. */
+/** Maximum elevation angle, since the view is undefined along `up`. */
 const STEEPEST = (89 * Math.PI) / 180;
 
 /** Up in the world: readers turn files with other axes. @type {Vec3} */
@@ -26,16 +26,16 @@ const length = (a) => Math.hypot(...a);
 /** @param {Vec3} a @returns {Vec3} */
 const unit = (a) => scale(a, 1 / length(a));
 
-/** From the eye to the target. @param {View} view */
+/** Distance from the eye to the target. @param {View} view */
 const distanceOf = ({ eye, target }) => length(subtract(target, eye));
 
-/** What the picture shows from its lower edge to its upper at the target's distance, in scene units. @param {View} view */
+/** Height of the visible area at the target's distance, in scene units. @param {View} view */
 function heightAtTarget(view) {
   if (view.projection === "orthographic") return view.height ?? 2;
   return 2 * distanceOf(view) * Math.tan(((view.projection === "panorama" ? 90 : view.fov) * Math.PI) / 360);
 }
 
-/** The camera's axes: to the right, up in the picture, and along the line of sight. @param {View} view */
+/** The camera's axes: right, up in the picture, and forward. @param {View} view */
 function axes({ eye, target, up }) {
   const forward = unit(subtract(target, eye));
   const right = unit(cross(forward, up));
@@ -75,8 +75,7 @@ function turned(direction, up, left, raise) {
 }
 
 /**
- * Moves the eye around the target, as if the scene were turned by hand; a panorama, whose eye sees all around, turns its
- * middle instead.
+ * Rotates the eye around the target, as if turning the scene by hand; a panorama rotates around its eye instead.
  *
  * @param {View} view
  * @param {number} dx radians by which the scene turns to the right
@@ -91,7 +90,7 @@ export function orbit(view, dx, dy) {
 }
 
 /**
- * Moves eye and target along the picture, so that what is at the target's distance follows the hand.
+ * Moves eye and target parallel to the picture, so that points at the target's distance follow the pointer.
  *
  * @param {View} view
  * @param {number} dx to the right, in picture heights
@@ -106,7 +105,7 @@ export function pan(view, dx, dy) {
 }
 
 /**
- * Brings the eye nearer to the target, below 1, or farther from it; an orthographic view shows less or more instead.
+ * Moves the eye towards the target (factor below 1) or away from it; an orthographic view changes its height instead.
  *
  * @param {View} view
  * @param {number} factor
@@ -120,8 +119,7 @@ export function dolly(view, factor) {
 }
 
 /**
- * The distance along the line of sight of what a pixel of a perspective picture sees: where the plane that is sharp goes
- * through it.
+ * Returns the focus distance along the line of sight at which the point seen by a pixel of a perspective picture is sharp.
  *
  * @param {View} view
  * @param {{width: number, height: number}} size of the picture
@@ -136,7 +134,7 @@ export function alongSight({ fov, shift_x: right = 0, shift_y: up = 0 }, { width
 }
 
 /**
- * Moves eye and target, as one who walks or flies does.
+ * Moves eye and target together, as when walking or flying.
  *
  * @param {View} view
  * @param {number} right in scene units, as the others
@@ -150,7 +148,12 @@ export function fly(view, right, up, ahead) {
   return { ...view, eye: add(view.eye, move), target: add(view.target, move) };
 }
 
-/** Looks at a place from where the eye is: turning goes around it from now on. @param {View} view @param {Vec3} place @returns {View} */
+/**
+ * Sets the target without moving the eye; orbiting then rotates around it.
+ * @param {View} view
+ * @param {Vec3} place
+ * @returns {View}
+ */
 export function lookAt(view, place) {
   if (distanceOf({ ...view, target: place }) < 1e-6 * distanceOf(view)) return view;
   const next = { ...view, target: place };

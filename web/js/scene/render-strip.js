@@ -1,6 +1,6 @@
 /**
- * The pictures of a scene in a strip: a click shows one as A in the view's place, Shift and a click as B beside it; the link on it
- * opens its page. (No double click: what lies above grows at the first, and the strip moves from under the pointer.)
+ * The strip of a scene's pictures: a click shows one as A instead of the view, Shift and a click as B beside it; its link opens
+ * its page. (No double click: the first click changes the layout, and the strip moves.)
  */
 
 import { imageUrl } from "../news/api.js";
@@ -17,7 +17,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("./sides.js").Sides} Sides */
 
-/** A picture that is being rendered is renewed this often. */
+/** Refresh interval of a picture being rendered. */
 const PICTURE_EVERY_MS = 5000;
 const MOST = 60;
 

@@ -1,4 +1,4 @@
-/** What is said about a scene: how far it is prepared, why it cannot be rendered, what was left out, and what helps. */
+/** Notices about a scene: its preparation, errors, warnings, and remedies. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -9,11 +9,11 @@ import { LACKS, addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** The first say most; a file of another program may have dozens. */
+/** Maximum number shown; the first are the most important, and some files have dozens. */
 const WARNINGS_SHOWN = 4;
-/** Nothing is wrong with such a file. */
+/** Not an error of the file. */
 const UNLIT = /^The scene has no light: /;
-/** Of renderer/formats.py, for programs; here a button is pressed. */
+/** A hint of renderer/formats.py for programs; the page has a button for it. */
 const RIVALS = /^Several scene files were given; (.+) is used\. To use another, name it as `main`: (.+)\.$/;
 
 /** @param {string | null} step as the worker says it @returns {string} */
@@ -22,11 +22,11 @@ export function stepWords(step) {
   return words && `${words[0]?.toUpperCase()}${words.slice(1)} …`;
 }
 
-/** Why a scene cannot be rendered, and what helps first. @param {Scene} scene */
+/** The reason why a scene cannot be rendered, with the remedy first. @param {Scene} scene */
 export function failure(scene) {
   const add = addButton(scene, scene.error);
   add?.classList.add("primary");
-  // Of a strict scene the error is a list of its warnings.
+  // The error of a strict scene is a list of its warnings.
   const why = isRefused(scene)
     ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
     : [said(scene.error)];
@@ -42,7 +42,7 @@ export function failure(scene) {
   ];
 }
 
-/** Whether a strict scene failed by its warnings. @param {Scene} scene */
+/** Whether a strict scene failed because of its warnings. @param {Scene} scene */
 function isRefused(scene) {
   return scene.strict && scene.warnings.length > 0 && /^strict makes /.test(scene.error ?? "");
 }
@@ -52,7 +52,7 @@ function warningList(scene, some) {
   return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
 }
 
-/** What was left out of a scene or taken in another way. @param {Scene} scene */
+/** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
 export function warnings(scene) {
   const sentences = scene.warnings.filter((sentence) => !UNLIT.test(sentence));
   const light = sentences.length < scene.warnings.length && h("p", { class: "quiet small scene-note" }, icon("sun"), t("The file has no light of its own, so a soft studio light stands in. Choose another under “Light”."));
@@ -83,7 +83,7 @@ function warning(scene, sentence) {
 }
 
 /**
- * Where a sentence says that a file is missing: just that one need be sent.
+ * A button that adds only the missing file named in a message.
  *
  * @param {Scene} scene
  * @param {string | null} sentences

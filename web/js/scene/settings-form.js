@@ -1,4 +1,4 @@
-/** What a picture is asked to be: the form on a scene's page, and what it will cost. */
+/** The form of a picture's settings on a scene's page, with the expected cost. */
 
 import { byProgram } from "../forms/by-program.js";
 import { cameraFields } from "../forms/camera-fields.js";
@@ -46,7 +46,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   let update = () => {};
   const program = byProgram(() => request());
   const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
-  /** The scene as it is known now: it learns from each picture. */
+  /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
   /** @param {number} spp */
   const expect = (spp) => {
@@ -63,7 +63,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const others = settingFields(defaults, first);
   const variant = variantField(scene, like?.variant ?? null);
   const queue = queueFold(like);
-  // Of a shot the scene's own camera may move; a view of one's own would stand still.
+  // Not for a shot, whose camera may be animated, while a custom view is static.
   if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
@@ -82,7 +82,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const why = !isFree && h("p", { class: "hint", role: "note" }, whyNot(scene.project));
   const onsubmit = async (/** @type {SubmitEvent} */ event) => {
     event.preventDefault();
-    if (render.disabled) return; // a key asks for it too, even while the service has not answered
+    if (render.disabled) return; // the shortcut works even while the service has not answered
     if (!element.checkValidity()) {
       showFirstProblem(element);
       return;
@@ -94,7 +94,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
       render.disabled = false;
     }
   };
-  // What a fold opens lies below the edge, so often that nothing would seem to happen.
+  // Scrolls to an opened section, which is often below the edge of the screen.
   const onclick = (/** @type {MouseEvent} */ { target }) => {
     const fold = /** @type {HTMLElement} */ (target).closest("summary")?.parentElement;
     requestAnimationFrame(() => fold?.hasAttribute("open") && fold.scrollIntoView({ block: "nearest" }));
@@ -122,7 +122,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
 }
 
 /**
- * A field that is out of range must be seen to be mended.
+ * Makes the first invalid field visible.
  *
  * @param {HTMLFormElement} form
  */

@@ -1,4 +1,4 @@
-/** Which pictures are A and B, to choose from two lists: for fingers, keys and screen readers what clicks on the strip are for a mouse. */
+/** Lists to select pictures A and B: the alternative to the strip for touch, keyboards and screen readers. */
 
 import { fill, h } from "../base/dom.js";
 import { lightWords } from "../base/light-words.js";
@@ -26,7 +26,7 @@ export function sideChoices(scene, sides) {
         sides.update((now) => {
           const next = { ...now, [which]: select.value };
           if (next.a !== next.b) return next;
-          return clean(which === "a" ? { a: next.a, b: now.a } : { a: now.b || LIVE, b: next.b }); // they change places
+          return clean(which === "a" ? { a: next.a, b: now.a } : { a: now.b || LIVE, b: next.b }); // swaps them
         }),
     });
     return { select, element: h("label", { class: "side-of-view" }, h("span", { class: "letter", "aria-hidden": "true" }, which.toUpperCase()), select) };

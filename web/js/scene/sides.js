@@ -1,4 +1,4 @@
-/** What is seen in the view's place: the live view, or a picture of the scene as A, and another as B beside it at a wipe. */
+/** The content of the view's area: the live view, or picture A, optionally with B beside it at a wipe. */
 
 import { jobs } from "../news/farm.js";
 import { here, onParams, setParams } from "../shell/router.js";
@@ -6,7 +6,7 @@ import { Store } from "../base/store.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-/** Stands for the live view where a job's id would. */
+/** Stands for the live view instead of a job's id. */
 export const LIVE = "live";
 
 /**
@@ -18,7 +18,7 @@ export const LIVE = "live";
 /** @param {URLSearchParams} params @returns {Sides} */
 const fromUrl = (params) => ({ a: params.get("a") || LIVE, b: params.get("b") || "" });
 
-/** Whether there is more to see than the live view alone. @param {Sides} sides */
+/** Whether there is more than the live view alone. @param {Sides} sides */
 export const isCompared = ({ a, b }) => a !== LIVE || b !== "";
 
 /** @param {Sides} sides @param {string} id @returns {Sides} with it as A; again: without */
@@ -27,7 +27,7 @@ export const asA = ({ a, b }, id) => clean({ a: a === id ? LIVE : id, b });
 /** @param {Sides} sides @param {string} id @returns {Sides} with it as B, beside A or the live view; again: without */
 export const asB = ({ a, b }, id) => clean({ a, b: b === id ? "" : id });
 
-/** Nothing is compared with itself. @param {Sides} sides @returns {Sides} */
+/** Removes B if it equals A. @param {Sides} sides @returns {Sides} */
 export const clean = ({ a, b }) => ({ a, b: a === b ? "" : b });
 
 /** @param {string} id @returns {Job | null} one with a picture to show */

@@ -1,4 +1,4 @@
-/** The sun in the hand: a click puts it into the sky there, or where it lights what lies there with its highlight. */
+/** The sun tool: a click puts the sun into the sky there, or such that its highlight is on the clicked surface. */
 
 import { sunFor } from "./light-math.js";
 import { t } from "../base/words.js";
@@ -16,9 +16,9 @@ import { t } from "../base/words.js";
 export function sunHand(surface, light, pick, tell) {
   /** @type {{undo: () => void, end: () => void, isDown: boolean} | null} */
   let drag = null;
-  /** What waits for an answer. @type {object | null} */
+  /** The pending request. @type {object | null} */
   let asked = null;
-  /** Where the pointer is meanwhile. @type {PointerEvent | null} */
+  /** The pointer's latest position meanwhile. @type {PointerEvent | null} */
   let next = null;
   /** @param {Picked} picked */
   const place = (picked) => {
@@ -36,7 +36,7 @@ export function sunHand(surface, light, pick, tell) {
     next = null;
     const question = (asked = {});
     pick(event, (picked) => {
-      if (question !== asked || !drag) return; // taken back, or pressed anew
+      if (question !== asked || !drag) return; // cancelled, or pressed again
       asked = null;
       place(picked);
       if (next) ask(next);

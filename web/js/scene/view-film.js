@@ -1,4 +1,4 @@
-/** The film of a view that is looked at now, as a side of a stage has it: of no job, and of another size as the farm sees fit. */
+/** The film of the live view as a side of a stage: without a job, and of a size that the farm chooses. */
 
 import { Film } from "../film/film.js";
 import { enlarged } from "./enlarge.js";
@@ -26,7 +26,7 @@ export class ViewFilm {
       }
       return;
     }
-    // Tiles that are still to come show what was seen before.
+    // Missing tiles keep showing the previous picture.
     const covered = tiles.reduce((sum, { w, h: rows }) => sum + w * rows, 0);
     const isWhole = covered === width * height || this.film.isBlank;
     this.film = isWhole ? new Film(width, height) : enlarged(this.film, width, height);
@@ -46,7 +46,7 @@ export class ViewFilm {
     return () => this.turned.delete(listener);
   }
 
-  /** What comes, comes by tiles. @returns {() => void} */
+  /** Never called, since all updates arrive as tiles. @returns {() => void} */
   onFill() {
     return () => {};
   }

@@ -1,25 +1,25 @@
 /**
- * The hand on a view: drag turns, Shift or the right button moves, the wheel goes nearer and farther, two fingers do both; the keys
- * fly. On a touch screen one finger scrolls the page until the view was tapped.
+ * Navigation input of a view: dragging orbits, Shift or the right button pans, the wheel dollies, two fingers do both; keys fly.
+ * On a touch screen one finger scrolls the page until the view was tapped.
  */
 
 import { dolly, fly, orbit, pan } from "./orbit.js";
 
 /** @typedef {import("../base/types.js").View} View */
 
-/** Radians that a drag over the picture's height turns by. */
+/** Radians of rotation for a drag over the picture's height. */
 const TURN = Math.PI;
 const KEY_STEP = 0.04;
-/** A wheel's notch, 100 or 120, is a seventh nearer or farther. */
+/** A wheel's notch of 100 or 120 changes the distance by a seventh. */
 const DOLLY_PER_PIXEL = 0.0013;
 const KEY_DOLLY = 1.1;
 const TAP_PX = 8;
 const TAP_MS = 400;
-/** Seconds in which one flies through the whole scene. */
+/** Seconds to fly through the whole scene. */
 const THROUGH_S = 4;
 const FASTER = 4;
 
-/** Directions: to the right, up, along the line of sight. @type {Record<string, [number, number, number]>} */
+/** Directions of the keys: right, up, forward. @type {Record<string, [number, number, number]>} */
 const FLIGHT = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0, 1, 0], q: [0, -1, 0] };
 
 /**
@@ -34,7 +34,7 @@ const FLIGHT = { w: [0, 0, 1], s: [0, 0, -1], a: [-1, 0, 0], d: [1, 0, 0], e: [0
  * @returns {() => void} lets go
  */
 export function viewHand(surface, { view, turn, pressed, keyed, centre, size }) {
-  /** Pointers that are down, at their last place. @type {Map<number, {x: number, y: number}>} */
+  /** Pressed pointers with their latest positions. @type {Map<number, {x: number, y: number}>} */
   const down = new Map();
   let tap = { x: 0, y: 0, at: 0 };
   const isHeld = () => surface.classList.contains("held");
@@ -75,7 +75,7 @@ export function viewHand(surface, { view, turn, pressed, keyed, centre, size }) 
       const isTap = Math.hypot(event.clientX - tap.x, event.clientY - tap.y) < TAP_PX && performance.now() - tap.at < TAP_MS;
       if (type === "pointerup" && isTap && event.pointerType === "touch") hold(true);
     });
-  // Two fingers are the view's: with one of them the browser would scroll.
+  // The view handles two fingers; with one of them the browser would scroll.
   surface.addEventListener("touchmove", (event) => (event.touches.length > 1 || isHeld()) && event.preventDefault(), {
     passive: false,
   });
@@ -90,7 +90,7 @@ export function viewHand(surface, { view, turn, pressed, keyed, centre, size }) 
     { passive: false },
   );
 
-  /** Keys of flight that are down. @type {Set<string>} */
+  /** Pressed flight keys. @type {Set<string>} */
   const flying = new Set();
   let isFast = false;
   let last = 0;

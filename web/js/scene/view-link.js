@@ -1,7 +1,4 @@
-/**
- * The WebSocket on which a scene is looked at: a view goes there, pictures come back. When it breaks, or the service starts
- * anew, a new one asks for the view that was wanted last.
- */
+/** The WebSocket of a live view: sends views, receives pictures. After a reconnection it requests the latest view again. */
 
 import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeView } from "./view-packet.js";
@@ -46,13 +43,13 @@ export class ViewLink extends LastingSocket {
     this.scene = scene;
     this.handlers = handlers;
     this.id = 0;
-    /** The view that is wanted. @type {Record<string, any> | null} */
+    /** The requested view. @type {Record<string, any> | null} */
     this.wanted = null;
-    /** A view waits for the next drawn frame: a mouse says more often where it is. */
+    /** A view waits for the next animation frame, since mouse events are more frequent. */
     this.pending = 0;
-    /** The picture that came last is shown: they are unpacked beside each other, and shown in their order. */
+    /** Resolves when the latest picture is shown: pictures are unpacked in parallel and shown in order. */
     this.shown = Promise.resolve();
-    /** Its pictures are not looked at just now. */
+    /** Whether pictures are paused, since they are not visible. */
     this.rests = false;
     this.seen = () => this.say({ paused: document.hidden || this.rests });
     document.addEventListener("visibilitychange", this.seen);

@@ -1,6 +1,6 @@
 /**
- * Pictures of the scene in the live view's place: one, or two at a wipe, of which one may be the live view. The stage is that of a
- * job's page, with its zoom and its pixels' values.
+ * The stage that replaces the live view: one picture, or two at a wipe, of which one may be the live view. Same zoom and pixel
+ * values as on a job's page.
  */
 
 import { fill, h } from "../base/dom.js";
@@ -123,7 +123,7 @@ export function viewStage({ scene, sides, live, look, names, changed }) {
     for (const id of wanted) {
       const isKnown = jobs.value?.some((job) => job.id === id);
       if (!jobs.value || isKnown || asked.has(id)) continue;
-      asked.add(id); // the list knows the newest ones
+      asked.add(id); // the list contains only the newest ones
       getJob(id).then(adoptJob, (error) => (showError(t("This picture is not here"), error), back()));
       return;
     }

@@ -1,4 +1,4 @@
-/** What the hand on the view does in place of turning it: at most one tool is in it, chosen by a button of the view's bar or a key. */
+/** Tools of the view that replace navigation: at most one is active, selected by a button or a key. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -60,7 +60,7 @@ export function viewTools(surface, tools, tell) {
     chosen: () => current?.name ?? "",
     choose,
     press(event) {
-      // As in Substance: whatever is in the hand, Shift and the right button take hold of the light.
+      // As in Substance: Shift and the right button control the light, whatever tool is active.
       const tool = event.shiftKey && event.button === 2 ? tools.find(({ name }) => name === "light") : event.button === 0 && current;
       if (!tool) return false;
       tool.press(event);

@@ -64,8 +64,8 @@ async function walk(entry, found) {
 }
 
 /**
- * The provisional title of an upload, until the service names the scene. @param {NamedFile[]} files
- * @param {NamedFile[]} files what an upload is called until the service names it
+ * The provisional title of an upload, until the service names the scene.
+ * @param {NamedFile[]} files
  */
 export function titleOf(files) {
   const scene = files.find(({ path }) => /\.(glb|gltf|usd[acz]?|fbx|obj|ya?ml|dae|ply|stl|off|zip)$/i.test(path)) ?? files[0];

@@ -1,4 +1,4 @@
-/** Which frame a comparison shows, where a side of it is a shot: both sides show the same one, or the nearest that they have. */
+/** The frame of a comparison with shots: both sides show the same one, or their nearest. */
 
 import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "../film/live-film.js";
@@ -9,7 +9,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../views/compare.js").Comparison} Comparison */
 
-/** Whoever drags the slider is not followed by every frame between. */
+/** Delay while the slider is dragged, so that frames in between are skipped. */
 const REST_MS = 120;
 
 /** @param {Job | null} job null: an uploaded picture @returns {number[]} in order; none where it is no shot */
@@ -22,7 +22,7 @@ function numbersOf(job) {
 const nearest = (numbers, wanted) => numbers.reduce((best, n) => (Math.abs(n - wanted) < Math.abs(best - wanted) ? n : best));
 
 /**
- * The frame of a job that comes nearest to the one that is asked for.
+ * Returns the frame of a job nearest to the requested one.
  *
  * @param {Job | null} job
  * @param {number | null} wanted
@@ -45,7 +45,7 @@ export function compareFrames(films, jobs, state, life) {
   const slider = h("input", { type: "range", "aria-label": t("Frame"), min: "0", step: "1" });
   const note = h("p", { class: "quiet small number" });
   const element = h("section", { class: "side-section stack tight", "aria-label": t("Frame") }, title, slider, note);
-  /** All frames that either side has. @type {number[]} */
+  /** Union of both sides' frames. @type {number[]} */
   let numbers = [];
   let told = "";
 

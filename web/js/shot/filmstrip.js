@@ -1,4 +1,4 @@
-/** The filmstrip: every frame small, with its number, state and noise. Only what is in sight is there, however long the shot. */
+/** The filmstrip: thumbnails of all frames with number, state and noise. Only visible ones exist in the DOM. */
 
 import { imageUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
@@ -12,18 +12,18 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Frame} Frame */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
-/** Pixels from one frame to the next, as css/shot.css has it. */
+/** Distance between frames in pixels, as in css/shot.css. */
 const PITCH = 116;
 const AROUND = 3;
 const THUMB_WIDTH = 160;
-/** The picture of a frame that goes on is renewed when it has so many times the samples. */
+/** Factor of samples after which a frame's thumbnail is refreshed. */
 const WORTH = 2;
 
 /** @type {Record<import("../base/types.js").FrameState, string>} */
 const WORDS = { queued: t("waits"), preparing: t("is prepared"), running: t("is rendered"), finished: t("finished"), failed: t("failed") };
 
 /**
- * What a screen reader says of a frame.
+ * Description of a frame for screen readers.
  *
  * @param {number} number
  * @param {Frame | undefined} frame
@@ -88,7 +88,7 @@ export function filmstrip(job, frames, life) {
     }
   };
 
-  /** Brings the frame that is looked at into sight. */
+  /** Scrolls the current frame into view. */
   const follow = () => {
     const left = frames.at * PITCH;
     const margin = Math.min(PITCH, strip.clientWidth / 4);
@@ -118,7 +118,7 @@ export function filmstrip(job, frames, life) {
   life.add(frames.news.subscribe(soon));
   life.add(frames.range.subscribe(soon));
   life.add(frames.current.subscribe(() => strip.isConnected && follow()));
-  requestAnimationFrame(follow); // when it has its size
+  requestAnimationFrame(follow); // once it has its size
   return strip;
 }
 
@@ -146,7 +146,7 @@ function makeCell(number, place, count) {
     number,
     element,
     image,
-    /** Samples of the picture that is shown. */
+    /** Samples of the shown thumbnail. */
     pictured: 0,
     /** @param {Frame | undefined} frame */
     update(frame) {

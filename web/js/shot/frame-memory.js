@@ -1,6 +1,6 @@
 /**
- * The frames of a shot in the browser's memory, to be played: linear light in RGB9E5, as the live tiles are, so that exposure
- * and tone curve act while it plays; smaller where all together would take too much.
+ * Frames of a shot in memory for playback: linear light as RGB9E5 like live tiles, so that exposure and tone curve apply during
+ * playback; downscaled if all of them would take too much memory.
  */
 
 import { fetchWords } from "../news/api.js";
@@ -9,25 +9,25 @@ import { Film } from "../film/film.js";
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
 
 const AT_A_TIME = 3;
-/** What is played is no wider: more would take longer to fetch than to render. */
+/** Maximum width for playback; larger frames would take longer to fetch than to render. */
 const WIDEST = 960;
 const NARROWEST = 160;
-/** That the service takes. */
+/** Minimum width that the service accepts. */
 const LEAST_ASKED = 16;
-/** A frame that goes on is fetched anew when it has so many times the samples. */
+/** Factor of samples after which a growing frame is fetched again. */
 const WORTH = 1.5;
 const RENEW_MS = 2000;
 const RETRY_MS = 5000;
 
-/** What frames may take together, in bytes: an eighth of what the device says it has. */
+/** Memory limit for frames in bytes: an eighth of the device's memory. */
 function memoryBound() {
   const gigabytes = /** @type {{deviceMemory?: number}} */ (navigator).deviceMemory ?? 4;
   return Math.min(gigabytes, 4) * 2 ** 27;
 }
 
 /**
- * The width to ask for and the size that comes: pictures are made smaller by whole squares of pixels, as
- * service/watching/downscale.py says.
+ * Returns the width to request and the resulting size. Pictures are downscaled by square blocks of pixels
+ * (service/watching/downscale.py).
  *
  * @param {{width: number, height: number}} size
  * @param {number} count of frames
@@ -59,10 +59,10 @@ export class FrameMemory {
     this.held = new Map();
     /** @type {Map<number, AbortController>} */
     this.fetching = new Map();
-    /** Those that could not be fetched, and when. @type {Map<number, number>} */
+    /** Times of failed fetches, by frame. @type {Map<number, number>} */
     this.refused = new Map();
     this.plan = planOf(size, 1, memoryBound());
-    /** Whether anything is fetched: from the first time that somebody plays. */
+    /** Whether to fetch frames; true from the first playback on. */
     this.wanted = false;
   }
 
@@ -71,7 +71,7 @@ export class FrameMemory {
     return this.held.get(number)?.film ?? null;
   }
 
-  /** How many of the part that is played are here, and how many there could be. */
+  /** Number of loaded frames in the played range, and their maximum. */
   loaded() {
     const [from, to] = this.frames.part;
     let here = 0;
@@ -83,7 +83,7 @@ export class FrameMemory {
     return this.held.size * 4 * this.plan.width * this.plan.height;
   }
 
-  /** The part that is played may be another. */
+  /** Updates the plan after a change of the played range. */
   replan() {
     const [from, to] = this.frames.part;
     const plan = planOf(this.size, to - from + 1, memoryBound());
@@ -103,7 +103,7 @@ export class FrameMemory {
     this.changed();
   }
 
-  /** Fetches what comes next, from the frame that is looked at on. */
+  /** Fetches the next frames, starting at the current one. */
   fill() {
     while (this.wanted && this.fetching.size < AT_A_TIME) {
       const next = this.next();
@@ -147,7 +147,7 @@ export class FrameMemory {
       if (this.held.size >= fits && !this.held.has(number)) this.drop();
       this.held.set(number, { film: new Film(width, height, words), samples, at: performance.now() });
     } catch {
-      // No samples yet, or the connection is lost (the banner says so): later again.
+      // No samples yet, or the connection is lost, as the banner shows: retried later.
       if (!controller.signal.aborted) this.refused.set(number, performance.now());
     } finally {
       if (this.fetching.get(number) === controller) {
@@ -158,7 +158,7 @@ export class FrameMemory {
     }
   }
 
-  /** Lets the one go that is farthest from what is looked at. */
+  /** Evicts the frame farthest from the current one. */
   drop() {
     const { value } = this.frames.current;
     let far = -1;

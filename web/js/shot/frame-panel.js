@@ -1,4 +1,4 @@
-/** The frame that is looked at: how it is, and that it be rendered first, again, or finer. */
+/** The current frame: its state, and actions to render it first, again, or with more samples. */
 
 import { h, setText } from "../base/dom.js";
 import { compact, percent } from "../base/format.js";

@@ -1,4 +1,4 @@
-/** The controls of a shot: play, step, scrub, loop, in and out, and how much of it is in memory. */
+/** The playback controls of a shot: play, step, scrub, loop, in and out points, and the loaded part. */
 
 import { h, setText } from "../base/dom.js";
 import { bytes, count } from "../base/format.js";

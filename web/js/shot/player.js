@@ -1,4 +1,4 @@
-/** Plays a shot out of memory at its speed: what comes too late is left out, nothing is slowed down. */
+/** Plays a shot from memory at its frame rate; late frames are skipped. */
 
 import { Store } from "../base/store.js";
 
@@ -18,7 +18,7 @@ export class Player {
     this.playing = new Store(false);
     this.loop = new Store(true);
     this.pending = 0;
-    /** When the frame at `from` was due. */
+    /** Time at which the frame at `from` was due. */
     this.begun = 0;
     this.from = 0;
   }
@@ -40,7 +40,7 @@ export class Player {
     this.pending = requestAnimationFrame((now) => this.tick(now));
   }
 
-  /** Time runs from the frame that is looked at, from now on. */
+  /** Restarts the clock at the current frame. */
   restart() {
     this.begun = performance.now();
     this.from = this.frames.at;
@@ -55,10 +55,10 @@ export class Player {
   tick(now) {
     const [first, last] = this.frames.part;
     if (this.frames.at < first || this.frames.at > last) {
-      this.frames.go(first); // the part was changed meanwhile
+      this.frames.go(first); // the range was changed meanwhile
       this.restart();
     }
-    if (!this.memory.loaded().here) this.restart(); // begins with the first that is here
+    if (!this.memory.loaded().here) this.restart(); // starts at the first loaded frame
     let place = this.from + Math.max(0, Math.floor(((now - this.begun) / 1000) * this.fps() + 1e-6));
     if (place > last) {
       if (!this.loop.value) {

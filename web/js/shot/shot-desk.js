@@ -1,4 +1,4 @@
-/** All that a job's page has for a shot: the strip, the player, and what they show on the stage. */
+/** The parts of a job's page for a shot: filmstrip, player, and the frame shown on the stage. */
 
 import { scenes } from "../news/farm.js";
 import { here, setParams } from "../shell/router.js";
@@ -16,7 +16,7 @@ import { shotSave } from "./shot-save.js";
 /** @typedef {import("../base/types.js").Job} Job */
 
 const USUAL_FPS = 24;
-/** Whoever steps faster sees what is in memory; the live frame comes when they rest. */
+/** Delay after stepping before the live frame is loaded; until then the frame from memory is shown. */
 const REST_MS = 150;
 const URL_MS = 400;
 const FILL_MS = 1000;
@@ -50,7 +50,7 @@ export function shotDesk(job, picture, display, life) {
   life.every(FILL_MS, () => memory.fill());
   life.add(() => ((changed = () => {}), player.pause(), memory.dispose()));
 
-  /** What is in memory of the frame that is looked at. */
+  /** Shows the current frame from memory. */
   const show = () => {
     const film = memory.film(frames.current.value);
     if (film) picture.side()?.play(film);
@@ -75,7 +75,7 @@ export function shotDesk(job, picture, display, life) {
     }, URL_MS);
   };
 
-  let began = false; // a store tells at once what it holds
+  let began = false; // a store calls its listener at once
   life.add(
     frames.current.subscribe(() => {
       if (!began) return;
@@ -93,7 +93,7 @@ export function shotDesk(job, picture, display, life) {
   life.add(
     player.playing.subscribe((on) => {
       if (on) {
-        // What is played is the light as it was rendered.
+        // Playback shows the raw light.
         if (display.value.channel || display.value.denoise !== "off") display.update((look) => ({ ...look, channel: "", denoise: "off" }));
         show();
       } else if (began) {

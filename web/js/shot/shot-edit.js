@@ -1,4 +1,4 @@
-/** Changing a shot: more frames, those that failed again, more samples for a part, another order. */
+/** Changes of a shot: more frames, failed frames again, more samples for some, another order. */
 
 import { h, setText } from "../base/dom.js";
 import { explain, field, numberInput, numberOf } from "../forms/fields.js";
@@ -22,7 +22,7 @@ const MORE = 64;
  * @returns {{element: HTMLElement, update: () => void}}
  */
 export function shotEdit(job, frames, life) {
-  /** Samples only come while a job runs. @param {JobChange} wish @param {string} failure */
+  /** Resumes the job, since samples need a running one. @param {JobChange} wish @param {string} failure */
   const apply = (wish, failure) => {
     const stopped = job().state === "cancelled" || job().state === "failed";
     return change(job(), { ...wish, ...(stopped && { state: /** @type {const} */ ("running") }) }, failure);

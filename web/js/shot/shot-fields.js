@@ -1,4 +1,4 @@
-/** Still or shot: a moment, or several frames, of a scene that moves or whose camera goes around it. */
+/** Still or shot: a time, or several frames of an animated scene or a turntable. */
 
 import { choiceField, explain, field, freshId, numberOf, segments, setShown } from "../forms/fields.js";
 import { h, setText } from "../base/dom.js";
@@ -12,7 +12,7 @@ import { t, tn } from "../base/words.js";
 
 const USUAL_FPS = 24;
 const TURN_S = 4;
-/** Of a frame: so far off may be a key whose time is written in a few digits. */
+/** Tolerance in frames for key times that are rounded in the file. */
 const ROUNDED = 1e-3;
 
 /**
@@ -47,14 +47,14 @@ export function shotFields(scene, like, changed, asShot = false) {
   moment.addEventListener("input", () => (scrub.value = moment.value));
   scrub.addEventListener("input", () => {
     moment.value = scrub.value;
-    moment.dispatchEvent(new Event("change", { bubbles: true })); // the view in the hand follows at once
+    moment.dispatchEvent(new Event("change", { bubbles: true })); // updates the live view at once
   });
   const shotPart = h(
     "div",
     { class: "stack" },
     framesField, field(t("Frames a second"), fps), !moves && turnField, order.element, everyField);
 
-  /** The frames in which the clip moves, or the camera once around. */
+  /** The frames of the clip's animation, or of one turn of the camera. */
   const whole = () => {
     const rate = numberOf(fps, USUAL_FPS);
     const seconds = numberOf(turn, 0);
@@ -136,7 +136,7 @@ function clipChoices(clips) {
   const together = { name: "all", label: t("All at once"), help: t("As files mean it that have a clip for each object.") };
   const known = new Set();
   const each = clips.map((clip, i) => {
-    // By number where it has no name, or that of one before it.
+    // By number if it has no name, or an ambiguous one.
     const plain = clip.name && !known.has(clip.name);
     known.add(clip.name);
     if (clip.name === "all") return { ...together, help: seconds(clip) };

@@ -1,4 +1,4 @@
-/** The frames of a shot as the page knows them, which of them is looked at, and the part between the in and the out point. */
+/** The frames of a shot as known to the page, the current one, and the range between the in and out points. */
 
 import { Store } from "../base/store.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -10,20 +10,20 @@ export class ShotFrames {
   /** @param {Job} job a shot @param {number | null} [current] */
   constructor(job, current = null) {
     this.text = "";
-    /** In their order. @type {Store<number[]>} */
+    /** In order. @type {Store<number[]>} */
     this.numbers = new Store(/** @type {number[]} */ ([]));
     /** @type {Map<number, Frame>} */
     this.known = new Map();
-    /** Those that changed last. @type {Store<Frame[]>} */
+    /** The frames that changed last. @type {Store<Frame[]>} */
     this.news = new Store(/** @type {Frame[]} */ ([]));
     this.update(job);
     const { value } = this.numbers;
     this.current = new Store(current !== null && value.includes(current) ? current : (value[0] ?? 0));
-    /** First and last frame of the part that is played, by their places; null: all. @type {Store<[number, number] | null>} */
+    /** First and last index of the played range; null: all. @type {Store<[number, number] | null>} */
     this.range = new Store(/** @type {[number, number] | null} */ (null));
   }
 
-  /** The shot may have been extended. @param {Job} job */
+  /** Updates the list after the shot was extended. @param {Job} job */
   update({ shot }) {
     if (!shot || shot.frames === this.text) return;
     this.text = shot.frames;
@@ -37,12 +37,12 @@ export class ShotFrames {
     this.news.set(frames);
   }
 
-  /** The frame that is looked at, as far as it is known. */
+  /** The current frame, if it is known. */
   get frame() {
     return this.known.get(this.current.value) ?? null;
   }
 
-  /** The place of the frame that is looked at. */
+  /** The index of the current frame. */
   get at() {
     return Math.max(0, this.numbers.value.indexOf(this.current.value));
   }
@@ -54,14 +54,14 @@ export class ShotFrames {
     if (number !== undefined && number !== this.current.value) this.current.set(number);
   }
 
-  /** First and last place of what is played. @returns {[number, number]} */
+  /** First and last index of the played range. @returns {[number, number]} */
   get part() {
     const last = this.numbers.value.length - 1;
     const [from, to] = this.range.value ?? [0, last];
     return [Math.min(from, last), Math.min(to, last)];
   }
 
-  /** Goes to a place, and takes all that lies between into the part; what is at its other end stays. @param {number} place */
+  /** Goes to a frame and extends the range to it; the other end stays. @param {number} place */
   stretch(place) {
     const { at } = this;
     const [from, to] = this.range.value ?? [at, at];
@@ -71,7 +71,7 @@ export class ShotFrames {
     this.go(next);
   }
 
-  /** The part begins, or ends, here. @param {"in" | "out"} end */
+  /** Sets the in or out point at the current frame. @param {"in" | "out"} end */
   mark(end) {
     const { at } = this;
     const [from, to] = this.part;

@@ -1,4 +1,4 @@
-/** Downloads of a whole shot: as a film, or its frames in a zip. */
+/** Downloads of a whole shot: as a movie, or its frames in a zip. */
 
 import { shotUrl } from "../news/api.js";
 import { setText } from "../base/dom.js";
@@ -17,7 +17,7 @@ const FILES = /** @type {const} */ ([
   ["frames.zip", "EXRs", t("The finished frames in a zip: scene-linear floats, untouched by exposure and curve"), "exr"],
 ]);
 
-/** Characters in an address. */
+/** Maximum length of a frame range in a URL. */
 const LONGEST = 1000;
 
 /**
@@ -48,7 +48,7 @@ export function shotSave(job, display, frames, life) {
 }
 
 /**
- * The part that is played as an address has it. One with many gaps is told by its ends: of what it names, files have what there is.
+ * The played range for a URL. One with many gaps is given by its ends; files contain the existing frames in between.
  *
  * @param {ShotFrames} frames
  */
@@ -61,7 +61,7 @@ function partAddress(frames) {
   return `${value[from]}-${value[to]}${halves ? "x0.5" : ""}`;
 }
 
-/** The part that is played, as text. @param {ShotFrames} frames */
+/** The played range as text. @param {ShotFrames} frames */
 export function partText(frames) {
   const [from, to] = frames.part;
   return framesText(frames.numbers.value.slice(from, to + 1));

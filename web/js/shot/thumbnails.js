@@ -1,9 +1,9 @@
-/** Small pictures that are loaded a few at a time: what is asked for last, which is what is in sight, comes first. */
+/** Loads thumbnails a few at a time, latest request first, since that is visible. */
 
 import { forgetImage, showImage } from "../news/images.js";
 
 const AT_A_TIME = 4;
-/** The frame may be between two states: then it is asked again, so often. */
+/** Number of attempts, since a frame may just be changing state. */
 const TRIES = 4;
 const RETRY_MS = 2500;
 
@@ -13,7 +13,10 @@ export class Thumbnails {
     this.waiting = new Map();
     /** @type {Set<HTMLImageElement>} */
     this.loading = new Set();
-    /** What did not come, how often it was tried, and when it is tried again. @type {Map<HTMLImageElement, {address: string, tries: number, timer: ReturnType<typeof setTimeout>}>} */
+    /**
+     * Failed thumbnails with the number of attempts and the timer of the next.
+     * @type {Map<HTMLImageElement, {address: string, tries: number, timer: ReturnType<typeof setTimeout>}>}
+     */
     this.failed = new Map();
   }
 
@@ -24,7 +27,7 @@ export class Thumbnails {
     this.next();
   }
 
-  /** It is out of sight. @param {HTMLImageElement} image */
+  /** Cancels a thumbnail that is out of sight. @param {HTMLImageElement} image */
   forget(image) {
     clearTimeout(this.failed.get(image)?.timer);
     this.failed.delete(image);

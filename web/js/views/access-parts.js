@@ -1,4 +1,4 @@
-/** The parts of the account's page that say who else is let in: tokens, users, and the record. */
+/** Sections of the account page: tokens, users, and the audit log. */
 
 import { fill, h } from "../base/dom.js";
 import { ago } from "../base/format.js";
@@ -22,7 +22,7 @@ const LASTING = [
   ["", t("Until withdrawn")],
 ];
 
-/** What programs show; an administrator sees everybody's, and those of workers. */
+/** Access tokens; administrators see those of all users and of workers. */
 export function tokensSection() {
   const list = h("ul", { class: "rows" });
   const told = h("div", null);
@@ -73,7 +73,7 @@ function tokenRow(token, show) {
   );
 }
 
-/** For administrators: who may log in. */
+/** For administrators: the users. */
 export function usersSection() {
   const list = h("ul", { class: "rows" });
   const told = h("div", null);
@@ -132,7 +132,7 @@ function userRow(user, show, tell) {
   );
 }
 
-/** For administrators: what was done, by whom. */
+/** For administrators: the audit log. */
 export function auditSection() {
   const body = h("tbody", null);
   const show = async () =>

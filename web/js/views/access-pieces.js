@@ -1,4 +1,4 @@
-/** What the parts of the account's page are built of. */
+/** Building blocks of the account page's sections. */
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -6,7 +6,7 @@ import { t } from "../base/words.js";
 import { command } from "../shell/hints.js";
 import { showError } from "../shell/tray.js";
 
-/** What users may, in words. @type {[import("../news/access.js").Role, string][]} */
+/** Roles with descriptions. @type {[import("../news/access.js").Role, string][]} */
 export const ROLES = [
   ["view", t("May look")],
   ["submit", t("May render")],
@@ -29,7 +29,7 @@ export const choice = (choices, chosen, props = {}) =>
 /** @param {string} label @param {() => void} run */
 export const removing = (label, run) => h("button", { class: "icon-button danger", type: "button", "aria-label": label, title: label, onclick: run }, icon("trash"));
 
-/** What is told once. @param {string} sentence @param {string} text */
+/** A secret that is shown only once. @param {string} sentence @param {string} text */
 export const once = (sentence, text) => h("div", { class: "told-once", role: "status" }, h("p", null, sentence), command(text));
 
 /** @param {() => Promise<unknown>} deed */

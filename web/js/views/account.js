@@ -1,4 +1,4 @@
-/** Who is logged in, and what is theirs: the password, tokens, the way out; for administrators others' too. */
+/** The account page: the user's password, tokens and logout; for administrators also those of others. */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
@@ -10,7 +10,7 @@ import { limitsSection } from "./limits-section.js";
 import { projectsSection } from "./projects-section.js";
 import { quotaSection } from "./quota.js";
 
-/** What a role lets do. */
+/** Descriptions of the roles. */
 const ROLES = /** @type {Record<string, string>} */ ({
   view: t("You can look at everything."),
   submit: t("You can look at everything, upload scenes and render."),

@@ -1,4 +1,4 @@
-/** Two pictures beside each other: jobs, as they are or as they were at some samples, planes of them, and uploaded pictures. */
+/** The comparison view: two jobs, snapshots, planes, or uploaded pictures. */
 
 import { getJob } from "../news/api.js";
 import { differenceTable, progressOf, sideChoice } from "../compare/compare-panel.js";
@@ -71,7 +71,10 @@ export function compareView(a, b) {
     way: wayFrom(params.get("way")),
     ...lookFromUrl(params),
   });
-  /** What is open, to be closed before the next. @type {{key: string, life: Disposer, update: (a: Picture, b: Picture) => void} | null} */
+  /**
+   * The open comparison, closed before the next opens.
+   * @type {{key: string, life: Disposer, update: (a: Picture, b: Picture) => void} | null}
+   */
   let opened = null;
   life.add(() => opened?.life.dispose());
 
@@ -135,7 +138,7 @@ function pictureOf(id, all) {
 }
 
 /**
- * What a picture is first compared with: the latest other one of its scene, else its own albedo.
+ * Returns the default partner of a picture: the latest other one of its scene, else its own albedo.
  *
  * @param {Job} job
  * @param {Job[]} all newest first
@@ -185,9 +188,9 @@ function rememberComparison(state) {
 function open(page, a, b, state) {
   const life = new Disposer();
   const differ = a.width !== b.width || a.height !== b.height;
-  /** What was uploaded is never shown at another size than its own. */
+  /** Uploaded pictures are only shown at their own size. */
   const isRefused = differ && Boolean(a.reference || b.reference);
-  /** The films that are shown, by picture and moment. @type {Map<string, {live: FilmSource, end: () => void}>} */
+  /** The shown films, by picture and snapshot. @type {Map<string, {live: FilmSource, end: () => void}>} */
   const films = new Map();
   life.add(() => films.forEach(({ end }) => end()));
   const problems = h("div", { class: "stage-notice", role: "status" });
@@ -217,7 +220,7 @@ function open(page, a, b, state) {
   let latest = { a, b };
   const arrange = () => {
     const now = state.value;
-    if (now.a !== a.id || now.b !== b.id) return; // others are being opened
+    if (now.a !== a.id || now.b !== b.id) return; // another comparison is being opened
     const [sideA, sideB] = sides();
     const [nameA, nameB] = namesOf(sideA, sideB);
     stage.view?.setLook(now);
@@ -236,7 +239,10 @@ function open(page, a, b, state) {
       }
     showDifferences();
   };
-  /** Planes are of what a job has now. @returns {[import("../compare/pictures.js").Side, import("../compare/pictures.js").Side]} */
+  /**
+   * Planes exist only for a job's current picture.
+   * @returns {[import("../compare/pictures.js").Side, import("../compare/pictures.js").Side]}
+   */
   const sides = () => {
     const { left, right, atA, atB } = state.value;
     const side = (/** @type {Picture} */ picture, /** @type {string} */ channel, /** @type {number | null} */ at) => {
@@ -354,7 +360,7 @@ function open(page, a, b, state) {
       moments.renew();
       const before = shownRows;
       showDifferences();
-      if (shownRows !== before) arrange(); // the sides are called by their differences
+      if (shownRows !== before) arrange(); // the sides' names depend on their differences
     },
   };
 }

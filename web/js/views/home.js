@@ -1,4 +1,4 @@
-/** The front page: where a scene is dropped, examples for whoever has none, and what is there already. */
+/** The front page: a drop area, examples, and the existing scenes. */
 
 import { getExamples, openExample } from "../news/api.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
@@ -20,7 +20,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Example} Example */
 
 const RECENT_JOBS = 4;
-/** Those that show most come first; the others, mostly for students, by their names. */
+/** The most impressive examples come first; the others are sorted by name. */
 const FIRST_EXAMPLES = ["still-life", "caterpillar", "christmas", "spheres", "cornell-box"];
 
 /** @returns {{element: HTMLElement, dispose: () => void}} */
@@ -42,7 +42,7 @@ export function homeView() {
   const jobList = h("ul", { class: "rows" });
   const jobSection = section(t("Latest pictures"), jobList, h("a", { class: "small", href: linkTo("jobs") }, t("All jobs")));
   for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
-  exampleSection.classList.add("for-submit"); // to open one is to upload it
+  exampleSection.classList.add("for-submit"); // opening one requires permission to upload
 
   const showJobs = keyedList(
     jobList,
@@ -66,7 +66,7 @@ export function homeView() {
     life.add(/** @type {import("../base/store.js").Store<any>} */ (store).subscribe(refresh));
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
 
-  // Their pictures are large, and on a slow line what is there already should not come after them.
+  // Thumbnails of examples are large, so the existing scenes load first on a slow line.
   const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
   Promise.all([getExamples(), getComparisons(), told]).then(
     ([examples, comparisons]) => {
@@ -76,7 +76,7 @@ export function homeView() {
       );
       exampleSection.hidden = examples.length === 0;
     },
-    () => {}, // a service without examples: the section stays away
+    () => {}, // a service without examples: the section stays hidden
   );
 
   const element = h(
@@ -136,7 +136,7 @@ function dropZone() {
  * @param {import("../compare/comparisons.js").ExampleComparison[]} comparisons
  */
 function exampleCard(example, comparisons) {
-  // Rendered by Rayfarm; an example that has none yet shows the stand-in.
+  // Rendered by Rayfarm; examples without a picture show a placeholder.
   const picture = new URL(`../../examples/${encodeURIComponent(example.name)}.jpg`, import.meta.url).href;
   const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
   const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
@@ -163,7 +163,7 @@ function exampleCard(example, comparisons) {
   );
 }
 
-/** "4 s": of a shot, when it is played. @param {string} frames @param {number | null} fps */
+/** Duration of a shot, such as "4 s". @param {string} frames @param {number | null} fps */
 function lengthOf(frames, fps) {
   const numbers = parseFrames(frames);
   return typeof numbers === "string" || !fps ? t("shot") : `${Number((numbers.length / fps).toFixed(1))} s`;

@@ -1,4 +1,4 @@
-/** What is done to jobs from a list, to one or to thousands; each can be taken back. */
+/** Actions on jobs of a list, one or thousands; each can be undone. */
 
 import { changeMany, restore } from "../news/job-list.js";
 import { setAllHidden } from "../news/farm.js";
@@ -47,7 +47,7 @@ export async function change(ids, change, done) {
 }
 
 /**
- * Jobs vanish at once and are deleted when nobody can take it back any more.
+ * Hides jobs at once and deletes them when undoing is no longer possible.
  *
  * @param {string[]} ids
  * @param {string} sentence

@@ -1,4 +1,4 @@
-/** A job in a list. */
+/** A job's row in a list. */
 
 import { imageUrl } from "../news/api.js";
 import { showImage } from "../news/images.js";
@@ -18,13 +18,13 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
-/** A running job's picture in a list is renewed this often. */
+/** Refresh interval of a running job's thumbnail. */
 const PICTURE_EVERY_S = 5;
 
-/** States of those that have their turn still before them. */
+/** States of unfinished jobs. */
 const OPEN = ["queued", "running", "paused"];
 
-/** Rows come and go as a list is scrolled, and one clock is enough for all of them. */
+/** One clock for all rows, which come and go as a list is scrolled. */
 setInterval(() => {
   for (const element of document.querySelectorAll("[data-since]"))
     setText(element, ago(Number(/** @type {HTMLElement} */ (element).dataset.since)));
@@ -106,7 +106,7 @@ function sizeLine(job) {
   return parts.filter(Boolean).join(" · ");
 }
 
-/** What of its place among the others is not as of every job: whose it is, how urgent, by when. @param {Job} job */
+/** A job's queue properties that differ from the defaults: user, priority, deadline. @param {Job} job */
 function placeWords({ state, user, priority, deadline }) {
   if (!OPEN.includes(state)) return [user];
   return [user, priority ? t("priority {n}", { n: priority }) : "", deadline != null ? t("by {time}", { time: new Date(deadline * 1000).toLocaleString([], { weekday: "short", hour: "2-digit", minute: "2-digit" }) }) : ""];

@@ -1,4 +1,4 @@
-/** The render view: the picture as it grows, and all that can be done with it. */
+/** The render view: the growing picture and its tools. */
 
 import { getJob } from "../news/api.js";
 import { canDenoise } from "../job/denoise-fields.js";
@@ -63,13 +63,13 @@ export function jobView(id) {
         update ??= open(element, job, life);
         update(job);
       } else if (job) {
-        // Its size is the scene's, and that is not known yet.
+        // Its size comes from the scene and is not known yet.
         instead(emptyPage("clock", job.name, h("p", null, said(job.error ?? job.message) || t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {
           const wasThere = update !== null && error.status === 404;
-          if (update && !wasThere) return; // what is shown stays; the banner says that the service does not answer
+          if (update && !wasThere) return; // the picture stays; the banner shows that the service does not respond
           instead(
             emptyPage(
               wasThere ? "trash" : "image",
@@ -124,7 +124,7 @@ function open(page, job, life) {
   life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys]));
   const chip = stateChip(job.state);
   const line = progressBar(t("Progress"));
-  line.element.setAttribute("aria-hidden", "true"); // the panel's bar says the same
+  line.element.setAttribute("aria-hidden", "true"); // the panel's bar shows the same
   life.every(1000, progress.tick);
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
@@ -166,7 +166,7 @@ function open(page, job, life) {
 }
 
 /**
- * What stands above the picture.
+ * The heading above the picture.
  *
  * @param {() => Job} job the latest state
  * @param {HTMLElement} title
@@ -225,7 +225,7 @@ function details(job, life) {
   );
 }
 
-/** A job may be called otherwise than its scene. @param {Job} job @param {Disposer} life */
+/** A link to the scene, whose name may differ from the job's. @param {Job} job @param {Disposer} life */
 function sceneLink(job, life) {
   const link = h("a", { href: linkTo("scenes", job.scene) });
   life.add(scenes.subscribe((all) => setText(link, all?.find(({ id }) => id === job.scene)?.name ?? job.name)));
@@ -244,7 +244,7 @@ function shotRows(job, life) {
   const { shot } = job;
   if (!shot) return [];
   const name = h("span");
-  // Scenes are told after jobs, and know how fast a shot is that was not asked to be of any speed.
+  // Scenes load after jobs and contain the default frame rate of a shot.
   life.add(scenes.subscribe((all) => setText(name, shotName(job, all?.find(({ id }) => id === job.scene)?.fps))));
   return [
     [t("Shot"), name],
@@ -254,7 +254,7 @@ function shotRows(job, life) {
 }
 
 /**
- * The basic settings of a picture, and of the others those that are not as they are by themselves.
+ * The basic settings of a picture, and the others that differ from their defaults.
  *
  * @param {Record<string, any> | null} settings
  * @returns {[string, string][]}

@@ -1,4 +1,4 @@
-/** All jobs, however many: sought, filtered and ordered by the service, the choice kept in the URL. */
+/** The list of jobs: searched, filtered and sorted by the service, with the filter in the URL. */
 
 import { fill, h, setText } from "../base/dom.js";
 import { hidden, scenes, workers } from "../news/farm.js";
@@ -100,7 +100,7 @@ export function jobsView() {
       const of = Object.entries(list.tallies).filter(([state]) => !states.length || states.includes(/** @type {JobState} */ (state)));
       setText(tally, list.ids ? count(of.reduce((sum, [, n]) => sum + n, 0)) : "");
     }
-    rows.element.hidden = ids.length === 0; // before they are placed: what is hidden has no height
+    rows.element.hidden = ids.length === 0; // before layout, since hidden rows have no height
     rows.show(ids);
     bar.update();
     if (list.ids) setText(said, tn(ids.length, "{n} job", "{n} jobs"));
@@ -132,7 +132,7 @@ export function jobsView() {
     const at = Number(document.activeElement?.closest("[aria-posinset]")?.getAttribute("aria-posinset") ?? 0) - 1;
     rows.focus(Math.min(Math.max(at < 0 ? 0 : at + by, 0), shownIds().length - 1));
   };
-  const isFree = mayChange(chosenProject()); // who may only look has nothing to select for
+  const isFree = mayChange(chosenProject()); // without permission to change there is nothing to select for
   const selecting = [
     { keys: "X", does: t("Select the job that has the focus"), run: () => selection.toggleFocused() },
     { keys: "Ctrl+A", does: t("Select all that are listed"), run: () => {} },
@@ -207,7 +207,7 @@ function selectableRow(id, list, selection) {
   /** @type {import("../base/dom.js").Row<import("../base/types.js").Job> | null} */
   let row = null;
   pick.addEventListener("click", (event) => {
-    if (event.target !== box) return; // the label's own click, which the box then has too
+    if (event.target !== box) return; // a label's click, which its checkbox receives too
     selection.pick(id, event.shiftKey, true);
   });
   element.addEventListener("click", (event) => {

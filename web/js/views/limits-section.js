@@ -1,4 +1,4 @@
-/** For administrators: how much each user may have and do, and a token beside that; with what of it is used. */
+/** For administrators: the limits of users and tokens, with their use. */
 
 import { chooseTokens, forgetQuota, getQuotas, setQuota } from "../news/access.js";
 import { Listing } from "../news/listing.js";
@@ -14,7 +14,10 @@ import { field, section, submitted, tried } from "./access-pieces.js";
 /** @typedef {import("../news/access.js").Allowance} Allowance */
 /** @typedef {import("../news/access.js").Amounts} Amounts */
 
-/** Each amount with its unit on the page. @type {{name: keyof Amounts, label: string, unit: number, whole: boolean, said: (n: number) => string}[]} */
+/**
+ * Limits with their display units.
+ * @type {{name: keyof Amounts, label: string, unit: number, whole: boolean, said: (n: number) => string}[]}
+ */
 const AMOUNTS = [
   { name: "bytes", label: t("Uploads and films, GB"), unit: 1e9, whole: false, said: bytes },
   { name: "jobs", label: t("Unfinished jobs"), unit: 1, whole: true, said: count },
@@ -23,7 +26,7 @@ const AMOUNTS = [
 const NOTHING = { bytes: null, jobs: null, samples_day: null };
 
 export function limitsSection() {
-  /** What tokens are called, by their ids. @type {Map<string, string>} */
+  /** Names of tokens, by id. @type {Map<string, string>} */
   let named = new Map();
   const list = h("ul", { class: "rows limits", hidden: true });
   const show = keyedList(list, (/** @type {Allowance} */ { whose }) => whose, () => limitRow((whose) => named.get(whose), renew));
@@ -72,7 +75,7 @@ function limitRow(nameOf, renew) {
     element.append(used);
     return { name, unit, said, input, used, element, label };
   });
-  // One after the other, and what an answer says of fields that were changed meanwhile does not count.
+  // Serialises requests; a response is ignored for fields changed meanwhile.
   let last = Promise.resolve();
   let pending = 0;
   /** @param {string} whose */
@@ -81,7 +84,7 @@ function limitRow(nameOf, renew) {
     const told = last.then(() => setQuota(whose, wanted())).then(() => announce(t("The new limit applies now")), (error) => showError(t("Not done"), error));
     last = told.then(() => (pending -= 1)).then(renew).catch((error) => showError(t("The limits cannot be shown"), error));
   };
-  /** As the fields say; of one that makes no sense as it was. @returns {Amounts} */
+  /** The fields' values; the previous one for an invalid field. @returns {Amounts} */
   const wanted = () => {
     const said = fields.map(({ name, unit, input }) => {
       const was = latest?.limits[name] ?? null;
@@ -120,5 +123,5 @@ function limitRow(nameOf, renew) {
 
 let fresh = 0;
 
-/** As a field has it. @param {number} amount @param {number} unit */
+/** Formats an amount for a field. @param {number} amount @param {number} unit */
 const inUnits = (amount, unit) => String(Number((amount / unit).toPrecision(12)));

@@ -1,4 +1,4 @@
-/** The way in: a name and a password, or the code of a link that works once. */
+/** The login page: a name and a password, or the code of a one-time link. */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
@@ -6,10 +6,10 @@ import { logIn, session as known } from "../news/session.js";
 import { languageMenu } from "../shell/language-menu.js";
 import { here, setTitle } from "../shell/router.js";
 
-/** Beside the modules, and so of their version. */
+/** Relative to the modules, so with the same version in the URL. */
 const ICON = new URL("../../icon.svg", import.meta.url).href;
 
-/** Why the OpenID provider's word was not enough, as service/access/oidc.py names it. @type {string | null} */
+/** Why the login through the OpenID provider was refused, as named in service/access/oidc.py. @type {string | null} */
 let refused = null;
 
 /** @type {Record<string, string>} */
@@ -22,7 +22,7 @@ const REFUSED = {
 };
 
 /**
- * The code in the address, which is taken out of it at once: it must not stay in the history, nor in what is copied from the bar.
+ * Returns the code from the URL and removes it there at once, so that it does not stay in the history or in copied addresses.
  *
  * @returns {string | null}
  */
@@ -51,7 +51,7 @@ export function loginView(code) {
     problem.textContent = "";
     try {
       const session = await logIn(shown);
-      // Where nobody has a password yet one is chosen now; else the address still says where this visit was going.
+      // Without a password, one is set next; otherwise the page continues to the address of this visit.
       if ("link" in shown && session.name !== "owner") history.replaceState(null, "", "#/account");
       location.reload();
     } catch (error) {

@@ -1,4 +1,4 @@
-/** When a machine works and with how much of itself: told to it while it runs. Folded, as it is set once. */
+/** Working hours and limits of a machine, applied while it runs. Collapsed, since they are rarely changed. */
 
 import { askWorker } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
@@ -83,7 +83,7 @@ export function machineTerms() {
 /** @type {Record<string, string>} */
 const WAYS = { load: t("what other programs take"), terminals: t("terminals"), desktop: t("the desktop"), screen: t("screen and keyboard") };
 
-/** Not while somebody types there. @param {HTMLInputElement} input @param {string} value */
+/** Does not overwrite a field that has focus. @param {HTMLInputElement} input @param {string} value */
 function put(input, value) {
   if (input !== document.activeElement && input.value !== value) input.value = value;
 }

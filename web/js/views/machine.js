@@ -1,4 +1,4 @@
-/** A machine of the farm: what each of its slots works on, how it is, and what can be done about it. */
+/** A machine of the farm: the work of its slots, its state, and actions. */
 
 import { changeWorker, getWorkerLog, imageUrl } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
@@ -41,7 +41,7 @@ export function machineCard() {
   const lines = /** @type {HTMLElement} */ (log.lastElementChild);
   /** @type {Worker | null} */
   let latest = null;
-  let isPaused = false; // by somebody, and not by its own hours
+  let isPaused = false; // paused by a user, not by its own hours
 
   const turn = async () => {
     if (!latest) return;
@@ -146,13 +146,13 @@ function slotTile() {
         box.style.width = `${(100 * w) / job.width}%`;
         box.style.height = `${(100 * tall) / job.height}%`;
       }
-      // Slots that work on one picture ask for it once: their addresses are the same.
+      // Slots that work on the same picture share one request, since the URLs are equal.
       const turn = Math.floor(Date.now() / PICTURE_EVERY_MS);
       const shown = job && job.samples > 0 ? { job: job.id, frame: slot.frame ?? 0 } : null;
       const of = shown ? `${shown.job} ${shown.frame}` : "";
       if (of !== pictureOf) {
         pictureOf = of;
-        image.hidden = true; // under another picture's name not even for a moment
+        image.hidden = true; // otherwise the previous picture would briefly show under another name
         image.removeAttribute("src");
       }
       const source = shown && imageUrl(shown, "jpg", { width: 320, v: turn });

@@ -1,4 +1,4 @@
-/** For administrators: the projects, who their members are, and what each of them may there. */
+/** For administrators: the projects with their members and roles. */
 
 import { addProject, chooseUsers, getProjects, letIn, putOut, removeProject } from "../news/access.js";
 import { fill, h } from "../base/dom.js";
@@ -18,7 +18,7 @@ const ROLES = [
 
 export function projectsSection() {
   const list = h("ul", { class: "rows projects" });
-  /** Those that are unfolded: a list that is made anew keeps them so. @type {Set<string>} */
+  /** Names of expanded projects, preserved when the list is rebuilt. @type {Set<string>} */
   const open = new Set();
   const show = async () => {
     const [projects, users] = await Promise.all([getProjects(), chooseUsers()]);

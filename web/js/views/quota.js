@@ -1,4 +1,4 @@
-/** What one may have and do here, and what of it is used. */
+/** The user's limits and their use. */
 
 import { fill, h } from "../base/dom.js";
 import { bytes, compact, count } from "../base/format.js";

@@ -1,4 +1,4 @@
-/** A scene on the front page. */
+/** A scene's card on the front page. */
 
 import { deleteScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
@@ -57,7 +57,11 @@ export function sceneCard(scene) {
   };
 }
 
-/** The latest finished picture of a scene in its own light: it is clearer than a thumbnail of few samples. @param {Scene} scene @returns {string | undefined} */
+/**
+ * The latest finished picture of a scene in its own light, which is better than a thumbnail of few samples.
+ * @param {Scene} scene
+ * @returns {string | undefined}
+ */
 function renderedOf({ id }) {
   const job = jobs.value?.find(({ scene, state, environment, variant }) => scene === id && state === "finished" && !environment && !variant);
   return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, v: job.samples });
@@ -75,7 +79,7 @@ function shortFacts(scene) {
   return parts.join(" · ");
 }
 
-/** A scene's thumbnail, or a quiet stand-in until there is one. */
+/** A scene's thumbnail, or a placeholder until it exists. */
 export function thumbnail() {
   const element = h("div", { class: "picture" }, icon("cube"));
   let shown = "";
@@ -95,7 +99,7 @@ export function thumbnail() {
 }
 
 /**
- * Hides the scene now and deletes it when nobody takes that back.
+ * Hides a scene now and deletes it when undoing is no longer possible.
  *
  * @param {Scene} scene
  */

@@ -1,4 +1,4 @@
-/** The scenes of the front page: the latest ones, and those that a search finds among all. */
+/** The scenes of the front page: the latest ones, and search results among all. */
 
 import { findScenes } from "../news/api.js";
 import { h, keyedList, setText } from "../base/dom.js";
@@ -9,17 +9,17 @@ import { sceneCard } from "./scene-card.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** So many at first: a farm of a year has hundreds, and what stands below them is to be found. */
+/** Number of scenes shown at first, so that the sections below stay reachable. */
 const FIRST = 24;
-/** With fewer one sees at a glance what there is. */
+/** Number of scenes from which a search field is shown. */
 const SEARCHED = 9;
 const TYPING_MS = 200;
 
 /** @returns {{element: HTMLElement, aside: HTMLElement, put: (scenes: Scene[]) => void}} aside: what stands beside its title */
 export function sceneGrid() {
-  /** The latest, as the page knows them. @type {Scene[]} */
+  /** The latest scenes known to the page. @type {Scene[]} */
   let latest = [];
-  /** What the service has besides. @type {Map<string, Scene>} */
+  /** Further scenes of the service. @type {Map<string, Scene>} */
   const others = new Map();
   let isWhole = false;
   const grid = h("ul", { class: "cards" });
@@ -47,7 +47,7 @@ export function sceneGrid() {
     try {
       for (const scene of await findScenes(text)) others.set(scene.id, scene);
     } catch {
-      return; // those that are known are shown; the banner says that the service does not answer
+      return; // known scenes stay; the banner shows that the service does not respond
     }
     if (text === search.value.trim()) announce(tn(refresh(), "{n} scene", "{n} scenes"));
   };
@@ -63,7 +63,7 @@ export function sceneGrid() {
     const next = grid.children.length;
     await ask("");
     refresh();
-    grid.children[next]?.querySelector("a")?.focus(); // the button is gone
+    grid.children[next]?.querySelector("a")?.focus(); // the button has disappeared
   });
   return {
     element: h("div", null, grid, none, rest),

@@ -1,4 +1,4 @@
-/** One scene: while it is prepared, when it failed, and when it is ready to be rendered. */
+/** The page of a scene: being prepared, failed, or ready to render. */
 
 import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -115,7 +115,7 @@ function failed(page, scene) {
 }
 
 /**
- * The workspace: the view, what it is rendered with, and what was rendered.
+ * The workspace of a ready scene: the view, the settings, and the pictures.
  *
  * @param {HTMLElement} page
  * @param {Scene} scene
@@ -127,10 +127,10 @@ function ready(page, scene, life) {
   const notice = h("div", { class: "notice-slot" });
   const submit = async (/** @type {import("../base/types.js").JobRequest} */ request) => {
     try {
-      // One key a press: the request may be repeated by the network, but makes one job.
+      // One key per click, so that a repeated request creates only one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
       adoptJob(job);
-      if (here().path.join() !== path) return; // gone on meanwhile: nobody is called back
+      if (here().path.join() !== path) return; // the user has left the page meanwhile
       const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);
       location.hash = linkTo("jobs", job.id) + (params.length ? `?${new URLSearchParams(/** @type {string[][]} */ (params))}` : "");
     } catch (error) {
@@ -178,7 +178,7 @@ function ready(page, scene, life) {
 }
 
 /**
- * The live view, which the form and the URL's `view` turn, and which writes itself there.
+ * The live view, synchronised with the form and the URL's `view`.
  *
  * @param {Scene} scene
  * @param {import("../scene/settings-form.js").SettingsForm} form
@@ -198,7 +198,7 @@ function viewOf(scene, form, sides, life) {
   let timer;
   const path = here().path.join();
   const write = () => {
-    // Browsers throttle history changes; a moving hand makes sixty a second.
+    // Browsers throttle history changes; a moving pointer makes sixty per second.
     timer ??= setTimeout(() => {
       timer = undefined;
       // An address that changed meanwhile wins; its `hashchange` event may still be queued behind this timer.
@@ -231,7 +231,7 @@ function viewOf(scene, form, sides, life) {
   return live;
 }
 
-/** What the service counts in a scene. @type {Record<string, string>} */
+/** Labels of the service's counts of a scene. @type {Record<string, string>} */
 const COUNTED = {
   triangles: t("Triangles"),
   unique_triangles: t("Unique triangles"),
@@ -250,7 +250,7 @@ function facts(scene) {
   const rows = Object.entries(scene.counts)
     .filter(([, n]) => n > 0)
     .map(([name, n]) => [COUNTED[name] ?? name, count(n)]);
-  if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // the automatic one left out
+  if (scene.cameras.length > 1) rows.push([t("Cameras"), count(scene.cameras.length - 1)]); // without the automatic one
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
   if (end) rows.push([t("Moves"), t("{n} s at {fps} fps", { n: Number(end.toFixed(2)), fps: scene.fps ?? "" })]);
   if ((scene.clips?.length ?? 0) > 1) rows.push([t("Clips"), count(scene.clips?.length ?? 0)]);

@@ -1,4 +1,4 @@
-/** Jobs that are selected in a list, and the bar with what can be done to all of them. */
+/** Selected jobs of a list, and the bar with actions on all of them. */
 
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
@@ -6,7 +6,7 @@ import { announce } from "../shell/tray.js";
 import { DEEDS, change, remove } from "./job-deeds.js";
 import { grouped, t, tn } from "../base/words.js";
 
-/** Which of a list's ids are selected. */
+/** The selected ids of a list. */
 export class Selection {
   /** @param {() => void} changed */
   constructor(changed) {
@@ -15,11 +15,11 @@ export class Selection {
     this.chosen = new Set();
     /** @type {string[]} */
     this.ids = [];
-    /** Where a range begins. @type {string | null} */
+    /** Start of a range. @type {string | null} */
     this.anchor = null;
   }
 
-  /** What is no longer listed is no longer selected. @param {string[]} ids */
+  /** Deselects ids that are no longer listed. @param {string[]} ids */
   among(ids) {
     this.ids = ids;
     if (this.chosen.size === 0) return;

@@ -1,4 +1,7 @@
-/** How the slots are shared: a row for each user, and each project that is a share, with weight and limit. Folded, as most farms never look at it. */
+/**
+ * Fair shares: a row with weight and limit for each user and each project with its own share. Collapsed, since few farms need
+ * it.
+ */
 
 import { getShares, resetShare, setShare } from "../news/shares.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
@@ -36,9 +39,9 @@ export function sharesSection(life) {
   /** @param {Share[]} all */
   const offer = (all) => {
     const free = projects.value.filter((name) => !all.some(({ share }) => share === `project:${name}`));
-    const areAllKnown = !shares.hasMore || !all.at(-1)?.share.startsWith("project:"); // they come before users
+    const areAllKnown = !shares.hasMore || !all.at(-1)?.share.startsWith("project:"); // projects come before users
     form.hidden = free.length === 0 || !areAllKnown || !may("admin");
-    if (free.join() === offered) return; // a menu that is open stays so
+    if (free.join() === offered) return; // keeps an open menu open
     offered = free.join();
     fill(project, free.map((name) => h("option", { value: name }, name)));
   };

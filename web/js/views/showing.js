@@ -1,4 +1,4 @@
-/** Shows the view that the address names. A view's modules come when it is first opened, or ahead of that (../shell/ahead.js). */
+/** Shows the view that the URL names. A view's modules are loaded when it is first opened, or preloaded (../shell/ahead.js). */
 
 import { fill, h } from "../base/dom.js";
 import { emptyPage } from "../shell/hints.js";
@@ -49,7 +49,7 @@ function nothingHere() {
 }
 
 /**
- * From now on.
+ * Starts showing views.
  *
  * @param {HTMLElement} main where it is shown
  * @param {(section: string) => void} markSection
@@ -69,7 +69,7 @@ export function showViews(main, markSection) {
     main.removeAttribute("aria-busy");
     fill(main, view.element);
     scrollToPlace();
-    // A screen reader starts to read the new view; at the start the browser's own focus stays.
+    // Screen readers then read the new view; at the start the browser's own focus stays.
     if (!isFirst) return main.focus({ preventScroll: true });
     isFirst = false;
     again.stands();
@@ -83,7 +83,7 @@ export function showViews(main, markSection) {
       here.set(address, make);
       return make;
     } catch (error) {
-      console.error(error); // a module may also be wrong
+      console.error(error); // the error may also be in the module
       return isFirst && again.loadAgain() ? null : missingView;
     }
   };

@@ -1,4 +1,4 @@
-/** The sites that add up their sums: a line each, above the machines. Nothing where no machine is of a site. */
+/** The sites that add up their sums: a line each above the machines; empty without sites. */
 
 import { bytes, compact } from "../base/format.js";
 import { h, keyedList, setText } from "../base/dom.js";
@@ -24,7 +24,7 @@ export function sitesLines(life) {
       shown = all.length;
       list.hidden = shown === 0;
     } catch {
-      list.hidden = true; // the page tells by itself that the service is away
+      list.hidden = true; // the banner shows that the service does not respond
     }
   };
   life.every(RENEW_MS, () => void renew());

@@ -1,4 +1,4 @@
-/** A small line of numbers in time. */
+/** A small line chart of a value over time. */
 
 import { t } from "../base/words.js";
 
@@ -25,7 +25,7 @@ export function sparkline() {
       const most = Math.max(...values, 1);
       const points = values.map((value, i) => `${MINUTES - values.length + i + 0.5} ${(15 - (14 * value) / most).toFixed(2)}`);
       const first = points[0];
-      // One minute alone is a point, which is drawn as a short line.
+      // A single value is drawn as a short line.
       line.setAttribute("d", first ? `M${points.join("L")}h0.5` : "");
       area.setAttribute("d", first ? `M${points.join("L")}h0.5V16H${first.split(" ")[0]}Z` : "");
       const low = Math.min(...values);

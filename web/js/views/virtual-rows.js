@@ -1,8 +1,8 @@
-/** A list of very many rows of one height, of which only those near the screen exist. */
+/** A virtual list of very many rows of equal height, of which only those near the screen exist in the DOM. */
 
 import { focusRow, h, keyedList } from "../base/dom.js";
 
-/** Rows above and below the screen that exist too: what is scrolled to is there already. */
+/** Additional rows above and below the screen, so that scrolling shows them at once. */
 const BEYOND = 6;
 
 /**
@@ -76,7 +76,7 @@ export function virtualRows(create, life) {
     element,
     show(next) {
       ids = next;
-      // Before the page is on the screen nothing has a height.
+      // Elements have no height before the page is shown.
       if (element.isConnected) draw();
       else soon();
     },
@@ -85,7 +85,7 @@ export function virtualRows(create, life) {
       if (id === undefined) return;
       const { columns, height } = shape();
       const y = list.getBoundingClientRect().top + Math.floor(at / columns) * height;
-      const margin = 2 * height; // what sticks to the top of the screen covers as much
+      const margin = 2 * height; // height of the sticky header
       if (y < margin) scrollBy(0, y - margin);
       else if (y + height > innerHeight) scrollBy(0, y + height - innerHeight);
       draw();

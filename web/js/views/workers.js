@@ -1,4 +1,4 @@
-/** The machines: how each is, what its slots work on at this moment, and how to add one. */
+/** The page of machines: their state, the current work of their slots, and how to add one. */
 
 import { getJobsOf } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
@@ -35,7 +35,7 @@ export function workersView() {
   const list = h("ul", { class: "machines" });
   const empty = h("div", null);
   const show = keyedList(list, (/** @type {import("../base/types.js").Worker} */ worker) => worker.name, machineCard);
-  // Pictures of slots are those of jobs, which may be older than all that the page knows.
+  // Slots show pictures of jobs, which may be older than those loaded.
   life.add(workers.subscribe((all) => all && fetchUnknown(all)));
   life.add(jobs.subscribe(() => workers.value && show(workers.value)));
   life.add(
