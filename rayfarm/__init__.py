@@ -13,7 +13,7 @@ Talking to a farm
 Rendering without a farm
     reading.py           a scene read and compiled in a confined process; reader_jobs.py is the code of that process
     reading_files.py     single files read in such a process, and its limits
-    preload.py         modules and kernels that that process loads in advance
+    preload.py           modules and kernels that that process loads in advance
     stage.py             a scene over time, compiled again only if more than a camera moved
     rendering.py         a scene read, compiled and rendered
     frame.py             one frame to its files

@@ -31,9 +31,10 @@ def die_with_parent(parent: int | None = None) -> None:
 
 
 def share_one_heap() -> None:
-    """Lets this process' threads allocate from one heap.
+    """Makes this process' threads allocate from one heap.
 
-    Else glibc reserves 64 MiB of address space for each thread, which a limit on address space counts though nobody uses it.
+    Otherwise glibc reserves 64 MiB of address space for each thread, which counts towards a limit on address space even if
+    unused.
     """
     if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(M_ARENA_MAX, 1)

@@ -29,7 +29,7 @@ __all__ = ["main", "read_span"]
 def main() -> int:
     """Sends until the input ends, then sends the rest."""
     for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, signal.SIG_IGN)  # whoever writes decides when it is over
+        signal.signal(each, signal.SIG_IGN)  # the writing process decides when to end
     service, instance, version = sys.argv[1:4]
     if by_json():
         as_json(service.removeprefix("rayfarm-"))

@@ -174,7 +174,7 @@ def _write(line: bytes) -> None:
             os.write(_pipe, line)
     except BlockingIOError:
         return
-    except OSError:  # whoever sends them is gone
+    except OSError:  # the sending process has ended
         _pipe = None
 
 

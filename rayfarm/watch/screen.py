@@ -50,7 +50,7 @@ class Screen:
         self._exposure = exposure
         self._curve = curve
         self._asks = False  # whether to cancel
-        self._said: str | None = None  # what a key brought
+        self._said: str | None = None  # error message after a key press
         self._is_dirty = True
         self._not_before = 0.0
         self._spoke: list[str] = []

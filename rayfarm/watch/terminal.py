@@ -24,10 +24,10 @@ from typing import Any
 __all__ = ["Abilities", "Terminal", "understood"]
 
 ANSWER_S = 2.0  # over slow lines; DA1's answer ends it
-CELL = (10, 20)  # pixels, where the terminal does not say
+CELL = (10, 20)  # pixels, if the terminal does not report it
 ENTER = b"\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[2J"  # its own screen, no cursor, no wrapping at the edge
 LEAVE = b"\x1b[m\x1b[?7h\x1b[?25h\x1b[?1049l"
-BEGIN, END = b"\x1b[?2026h", b"\x1b[?2026l"  # drawn at once, where the terminal knows it
+BEGIN, END = b"\x1b[?2026h", b"\x1b[?2026l"  # synchronized output, in terminals that support it
 KITTY_QUERY = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
 TRUE_COLOUR_QUERY = b"\x1b[48;2;1;2;3m\x1bP$qm\x1b\\\x1b[m"  # DECRQSS: whether it kept that colour
 CELL_QUERY = b"\x1b[16t"

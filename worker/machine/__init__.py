@@ -1,4 +1,4 @@
-"""The machine a worker runs on, and its own processes.
+"""The machine a worker runs on, and the worker's processes.
 
 health_file.py          a file that says how the worker is, for the health check of its container
 process_tree.py         all processes of this worker

@@ -1,6 +1,6 @@
-"""A file that says how this worker is, for the health check of its container: worker/healthy.py reads it.
+"""The health file of a worker, read by the health check of its container (worker/healthy.py).
 
-$RAYFARM_ALIVE names it. It holds the worker's pid and its state, and its age says when the event loop last came by.
+$RAYFARM_ALIVE is its path. It contains the worker's pid and state, and its age is the time since the event loop last ran.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ ALIVE = "RAYFARM_ALIVE"
 
 
 class State(StrEnum):
-    """What a worker does."""
+    """State of a worker."""
 
     STARTING = "starting"  # loads its kernels, waits for the service
-    WORKING = "working"  # its event loop runs, and says so every second
+    WORKING = "working"  # the event loop runs, and updates the file every second
     AWAY = "away"  # waits for Redis, or ends
 
 
 def say(state: State, pid: int | None = None) -> None:
-    """Write the state, where a file is named. What cannot be written is left: the check then fails, and says why."""
+    """Writes the state, if a file is configured. Errors are ignored: the health check then fails and reports them."""
     if not (named := os.environ.get(ALIVE, "")):
         return
     path, text = Path(named), f"{os.getpid() if pid is None else pid} {state}\n"

@@ -1,7 +1,7 @@
-"""Whether somebody is using this machine: by the processor time of other programs, typing in terminals, what the desktop reports
-to logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
+"""Detects whether a user is at this machine: from the processor time of other programs, typing in terminals, reports of the
+desktop to logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
 
-Undetected: somebody who only reads, unless the desktop reports it, and a program that waits.
+Undetected: a user who only reads, unless the desktop reports it, and a program that waits.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from worker.machine.process_tree import family
 
 __all__ = ["Presence"]
 
-BUSY_CORES = 0.5  # of other programs: more is somebody at work
+BUSY_CORES = 0.5  # use by other programs above which a user counts as present
 LOOK_EVERY_S = 5.0
 SCREEN_PATIENCE_S = 2.0
 TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
 class Presence:
-    """Checks every few seconds; `idle_s` returns for how long nobody has been there."""
+    """Checks every few seconds for a user; `idle_s` returns the seconds since one was detected."""
 
     def __init__(self, proc: Path = Path("/proc"), dev: Path = Path("/dev")) -> None:
         self._proc, self._dev = proc, dev
         self._times: tuple[float, float, float] | None = None  # when, and processor seconds of all and of this worker
-        self._present = time.time()  # when somebody was there last: at the begin nobody knows better
+        self._present = time.time()  # time of the latest detection; initially the start
         self._looked = 0.0
         self.by: tuple[str, ...] = ()
 
     def idle_s(self, now: float | None = None) -> float:
-        """Returns the seconds since somebody used the machine, as far as known."""
+        """Returns the seconds since a user was last detected."""
         now = time.time() if now is None else now
         if now - self._looked >= LOOK_EVERY_S:
             self._looked = now

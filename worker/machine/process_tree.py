@@ -21,7 +21,7 @@ def family(proc: Path = Path("/proc")) -> dict[int, int]:
             pid = int(entry.name)
             parents[pid], ticks[pid] = int(fields[1]), sum(map(int, fields[11:15]))
         except (OSError, ValueError, IndexError):
-            continue  # it has ended meanwhile
+            continue  # it has ended
     found = {os.getpid()} & parents.keys()
     while more := {pid for pid, parent in parents.items() if parent in found} - found:
         found |= more

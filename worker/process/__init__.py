@@ -1,8 +1,8 @@
-"""What every process of a worker knows, and how the worker keeps to its terms and takes turns.
+"""Shared state of a worker's processes, and the order in which they take work.
 
-context.py        what every process of a worker knows
-apply_terms.py        keeps to the terms it was asked for
-queue_order.py          from which queue it takes next
-queue_reading.py  reads the queue, and skips what is no message
+context.py        shared state of a worker's processes
+apply_terms.py    applies the terms that the service has set
+queue_order.py    selects the next queue
+queue_reading.py  reads the queue, and skips invalid messages
 redis_lock.py     locks in Redis without scripts
 """

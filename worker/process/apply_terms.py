@@ -20,7 +20,7 @@ from worker.machine.process_tree import family
 
 __all__ = ["Keeping", "memory_limit"]
 
-MEMORY_EVERY = 5  # beats: to add up what the processes have takes some milliseconds
+MEMORY_EVERY = 5  # heartbeats; summing up the memory of all processes takes milliseconds
 NICE = "Its nice level"
 LESS_BY = 0.9  # of the limit: from then on it takes tasks again
 
@@ -85,14 +85,12 @@ class Keeping:
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._be_nice(terms.nice)
-        somebody = self._at_work(
-            terms
-        )  # looked for outside its hours too: how long nobody has been there is known when they begin
+        somebody = self._at_work(terms)  # tracked outside the hours too, so that the idle time is known when they begin
         self.why = self._outside(terms) or somebody or self._too_large(terms)
         self._beats += 1
 
     def offer(self) -> Offer:
-        """Returns what the worker offers to jobs with needs."""
+        """Returns the worker's offer to jobs with requirements."""
         terms = self.terms
         self._total = self._total or (found.memory_total if (found := vitals.look()) else 0)
         return Offer(

@@ -42,8 +42,8 @@ class WorkerContext:
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
-    keeping: Keeping | None = None  # what is asked of it at run time; the parent's
-    blender: Blender | None = None  # where it has one, to open .blend files
+    keeping: Keeping | None = None  # applies the service's terms; in the parent process only
+    blender: Blender | None = None  # to open .blend files; None without Blender
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
     _sites: SiteLink | None = None
@@ -74,7 +74,7 @@ class WorkerContext:
         """Returns the worker's report: ready or paused, with the current work of its slots."""
         doing, speed = self.board.read()
         slots = self.keeping.slots_now if self.keeping else self.slots
-        if slots < self.slots:  # what is in hand is shown in any case
+        if slots < self.slots:  # busy slots are shown in any case
             doing = sorted(doing, key=bool, reverse=True)[: max(slots, sum(map(bool, doing)))]
         return WorkerReport(
             name=self.name,

@@ -3,12 +3,12 @@
 They access neither the service nor Redis. Paths arrive as bytes, and output goes to the given folder. The slot's side of each is
 the module of the same name in the package worker.work.
 
-kernels.py        kernels that the launcher loads, so that readers share them
-scene_folder.py         compiled scenes that the slot has linked into the room
-prepare.py        a scene: compiled, with a thumbnail and a summary
-frames.py         frames of a shot
-relight.py        a scene's environment
-vectors.py        motion vectors
-environments.py   an environment's thumbnail
-denoise.py        a denoised frame
+kernels.py       kernels that the launcher loads, so that readers share them
+scene_folder.py  compiled scenes that the slot has linked into the room
+prepare.py       a scene: compiled, with a thumbnail and a summary
+frames.py        frames of a shot
+relight.py       a scene's environment
+vectors.py       motion vectors
+environments.py  an environment's thumbnail
+denoise.py       a denoised frame
 """

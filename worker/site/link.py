@@ -25,9 +25,9 @@ from protocol.site import (
 
 __all__ = ["SiteLink"]
 
-PATIENCE_S = 5.0  # with its answer: a slot waits meanwhile
-KNOWN_S = 10.0  # where it is
-AWAY_S = 5.0  # it is not asked again
+PATIENCE_S = 5.0  # timeout of an answer, for which a slot waits
+KNOWN_S = 10.0  # validity of the reducer's address
+AWAY_S = 5.0  # pause after a failed connection
 
 log = logging.getLogger(__name__)
 

@@ -1,7 +1,7 @@
-"""`python -m worker.site.reducer --service URL --name SITE`: merges what the machines of a site have rendered of a tile, and
-forwards it as one result. `rayfarm site` starts one.
+"""`python -m worker.site.reducer --service URL --name SITE`: adds up the results of a site's machines for each tile, and forwards
+them as one result. `rayfarm site` starts one.
 
-It keeps no record: whatever it loses is rendered again. Workers that cannot reach it send to the service themselves.
+It keeps no permanent record: lost results are rendered again. Workers that cannot reach it send to the service directly.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
 LARGEST = 64 << 20  # bytes of a result
 MOST_BYTES = 1 << 30  # that wait here
-MOST_COMING = 8 * LARGEST  # bytes that are being received of workers; and as many of which nobody knows yet whose they are
+MOST_COMING = 8 * LARGEST  # limit of bytes being received from workers, and of bytes from unidentified senders
 MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
-PATIENCE_S = 10.0  # with a worker that sends: until it has said what, and again until it has sent that, if it is little
-SLOWEST = 1 << 20  # bytes a second, for what is more
+PATIENCE_S = 10.0  # timeout of a sender's header, and of a small body
+SLOWEST = 1 << 20  # minimum bytes per second of larger bodies
 
 log = logging.getLogger("worker")
 
@@ -78,7 +78,7 @@ class Reducer:
         self._store = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._secrets: list[tuple[float, bytes]] = []  # the newest first, and since when
         self._started = time.time()
-        self._coming = [0, 0]  # bytes that are being received: of anybody, and of workers
+        self._coming = [0, 0]  # bytes being received: from unidentified senders, and from workers
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:

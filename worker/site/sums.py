@@ -109,7 +109,7 @@ class SiteSums:
                 written = group.folder / "new"
                 written.write_bytes(data)
                 written.rename(group.folder / f"{event['first']:012}")
-            except OSError:  # a full disk: what was written of it is in the way
+            except OSError:  # on a full disk, the partial file is in the way
                 with contextlib.suppress(OSError):
                     written.unlink(missing_ok=True)
                     if not group.spans:
@@ -193,7 +193,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
         if end != first + count:
             raise ValueError("its batches are not all of its samples")
         check_sums(result.sums or b"", tile)
-        check_weight(result.sums or b"", tile, count)  # added to others', nobody could say whose fault it is
+        check_weight(result.sums or b"", tile, count)  # after the addition, the faulty sender could not be identified
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
         event.pop("batch", None), event.pop("seconds", None)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -212,6 +212,6 @@ def _results_in(folder: Path) -> list[Result]:
 
 def _read(path: Path) -> Result | None:
     with contextlib.suppress(OSError, ValueError):
-        if path.name != "new":  # not all of it was written, or nobody was told that it was
+        if path.name != "new":  # incomplete, or never acknowledged
             return result_of(path.read_bytes())
     return None

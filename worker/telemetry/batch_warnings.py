@@ -1,6 +1,6 @@
 """Warnings of this slot while it renders a batch, and the duration of each step.
 
-They return with the batch's answer into its job's log, so nobody has to look for them on the machine.
+They are returned with the batch's answer and stored in its job's log.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
 """Implementations of a worker's tasks, one module per task.
 
-slot.py           the state of a busy slot, for the worker's report
-deaths.py         how often a task has killed its process
-render.py         a batch
-joint_render.py        a batch shared among slots
-viewport.py       parts of views
-prepare.py        a scene
-frames.py         frames of a shot
-relight.py        a scene under another environment
-derived_artifacts.py         the tasks with results on demand: denoising, motion vectors, environments
-denoise.py        a denoised frame
-vectors.py        motion vectors
-environments.py   an uploaded environment's thumbnail
-explain.py        the paths of a pixel
-files.py          a scene's files in a folder
-scenes.py         compiled scenes: fetched, mapped, stored
-reader.py         runs a job on untrusted files in a confined process (worker/reading/), with its own folder
+slot.py               the state of a busy slot, for the worker's report
+deaths.py             how often a task has killed its process
+render.py             a batch
+joint_render.py       a batch shared among slots
+viewport.py           parts of views
+prepare.py            a scene
+frames.py             frames of a shot
+relight.py            a scene under another environment
+derived_artifacts.py  the tasks with results on demand: denoising, motion vectors, environments
+denoise.py            a denoised frame
+vectors.py            motion vectors
+environments.py       an uploaded environment's thumbnail
+explain.py            the paths of a pixel
+files.py              a scene's files in a folder
+scenes.py             compiled scenes: fetched, mapped, stored
+reader.py             runs a job on untrusted files in a confined process (worker/reading/), with its own folder
 """

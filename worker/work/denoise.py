@@ -1,6 +1,6 @@
 """Denoises a frame: the film's means from the service, Open Image Denoise in a confined process, the result as a blob.
 
-In a process of its own, because the library keeps threads and memory.
+A separate process, because the library does not release its threads and memory.
 """
 
 from __future__ import annotations

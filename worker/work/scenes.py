@@ -71,7 +71,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
         if not discard_damaged(cache, sha256):
             raise
     except FileNotFoundError:
-        pass  # evicted meanwhile by another slot
+        pass  # evicted by another slot
     except OSError as error:
         if not is_of_machine(error):
             raise
