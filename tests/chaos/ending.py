@@ -1,4 +1,4 @@
-"""The end of a farm: in time, said, and with no process left."""
+"""Stopping a farm: it ends in time, logs its end, and leaves no process behind."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["ends_by"]
 
 
 def ends_by(farm: Farm, signals: Sequence[signal.Signals], seconds: float, slots: int) -> None:
-    """Send these, and see that all of the farm is gone soon after."""
+    """Sends these signals, and checks that all processes of the farm end soon afterwards."""
     family = farm.family()
     assert len(family) >= (4 + slots if slots else 3), f"up, redis, service, and with slots a worker: {family}"
     begun = time.monotonic()

@@ -1,4 +1,4 @@
-"""A .blend in a real farm, with a real Blender: its job is cancelled while Blender opens it, and Blender is killed at it."""
+"""A .blend in a real farm with a real Blender: the job is cancelled while Blender opens the file, and Blender is killed meanwhile."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def made(folder: Path, name: str, size: float, levels: int) -> Path:
 
 
 def blenders(farm: Farm) -> list[psutil.Process]:
-    """The processes in which a Blender opens a file."""
+    """Returns the Blender processes that are opening a file."""
     found = []
     for process in psutil.Process(farm.process.pid).children(recursive=True):
         with contextlib.suppress(psutil.Error):

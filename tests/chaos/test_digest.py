@@ -1,4 +1,4 @@
-"""The digest of a finished frame depends on the request alone: not on tiles, slots, or what was killed on the way."""
+"""The digest of a finished frame depends only on the request: not on tiles, slots, or killed processes."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 @pytest.fixture(scope="module")
 def chaos_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """A farm whose parts are killed; impatient, so that what is lost is soon handed out again."""
+    """A farm whose processes are killed, with short timeouts, so that lost work is soon handed out again."""
     farm = start_farm(tmp_path_factory.mktemp("chaos") / "data", 2, RAYFARM_BATCH_DEADLINE="5")
     yield farm
     stop_farm(farm)
 
 
 def alone(spp: int) -> str:
-    """The digest of the same frame, rendered in this process without a farm."""
+    """Returns the digest of the same frame, rendered in this process without a farm."""
     scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
     settings = RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH)
     return digest(render_frame(scene, settings, spp, threads=2))
@@ -47,7 +47,7 @@ def expected() -> str:
 
 @pytest.fixture(scope="module")
 def soon() -> str:
-    """Of a fifth of the samples: for what nobody disturbs."""
+    """The digest at a fifth of the samples, for tests without disturbances."""
     return alone(SPP // 5)
 
 
@@ -124,14 +124,14 @@ FEW = 48  # samples, for what nobody disturbs
 
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A triangle that goes to the right: each frame has a compiled scene of its own."""
+    """A triangle that moves to the right, so each frame has its own compiled scene."""
     path = tmp_path_factory.mktemp("shot") / "shot.glb"
     path.write_bytes(turning().glb())
     return path
 
 
 def stills_of(shot: Path, spp: int) -> dict[float, str]:
-    """The frames' digests, each rendered in this process as a still of its moment."""
+    """The digests of the frames, each rendered in this process as a still."""
     found: dict[float, str] = {}
     for frame in FRAMES:
         compiled, summary = Stage(Shot(shot.parent, shot.name)).at(Moment(frame))

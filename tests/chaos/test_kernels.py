@@ -1,4 +1,4 @@
-"""Nobody compiles twice in a farm: a machine that joins one that has compiled loads what the first compiled. Then it leaves."""
+"""A machine that joins a farm loads the kernels compiled by the first, instead of compiling them again; then it leaves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A worker that miscalculates, in a real farm: it is found out and set aside, and what it has sent is rendered again."""
+"""A worker that miscalculates, in a real farm: it is detected and paused, and its samples are rendered again."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SPP = 160
 
 
 def join(farm: Farm, ends: ExitStack, module: str, name: str) -> None:
-    """Start a worker of one slot."""
+    """Starts a worker with one slot."""
     command = [sys.executable, "-m", module, "--service", farm.url, "--slots", "1", "--name", name]
     log = ends.enter_context((farm.data.parent / f"{name}.log").open("ab"))
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token}

@@ -1,4 +1,4 @@
-"""However a farm ends, no process of it is left. By one Ctrl-C: at the end of test_digest.py, after all that was killed there."""
+"""No process remains, however a farm ends. Stopping by a single Ctrl-C is tested at the end of test_digest.py."""
 
 from __future__ import annotations
 

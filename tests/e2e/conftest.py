@@ -1,4 +1,4 @@
-"""Debian's Chromium, headless, with a software WebGL; and a page that keeps what went wrong in it."""
+"""Debian's Chromium, headless, with software WebGL; and pages that record their errors."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # of a p
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """The system's Chromium; the test is skipped where there is none."""
+    """The system's Chromium; the test is skipped if there is none."""
     path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("no Chromium on the PATH (Debian: apt-get install chromium)")
@@ -53,7 +53,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Watched:
-    """A page, the errors that its console showed, and every origin it asked."""
+    """A page, its console errors, and all origins that it requested."""
 
     page: Page
     errors: list[str] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Watched:
 
 @pytest.fixture(scope="session")
 def site() -> Iterator[Site]:
-    """The page's files, without a farm."""
+    """The page's files, served without a farm."""
     site = Site()
     yield site
     site.server.should_exit = True
@@ -71,7 +71,7 @@ def site() -> Iterator[Site]:
 
 @pytest.fixture(scope="session")
 def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
-    """What a browser keeps of the pages that it has seen: their modules, so that not every test fetches and compiles them all."""
+    """A browser context with cached modules, so that not every test fetches and compiles them all."""
     # Small and without animations: every frame is drawn by the CPU.
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     context.set_default_timeout(20_000)
@@ -84,7 +84,7 @@ def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
 
 @pytest.fixture
 def watched(profile: BrowserContext) -> Iterator[Watched]:
-    """A fresh page, of which nothing is kept but its files."""
+    """A fresh page, without stored state except for cached files."""
     page = profile.new_page()
     result = Watched(page)
     page.on("console", lambda message: result.errors.append(message.text) if message.type == "error" else None)
@@ -108,7 +108,7 @@ def watched(profile: BrowserContext) -> Iterator[Watched]:
 
 @pytest.fixture
 def page(watched: Watched, site: Site) -> Page:
-    """An empty document on the page's origin, for its modules."""
+    """An empty document on the page's origin, to import its modules."""
     watched.page.goto(f"{site.url}/blank")
     return watched.page
 

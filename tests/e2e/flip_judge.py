@@ -1,4 +1,4 @@
-"""FLIP (Andersson et al. 2020) in numpy, with whole two-dimensional filters: what the page's own is held against."""
+"""FLIP (Andersson et al. 2020) in numpy with full two-dimensional filters, the reference for the page's implementation."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _hyab(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of two sRGB-coded pictures, (h, w, 3) in 0 ... 1: the error of every pixel."""
+    """Returns the error of every pixel of two sRGB-coded pictures, (h, w, 3) in 0 ... 1."""
     seen, features = [], []
     for picture in (a, b):
         linear = np.where(picture <= 0.04045, picture / 12.92, ((picture + 0.055) / 1.055) ** 2.4)

@@ -1,4 +1,4 @@
-"""What a screen shows of a film, and what it should."""
+"""The displayed picture of a film, and its expected values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MARGIN = 3  # columns about the divider's line that it covers
 
 
 def read_exr(url: str, folder: Path) -> np.ndarray:
-    """The colour of an EXR that the service gives, (h, w, 3) float32."""
+    """Returns the colour of an EXR of the service, (h, w, 3) float32."""
     path = folder / "film.exr"
     path.write_bytes(httpx.get(url).raise_for_status().content)
     picture = OpenImageIO.ImageInput.open(str(path))
@@ -33,12 +33,12 @@ def read_exr(url: str, folder: Path) -> np.ndarray:
 
 
 def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """A film as the page has it (RGB9E5), through exposure and curve: (h, w, 3) int."""
+    """Returns a film as the page displays it: RGB9E5, exposure and tone curve; (h, w, 3) int."""
     return tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
 
 
 def _one_to_one(page: Page) -> tuple[float, float]:
-    """Where the picture's corner lies on the stage, once it is drawn at one to one."""
+    """Returns the position of the picture's corner on the stage, once it is drawn at 1:1."""
     stage = page.locator(".stage")
     expect(stage).to_have_attribute("data-view", re.compile("^1 "))
     _, x, y = (float(v) for v in (stage.get_attribute("data-view") or "").split())
@@ -46,7 +46,7 @@ def _one_to_one(page: Page) -> tuple[float, float]:
 
 
 def on_screen(page: Page, width: int, height: int) -> np.ndarray:
-    """The picture's pixels on the screen at one to one, (h, w, 3) uint8. WebGL's own readPixels may be empty."""
+    """Returns the picture's displayed pixels at 1:1, (h, w, 3) uint8. WebGL's own readPixels may be empty."""
     x, y = _one_to_one(page)
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
@@ -55,9 +55,9 @@ def on_screen(page: Page, width: int, height: int) -> np.ndarray:
 
 
 def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
-    """The screen shows this picture, to a last bit of 8, wherever it is not negative. Gives the screen.
+    """Checks that the screen shows this picture to within one unit of 8 bits, where it is not negative; returns the screenshot.
 
-    The software renderer draws a frame in some tens of milliseconds, its first one in seconds.
+    The software renderer draws a frame in tens of milliseconds, its first one in seconds.
     """
     height, width = wanted.shape[:2]
     seen = wanted >= 0
@@ -73,12 +73,12 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
 
 
 def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """The screen shows the film, as RGB9E5 carries it, through exposure and curve. Gives the screen."""
+    """Checks that the screen shows the film, encoded as RGB9E5, with exposure and tone curve; returns the screenshot."""
     return assert_screen(page, shown(film, exposure, curve), f"{curve} at {exposure:+} EV")
 
 
 def rendered(farm: Farm, scene: str, **request: Any) -> str:
-    """The id of a job that is finished."""
+    """Returns the id of a finished job."""
     with farm.client() as client:
         job = client.submit(scene, **request).id
         wait_until(lambda: client.job(job).state == "finished", 180, "the job is finished")
@@ -86,7 +86,7 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
 
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
-    """What is to be seen of two pictures with the wipe where it is: -1 where the divider lies."""
+    """Returns the expected picture of two at the current wipe; -1 at the divider."""
     x, y = _one_to_one(page)
     stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
     assert stage and divider

@@ -1,4 +1,4 @@
-"""The page's files served without a farm, with one live picture that is always the same."""
+"""Serves the page's files without a farm, with a fixed live picture."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 64, 48
 
 
 def radiances() -> np.ndarray:
-    """Colours from black to far beyond white, (HEIGHT, WIDTH, 3) float32."""
+    """Returns colours from black to far above white, (HEIGHT, WIDTH, 3) float32."""
     random = np.random.default_rng(7)
     film = np.exp2(random.uniform(-12, 9, (HEIGHT, WIDTH, 1))) * random.uniform(0, 1, (HEIGHT, WIDTH, 3))
     film[0, 0] = 0
@@ -35,12 +35,12 @@ def radiances() -> np.ndarray:
 
 
 def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
-    """A whole film as one live tile."""
-    return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
+    """Returns a whole film as one live tile."""
+    return HEADER.pack(1, 1, 0, seq, 0, 0, WIDTH, HEIGHT, spp) + rgbe9995.pack(film).astype("<u4").tobytes()
 
 
 class Site:
-    """The page's files, and a live picture that drops its first watcher. Keeps what the watchers said."""
+    """The page's files, and a live picture that disconnects its first client. Records the clients' messages."""
 
     def __init__(self) -> None:
         self.watchers = 0
@@ -74,5 +74,5 @@ class Site:
 
 
 def call(page: Page, module: str, body: str, argument: Any = None) -> Any:
-    """Run a function body with a module `m` of the page and an argument `a`."""
+    """Runs a function body with a module `m` of the page and an argument `a`."""
     return page.evaluate(f"async (a) => {{ const m = await import('/js/{module}.js'); {body} }}", argument)

@@ -1,4 +1,4 @@
-"""A page of which a part does not arrive: it is loaded again, or says what is missing."""
+"""A page with a part that fails to load is reloaded, or names the missing part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's files in a browser: loaded once, and again only after another release."""
+"""The page's files in a browser are loaded once, and again only after a new release."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.service.conftest import until
 
 
 class Served:
-    """The page alone, served as the service does; `asked` has the paths that reached it."""
+    """The page alone, served as by the service; `asked` records the requested paths."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
@@ -36,7 +36,7 @@ class Served:
             await self.pages({**scope, "app": self}, receive, send)
 
     def of_the_page(self) -> list[str]:
-        """What was asked for since the last time, but the API."""
+        """Returns the paths requested since the last call, except the API's."""
         asked, self.asked = [path for path in self.asked if not path.startswith("/api")], []
         return asked
 
@@ -50,13 +50,16 @@ def served() -> Iterator[Served]:
 
 
 def first_paint(page: Page) -> float:
-    """ms from the begin of the navigation to the first paint."""
+    """Returns the milliseconds from the start of the navigation to the first paint."""
     page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length > 0")
     return float(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
 
 
 def all_is_here(page: Page) -> None:
-    """Wait until the modules of all views have come: those of others than the first do when the page has stood for a while."""
+    """Waits until the modules of all views are loaded.
+
+    Those of other views are preloaded some time after the first view is shown.
+    """
     page.wait_for_function(
         """() => {
             const wanted = Object.values(JSON.parse(document.getElementById("view-modules").textContent)).flat();

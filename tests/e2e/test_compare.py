@@ -1,4 +1,4 @@
-"""Two pictures at the wipe: what is left of it is the one's, what is right of it the other's."""
+"""Two pictures at the wipe: the first is shown on its left, the second on its right."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
-    """Two pictures of a scene, as they are to be seen; the page shows them beside each other."""
+    """Two pictures of a scene, as the page should display them side by side."""
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
@@ -97,7 +97,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 @pytest.mark.long
 def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
-    """With a still, and with a shot of other frames, which shows the nearest that it has."""
+    """A shot compared with a still, and with a shot of other frames, of which the nearest is shown."""
     parts = [("files", ("turns.glb", turning().glb()))]
     scene = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     white = {"environment": {"color": [1, 1, 1]}}

@@ -1,4 +1,4 @@
-"""Pictures on their way and uploaded ones: on the job's page, and on either side of a comparison."""
+"""Snapshots and uploaded pictures: on the job's page, and on either side of a comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far two pictures are from each other, and the ways in which the page shows it."""
+"""Error metrics of two pictures, and how the page shows them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NVIDIAS = 0.155813  # by flip-evaluator 1.7 of the two pictures below
 
 
 def two_pictures() -> tuple[np.ndarray, np.ndarray]:
-    """(48, 64, 3) uint8: soft colours; and the same with noise and a red bar."""
+    """Two pictures, (48, 64, 3) uint8: soft colours; and the same with noise and a red bar."""
     y, x = np.mgrid[0:48, 0:64]
     a = np.stack([np.sin(x / 5) * 0.5 + 0.5, np.cos(y / 7) * 0.5 + 0.5, (x + y) / 110], -1)
     b = np.clip(a + np.random.default_rng(5).normal(0, 0.06, a.shape), 0, 1)

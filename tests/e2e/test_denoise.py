@@ -1,4 +1,4 @@
-"""The denoised picture on the page: beside the raw one or instead of it, never over it."""
+"""The denoised picture on the page: beside the raw one or instead of it, without modifying it."""
 
 from __future__ import annotations
 

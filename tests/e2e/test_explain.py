@@ -1,4 +1,4 @@
-"""A pixel explained on its picture; the job's log; and the picture's tools, clicked."""
+"""The explanation of a pixel over its picture; the job's log; and the picture's tools."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PIXEL = (96, 64)
 
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
-    """A small picture of a box that light bounces in."""
+    """A small finished picture of a closed box with indirect light."""
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
     return rendered(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
 
@@ -33,7 +33,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
-    """By the tool's click and by the pin's button; the table is the service's answer; Escape ends it."""
+    """The tool's click and the pin's button both start it; the table shows the service's answer; Escape ends it."""
     page = watched.page
     x, y = PIXEL
     told = httpx.get(f"{farm.url}/api/jobs/{finished}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
@@ -96,7 +96,7 @@ def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watch
 
 @pytest.mark.long
 def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
-    """Copied is the picture as it looks, and the address with all of its look; fullscreen is the stage's."""
+    """Copies the picture as displayed, and the URL with all display options; fullscreen shows the stage."""
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
     open_job(page, farm, finished, "?ev=1.5&tone=agx")

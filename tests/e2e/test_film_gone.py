@@ -1,4 +1,4 @@
-"""A picture whose film is gone, and a service that is busy: the page says why, and asks again after the time that is named."""
+"""With a lost film or a busy service, the page shows the reason, and retries after the time that the service names."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PIXEL = bytes.fromhex(
 
 @pytest.fixture
 def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The newest finished still, with samples as the database has it."""
+    """Returns the latest finished still with samples according to the database."""
     monkeypatch.setattr(many.farm.patrol, "suspect", lambda job: None)  # else it is rendered again at once
     newest = select(Job.id).where(Job.state == "finished", Job.shot.is_(None)).order_by(Job.created.desc())
     with many.farm.sessions.begin() as session:

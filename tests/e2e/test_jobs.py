@@ -1,4 +1,4 @@
-"""The list of ten thousand jobs in a browser, on a service without workers."""
+"""A list of ten thousand jobs in a browser, on a service without workers."""
 
 from __future__ import annotations
 

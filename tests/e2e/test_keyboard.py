@@ -1,4 +1,4 @@
-"""From the file to the download, and to a deletion that is taken back, by the keyboard alone."""
+"""Upload, download, and an undone deletion, by keyboard alone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VISIBLE = """(element) => {
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
-    """Press Tab until it has the focus; whatever has it on the way shows that."""
+    """Presses Tab until the element has focus, and checks that every focused element on the way shows it."""
     wanted.wait_for()
     for _ in range(MOST_STOPS):
         page.keyboard.press("Tab")

@@ -1,4 +1,4 @@
-"""The page in the languages of its catalogues: headings translated, and nothing on a view left in English."""
+"""The page in all languages: headings are translated, and no view contains untranslated English."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def job(farm: Farm) -> str:
 
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
-    """A page in a browser of another language than English."""
+    """A page in a browser with another language than English."""
     context = browser.new_context(viewport={"width": 1024, "height": 640}, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
     yield context.new_page(), request.param
@@ -38,7 +38,7 @@ def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[
 
 
 def assert_nothing_is_english(page: Page, locale: str) -> None:
-    """No text of a view is a key of the catalogue that has a translation."""
+    """Checks that no text of a view is a catalogue key with a translation."""
     catalogue: dict[str, str] = json.loads((ROOT / "web" / "words" / f"{locale[:2]}.json").read_text(encoding="utf-8"))
     english = {key for key, text in catalogue.items() if key != text} - set(catalogue.values())
     shown = page.evaluate(

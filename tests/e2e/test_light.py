@@ -1,4 +1,4 @@
-"""Light on the page of a scene: chosen, dropped, rendered under, and said; and no scene is made of it."""
+"""Environment light on a scene's page: selected, dropped, rendered and displayed, without creating a scene."""
 
 from __future__ import annotations
 

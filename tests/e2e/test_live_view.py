@@ -1,4 +1,4 @@
-"""The live view of a scene: the arithmetic of turning, and a farm that follows the hand."""
+"""The live view of a scene: navigation arithmetic, and a farm that follows the navigation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.helpers import Farm, wait_until
 
 
 def slots_of(farm: Farm) -> list[psutil.Process]:
-    """The processes that render."""
+    """Returns the rendering processes."""
 
     def is_worker(process: psutil.Process) -> bool:
         try:
@@ -27,7 +27,7 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
 
 
 def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
-    """Jobs, films and blobs."""
+    """Returns the jobs, films and blobs of the farm."""
     jobs = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs", params={"limit": 1000}).json()}
     films = {path.name for path in (farm.data / "films").iterdir()}
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
@@ -111,7 +111,7 @@ def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched
 
 
 def farm_views(farm: Farm) -> str:
-    """What slots do now."""
+    """Returns the current work of the slots."""
     return "views" if any("view" in doing for w in httpx.get(f"{farm.url}/api/workers").json() for doing in w["current"]) else ""
 
 

@@ -1,4 +1,4 @@
-"""A farm that other machines reach, in the browser: in by a link, out, and in again by a password."""
+"""A farm reachable by other machines, in the browser: login by a link, logout, and login by password."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The board of machines in a browser, of workers that only say they are there."""
+"""The page of machines in a browser, with workers that only send reports."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
 
 @pytest.mark.long
 def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
-    """A slot that goes on to another job shows nothing until that one's picture has come."""
+    """A slot that starts another job shows no picture until that job's picture is loaded."""
     body = """
         const { jobs } = await import("/js/news/farm.js");
         jobs.set(["first", "second"].map((id) => ({ id, name: id, width: 8, height: 8, samples: 9 })));

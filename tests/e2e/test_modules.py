@@ -1,4 +1,4 @@
-"""The page's modules by themselves, in the browser, against what Python says; no farm."""
+"""The page's modules in the browser, compared with Python; without a farm."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOOKS = {
 
 @grid("looks", LOOKS, ordinary=("each curve",))
 def test_the_shader_is_the_tone_mapping_of_python(looks: str, page: Page) -> None:
-    """Every curve over 21 stops, on the screen: to a last bit of 8."""
+    """All tone curves over 21 stops, as displayed, agree to within one unit of 8 bits."""
     film = radiances()
     mount = """
         const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
@@ -78,7 +78,7 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
 
 @pytest.mark.long
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
-    """Tiles come meanwhile: areas are measured at once, and the question is not begun anew with each of them."""
+    """While tiles arrive, areas are measured at once, and a pending request is not restarted."""
     body = """
         const { Store, Disposer } = await import("/js/base/store.js");
         const { Film } = await import("/js/film/film.js");

@@ -1,4 +1,4 @@
-"""A job in a notebook: the widget's two halves, the one in Python with a real farm, the other in a real browser."""
+"""A job in a notebook: the widget's Python part with a real farm, and its JavaScript part in a real browser."""
 
 from __future__ import annotations
 

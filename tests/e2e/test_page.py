@@ -1,4 +1,4 @@
-"""The whole way in a browser: a file dropped on the page becomes a picture whose pixels are the film's."""
+"""The complete path in a browser: a dropped file becomes a picture whose displayed pixels equal the film's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WIDTH, HEIGHT, SPP = 192, 120, 160  # a second or two, so that the page is there
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
-    """Drop a file on the page, as a mouse would."""
+    """Drops a file on the page, as with a mouse."""
     page.evaluate(
         """([name, base64]) => {
             const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
@@ -38,7 +38,7 @@ def drop(page: Page, name: str, content: bytes) -> None:
 
 
 def samples_shown(page: Page) -> int:
-    """The number of samples per pixel that the progress panel says."""
+    """Returns the samples per pixel shown in the progress panel."""
     return int(page.get_by_label("Progress", exact=True).locator(".big").inner_text().replace(",", ""))
 
 

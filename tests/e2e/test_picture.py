@@ -1,4 +1,4 @@
-"""The page of one picture: how it opens, and what can be done with it."""
+"""The page of one picture: loading it, and its tools."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def spheres(farm: Farm) -> str:
 
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
-    """A job that is finished, of some tiles."""
+    """A finished job with several tiles."""
     return rendered(farm, spheres(farm), **SIZE, spp=8)
 
 
@@ -38,7 +38,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 
 def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
-    """The list's JPEG until the film is here, which comes in one answer; no tile after it."""
+    """Shows the list's JPEG until the film arrives, in one response and without further tiles."""
     page = watched.page
     tiles: list[bytes] = []
     said: list[str] = []
@@ -83,7 +83,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
 
 
 def at(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Where a picture's point is on the page."""
+    """Returns the page position of a point of the picture."""
     stage = page.locator(".stage")
     scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
     box = page.locator("canvas.film").bounding_box()

@@ -1,4 +1,4 @@
-"""The switch of project: what is uploaded goes there, and lists show what is in it."""
+"""The project menu: uploads go into the selected project, and lists show only its items."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A job among others in a browser: what it waits for, by when it is wanted, what share whose jobs have."""
+"""The queue of jobs in a browser: dependencies, deadlines, and fair shares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fold of a job's place among others, before the job is asked for."""
+"""The queue options in the form of a new job."""
 
 from __future__ import annotations
 

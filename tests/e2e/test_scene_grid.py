@@ -1,4 +1,4 @@
-"""The scenes of the front page: the latest at first, all of them and those that are sought when asked for."""
+"""The scenes of the front page: the latest first, all on request, and search results."""
 
 from __future__ import annotations
 

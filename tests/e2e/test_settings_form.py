@@ -1,4 +1,4 @@
-"""The settings form by itself: it asks for what renderer/settings.py knows, and only for what differs from the scene's own."""
+"""The settings form alone: it covers all of renderer/settings.py, and requests only what differs from the scene's settings."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def submitted(page: Page) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Sparkling(settings.RenderSettings):
-    """The settings of a renderer that has one more."""
+    """The settings of a renderer with one additional setting."""
 
     sparkle: Annotated[
         float,
@@ -78,7 +78,9 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
 
 @pytest.mark.long
 def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
-    """By what the scene's latest picture measured: a slot's microsecond a sample of a pixel, and a noise of 0.4 with one."""
+    """Estimates follow from the scene's latest picture: one slot-microsecond per sample of a pixel, and a noise of 0.4 at one
+    sample.
+    """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
     open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
     choices = page.get_by_role("radiogroup", name="Quality").locator("label").all()
@@ -114,7 +116,7 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
 
 @pytest.mark.long
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
-    """The value that switches something off, a choice, a noise level and a camera among them; the sides are named by phrases."""
+    """Differences include a disabled setting, a choice, a noise level and a camera; the sides are named by phrases."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
@@ -147,7 +149,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
 
 @pytest.mark.long
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
-    """Of an older release they are scenes of their own, of the same files and the same name; else the job says it."""
+    """Jobs of an older release have separate scenes with the same files and name; newer jobs store the difference themselves."""
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
     own = {"id": "a", "variants": ["beach", "night", "night"], "variant": None, "environment": None}
@@ -197,7 +199,7 @@ def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
 
 @pytest.mark.long
 def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
-    """A name means the first of them; the others are asked for by their numbers."""
+    """A shared name refers to the first camera; the others are requested by number."""
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
     camera = page.get_by_label("Camera", exact=True)
@@ -210,7 +212,7 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
 
 @pytest.mark.long
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
-    """All that a finished job was rendered with, but what is the scene's own anyway."""
+    """Repeats all settings of a finished job, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
     chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
     light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}

@@ -1,4 +1,4 @@
-"""A shot on its page: the filmstrip, each frame by a click or a key, playing, files, and what can be changed."""
+"""The page of a shot: filmstrip, frame navigation by clicks and keys, playback, downloads, and changes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MANY = {"shot": {"frames": "0-1999", "count": 2000, "fps": 24}, "frames": []}
 
 
 def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
-    """The id of a scene that is ready."""
+    """The id of a ready scene."""
     parts = [("files", (name, content)) for name, content in files]
     scene: str = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     with farm.client() as client:
@@ -220,7 +220,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
 
 @pytest.mark.long
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
-    """By a clock of the test's own: that of a busy machine draws when it can."""
+    """Uses a simulated clock, since a busy machine draws frames late."""
     body = """
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
         let now = 1000;

@@ -1,4 +1,4 @@
-"""Asking for a shot: which frames are meant, and what of it a request says."""
+"""The form of a shot: its frames, and the resulting request."""
 
 from __future__ import annotations
 

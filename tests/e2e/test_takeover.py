@@ -1,4 +1,4 @@
-"""A browser that watches a job while the service that works as the farm is killed, and another takes over."""
+"""A browser that watches a job while the owner of the farm is killed, and another service takes over."""
 
 from __future__ import annotations
 
@@ -48,6 +48,6 @@ def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None
 
 
 def samples(page: Page) -> int:
-    """A pixel's, as the page says it."""
+    """Returns the samples per pixel shown on the page."""
     found = page.locator(".side .big.number").text_content()
     return int((found or "0").replace(",", ""))

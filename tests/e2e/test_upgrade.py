@@ -1,4 +1,4 @@
-"""The button of a job whose kind of workers is gone, with real workers of two releases."""
+"""The restart button of a job whose kind of workers no longer exists, with real workers of two releases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPP = 16384
 
 @contextmanager
 def worker_of(release: str, service: Service, folder: Path) -> Iterator[None]:
-    """A worker process of that release that is ready; ended as by a shutdown of its machine."""
+    """Context of a ready worker process of that release, ended as by a shutdown of its machine."""
     command = [sys.executable, "-c", WORKER, release, f"--service={service.url}", "--slots=1", f"--name={release}"]
     log = folder / f"{release}.log"
     with log.open("wb") as out:

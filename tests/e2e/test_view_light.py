@@ -1,4 +1,4 @@
-"""Light by hand in the view of a scene: turned and made stronger by a drag, and the sun put where a click wants it."""
+"""The light tools in a scene's view: dragging rotates and strengthens the light, a click places the sun."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of a scene in the place of its live view: one as A, another as B at a wipe, or the live view itself."""
+"""Pictures of a scene instead of its live view: A alone, or A and B at a wipe, of which one may be the live view."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The page's logic by itself, in Node.js: its modules without a browser, against what Python says."""
+"""The page's logic in Node.js: its modules without a browser, compared with Python."""

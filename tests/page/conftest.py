@@ -1,4 +1,4 @@
-"""Node.js with the page's modules."""
+"""Fixtures: Node.js with the page's modules."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.page.node import Node
 
 @pytest.fixture(scope="session")
 def program() -> str:
-    """Node.js; the test is skipped where there is none."""
+    """Node.js; the test is skipped if there is none."""
     path = shutil.which("node")
     if path is None:
         pytest.skip("no Node.js on the PATH (Debian: apt-get install nodejs)")
@@ -21,13 +21,13 @@ def program() -> str:
 
 @pytest.fixture(scope="module")
 def node(program: str) -> Iterator[Node]:
-    """The modules as an English browser has them."""
+    """The modules as in a browser in English."""
     with Node(program, "en-GB") as node:
         yield node
 
 
 @pytest.fixture(scope="module")
 def german(program: str) -> Iterator[Node]:
-    """The modules as a German browser has them."""
+    """The modules as in a browser in German."""
     with Node(program, "de-DE") as node:
         yield node

@@ -1,4 +1,4 @@
-"""What the page computes of a film: its words, areas, pins, histogram and lines of paths."""
+"""The page's computations on a film: words, areas, pins, histogram, and lines of paths."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_the_histogram_counts_the_films_pixels(node: Node) -> None:
 
 
 def test_lines_end_at_the_edge_and_behind_the_eye(node: Node) -> None:
-    """A line to what lies behind is the line that is seen: cut where it would pass beside the eye."""
+    """A line to a point behind the eye is clipped to its visible part."""
     room = {"left": 0, "top": 0, "right": 100, "bottom": 100}
 
     def line(a: list[float], b: list[float]) -> dict | None:

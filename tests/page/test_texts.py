@@ -1,4 +1,4 @@
-"""What the page says and reads: numbers, times, frame numbers, shortcuts, sentences of the service."""
+"""Texts that the page formats and parses: numbers, times, frame ranges, shortcuts, messages of the service."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
 
 
 def test_how_long_an_upload_still_takes(node: Node) -> None:
-    """From the last seconds alone: it was fast at first."""
+    """The estimate uses only the last seconds, although the upload was faster at first."""
     body = """
         const pace = new m.Pace(1_000_000);
         return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""
@@ -134,7 +134,7 @@ def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
 
 
 def test_long_texts_and_deep_quotes_take_no_time(german: Node) -> None:
-    """Patterns with several places, against texts that have their words many times: none goes back over what it has read."""
+    """Patterns with several placeholders match texts that repeat their words, without backtracking."""
     body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"
     words = "The scene cannot be rendered: ", "a: ", "x; ", "No. ", "is (", " of the tile at "
     assert german.call("base/said", body, [each * (3900 // len(each)) for each in words]) < 2000

@@ -1,4 +1,4 @@
-"""The arithmetic of the live view: turning, its address, its packets, light by hand."""
+"""Arithmetic of the live view: navigation, URL, packets, light tools."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> Non
 
 
 def test_what_is_dragged_follows_the_hand(node: Node) -> None:
-    """Half a picture's height to the right and down: the old target is seen there."""
+    """After panning by half a picture height to the right and down, the old target appears there."""
     moved = node.call("scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
     forward = vector(moved, "target") - vector(moved, "eye")
     distance = np.linalg.norm(forward)

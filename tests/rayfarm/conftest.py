@@ -1,4 +1,4 @@
-"""A service to look at."""
+"""Fixture: a service for client commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A collector on loopback: what OpenTelemetry's exporters send it over HTTP, decoded by OpenTelemetry's own messages."""
+"""An OpenTelemetry collector on loopback: receives spans over HTTP, decoded with OpenTelemetry's own messages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Receiver", "Span"]
 
 @dataclass(frozen=True)
 class Span:
-    """One that came. Numbers in hexadecimal, times in nanoseconds."""
+    """A received span. Ids are hexadecimal, times in nanoseconds."""
 
     service: str
     instance: str
@@ -31,7 +31,7 @@ class Span:
 
 
 class Receiver:
-    """A context."""
+    """The collector, as a context manager."""
 
     def __init__(self) -> None:
         self.spans: list[Span] = []
@@ -66,7 +66,7 @@ class Receiver:
         self._server.server_close()
 
     def of(self, name: str) -> list[Span]:
-        """Those of a name."""
+        """Returns the spans with this name."""
         return [span for span in self.spans if span.name == name]
 
     def _take(self, request: ExportTraceServiceRequest) -> None:

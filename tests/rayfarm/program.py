@@ -1,4 +1,4 @@
-"""The program `rayfarm`, as a process and in this one."""
+"""Runs the program `rayfarm`, in a new process or in this one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LISTENS_TO = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """The program as a process of its own."""
+    """Runs the program in a new process."""
     command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
     return subprocess.run(
         command, cwd=ROOT, env={**os.environ, "COLUMNS": "160", **environment}, capture_output=True, text=True, timeout=120
@@ -29,7 +29,7 @@ def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedP
 
 
 def rayfarm(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """The program in this process, where numba and the kernels are loaded already."""
+    """Runs the program in this process, where numba and the kernels are already loaded."""
     stdout, stderr, code = io.StringIO(), io.StringIO(), 0
     before, listened = dict(os.environ), {number: signal.getsignal(number) for number in LISTENS_TO}
     mask = os.umask(0o077)

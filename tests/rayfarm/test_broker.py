@@ -1,4 +1,4 @@
-"""The farm's own Redis: which server it is, where it listens, and what a client without the password can take."""
+"""The farm's own Redis: which server is used, where it listens, and what a client can do without the password."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_client_without_the_password_fills_no_memory(tmp_path: Path) -> None:
 
 
 def test_the_data_may_lie_in_a_folder_of_any_name(tmp_path: Path) -> None:
-    """As in a clone at ~/My Projects, or where macOS keeps programs' data: ~/Library/Application Support."""
+    """Data folders with spaces in their path work, such as ~/My Projects or ~/Library/Application Support."""
     folder = tmp_path / 'Application Support "ü" \\n'
     folder.mkdir()
     server = running_redis(folder)

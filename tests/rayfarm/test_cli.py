@@ -1,4 +1,4 @@
-"""The program as a person starts it: help that teaches, pictures, sentences for what is wrong, exit codes."""
+"""The command line: help texts, pictures, error messages, exit codes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_help_teaches_by_example(command: str) -> None:
 
 
 def test_help_reads_well() -> None:
-    """Paragraphs fill the line, examples are indented, a flag has no value, and no value is called by a type of Python's."""
+    """Paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type."""
     watch = rayfarm("watch", "--help").stdout
     assert "In a pipe it prints lines until the job ends." in " ".join(watch.split())
     assert not any(line.split() == ["ends."] for line in watch.splitlines())
@@ -139,7 +139,7 @@ def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
-    """What a failed batch's command does: the sum of the parts is the picture."""
+    """As in the command of a failed batch: the sum of the parts equals the picture."""
     common = ["render", str(CORNELL), "--size=32x32"]
     assert rayfarm(*common, "-o", tmp_path / "whole.exr", "--spp=4").returncode == 0
     for first in (0, 2):

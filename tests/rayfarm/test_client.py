@@ -1,4 +1,4 @@
-"""The Python client and its commands, held against whatever answers: a service of another release, and what is no farm."""
+"""The Python client and its commands with unexpected servers: a service of another release, and other servers."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ ASKING: dict[str, Callable[[Client], Any]] = {
 
 
 def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:
-    """A command in this process: exit code, standard output and standard error."""
+    """Runs a command in this process; returns exit code, standard output and standard error."""
     before, sys.argv = sys.argv, ["rayfarm", *map(str, arguments)]
     try:
         with pytest.raises(SystemExit) as ended:
@@ -220,7 +220,7 @@ def test_the_results_types_are_there_by_name() -> None:
 
 
 def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = None) -> Callable[[bytes], bytes]:
-    """A service of release 0.1.0 whose job is in this state."""
+    """Returns the responses of a service of release 0.1.0 whose job is in this state."""
 
     def answer(request: bytes) -> bytes:
         if b"/api/scenes" in request:

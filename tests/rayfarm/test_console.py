@@ -1,4 +1,4 @@
-"""What the command line prints of names and messages from elsewhere."""
+"""The command line's output of names and messages from other sources."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Run]:
-    """Runs a command beside a service that asks everybody for a login."""
+    """Runs a command beside a service that always requires a login."""
     folder = tmp_path_factory.mktemp("container")
     service = Service(folder / "data", redis_server, login="always")
     (folder / "bin").mkdir()

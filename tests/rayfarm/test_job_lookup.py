@@ -18,7 +18,7 @@ class Listed:
 
 
 class FarmWith:
-    """A farm whose jobs are found by their whole id, or by a search, which also finds names."""
+    """A farm whose jobs are found by their full id, or by a search, which also matches names."""
 
     def __init__(self, *ids: str) -> None:
         self.ids = ids

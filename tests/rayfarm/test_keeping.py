@@ -1,4 +1,4 @@
-"""backup, restore and gc as they are typed."""
+"""The commands backup, restore and gc."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known to be otherwise in Mitsuba's and pbrt's pictures is said of scenes that have it, and of no others."""
+"""Known differences from Mitsuba's and pbrt's pictures are reported for affected scenes only."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def differences(folder: Path, bsdf: str) -> list[str]:
 
 
 def test_rough_metal_is_brighter_by_what_a_second_facet_gives(tmp_path: Path) -> None:
-    """13.7 % of white at alpha 0.25, which docs/correctness.md has by quadrature."""
+    """13.7 % of white at alpha 0.25, as computed by quadrature in docs/correctness.md."""
     (found,) = differences(tmp_path, METAL.format(0.25))
     assert found.startswith("Rough metal")
     assert found.endswith("up to 14 % brighter here")

@@ -1,4 +1,4 @@
-"""What `rayfarm up` starts, without starting it."""
+"""The processes that `rayfarm up` would start, without starting them."""
 
 from __future__ import annotations
 

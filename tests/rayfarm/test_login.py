@@ -1,4 +1,4 @@
-"""By what the commands on the farm's own machine are let in."""
+"""Credentials of commands on the farm's own machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A whole farm seen from outside: its logs as objects, and its traces at a collector, from upload to tile."""
+"""A whole farm observed from outside: its logs as JSON, and its traces at a collector, from upload to tile."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 @pytest.fixture(scope="module")
 def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
-    """A farm that was watched while it rendered and was then stopped; the collector, a job and its scene."""
+    """A farm that was observed while it rendered and was then stopped; the collector, a job and its scene."""
     settings = {"RAYFARM_LOG_FORMAT": "json", "RAYFARM_LOG_LEVEL": "debug"}
     with Receiver() as receiver:
         settings |= {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
@@ -42,7 +42,7 @@ def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, R
 
 
 def is_said_of_a_killed_slot(farm: Farm, job: str) -> bool:
-    """Whether Celery has told of one that was killed at its work; else the latest that rendered something is killed."""
+    """Whether Celery has logged a killed slot; otherwise kills the slot that rendered last."""
     said = [
         json.loads(line)
         for line in (farm.data / "logs" / "worker.log").read_text().splitlines(keepends=True)

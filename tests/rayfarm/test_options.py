@@ -1,4 +1,4 @@
-"""Options are read once and for both commands; what is wrong with one is said with an example of what is right."""
+"""Options are parsed once for both commands; errors show a valid example."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Pictures on their way to a disk."""
+"""Writing pictures to disk."""
 
 from __future__ import annotations
 

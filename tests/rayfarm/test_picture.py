@@ -1,4 +1,4 @@
-"""What `render` and `submit` are asked for: every setting of the renderer, the same for both."""
+"""Options of `render` and `submit`: all settings of the renderer, equal for both."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CAMERAS = [
 
 
 def parsed(arguments: list[str]) -> Picture:
-    """The picture that a command is given by these arguments."""
+    """Returns the picture requested by these arguments."""
     found: list[Picture] = []
     app = typer.Typer()
 

@@ -1,4 +1,4 @@
-"""Which files belong to a scene that a person names."""
+"""The files that belong to a scene given by name."""
 
 import zipfile
 from pathlib import Path

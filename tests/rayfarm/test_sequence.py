@@ -1,4 +1,4 @@
-"""`rayfarm render --frames`: each frame is its still, what is there is kept, what fails is named and the others go on."""
+"""`rayfarm render --frames`: each frame equals its still, existing files are kept, and failed frames do not stop the others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
 
 
 def turning(camera_alone: bool = False) -> Gltf:
-    """A big triangle that goes to the right within a second, or a camera that does; a flat floor keeps still."""
+    """A big triangle, or the camera, that moves to the right within a second, above a static floor."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -47,7 +47,7 @@ def shot(tmp_path: Path) -> Path:
 
 
 def layers_of(path: Path) -> dict[str, np.ndarray]:
-    """An EXR's channels, (h, w) each."""
+    """Returns an EXR's channels, (h, w) each."""
     picture = oiio.ImageBuf(str(path))
     found = picture.get_pixels(oiio.FLOAT)
     return {name: found[..., i] for i, name in enumerate(picture.spec().channelnames)}
@@ -188,7 +188,7 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
 @pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
-    """The triangle goes 2 units a second to the right, or the camera does, 5 units away from it."""
+    """The triangle, or the camera at a distance of 5 units, moves 2 units per second to the right."""
     path = tmp_path / "shot.glb"
     path.write_bytes(turning(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]

@@ -1,4 +1,4 @@
-"""A scene open over time: at each moment what compiling it from scratch gives, to the bit, whichever were asked for before."""
+"""A scene opened over time: every frame equals a compilation from scratch, bit by bit, whatever frames came before."""
 
 import numpy as np
 import pytest
@@ -24,9 +24,9 @@ def ball(g, levels=2, offset=(0, 0, 0), **more):
 
 
 def everything(shines=False, shows=False):
-    """A still ball, a turning arm with a ball and a light on it, a morphing ball, a skinned one, a camera that goes along.
+    """A static ball, a rotating arm with a ball and a light, a morphing ball, a skinned one, and a camera that moves along.
 
-    shines: the ball on the arm is a lamp; shows: another one is there at some moments only.
+    shines: the ball on the arm is a lamp. shows: another ball is visible at some times only.
     """
     g = Gltf()
     g.material()
@@ -87,7 +87,7 @@ shapes:
 
 
 def blob(triangles):
-    """An OBJ file of so many triangles."""
+    """Returns an OBJ file with this number of triangles."""
     corners = np.random.default_rng(triangles).random((3 * triangles, 3))
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in corners]
     return "\n".join(lines + [f"f {3 * i + 1} {3 * i + 2} {3 * i + 3}" for i in range(triangles)]).encode()

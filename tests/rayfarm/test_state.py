@@ -1,4 +1,4 @@
-"""A data folder belongs to one farm at a time, and keeps its secrets."""
+"""A data folder is used by one farm at a time, and its secrets are private."""
 
 import json
 import os

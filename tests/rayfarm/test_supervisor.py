@@ -1,4 +1,4 @@
-"""Parts are restarted, stopped in order, and nothing is left of them."""
+"""Parts are restarted and stopped in order, and leave no processes behind."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
 def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
     supervisor: Supervisor, said: list[str], tmp_path: Path
 ) -> None:
-    """As a worker that ends while it compiles its kernels."""
+    """A part that fails before it is ready, such as a worker while it compiles kernels, waits longer before each restart."""
     part = Part("slow", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log", steady_s=90.0)
     supervisor.start(part)
     for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
@@ -118,7 +118,7 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
 
 
 def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
-    """And what ends before it serves waits longer each time, though it was killed sooner than it could have been ready."""
+    """A part that fails before it serves still waits longer each time, even if it was killed early."""
     serves = [True]
     part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
     supervisor.start(part)
@@ -184,7 +184,7 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
 def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_serves(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever the other parts do: the same fault may strike again while they start."""
+    """Independent of the other parts, since the same fault may recur while they start."""
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
     part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, at_peace=lambda: False)
     supervisor.start(part)

@@ -9,7 +9,7 @@ from tests.renderer.test_temporal_denoise import frame as made
 
 
 def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()) -> tuple[list[float], list[str], dict]:
-    """Which frames are rendered, what happens in which order, and the pictures."""
+    """Returns the rendered frames, the sequence of events, and the pictures."""
     steadying, log, pictures = Steadying(frames, missing), [], {}
     for frame in steadying.plan:
         if frame not in fails:

@@ -1,4 +1,4 @@
-"""What goes along with a USD scene: binary layers keep their names packed."""
+"""The files that accompany a USD scene; names in binary layers are compressed."""
 
 from pxr import UsdGeom
 

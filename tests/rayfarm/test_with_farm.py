@@ -1,4 +1,4 @@
-"""The commands and the client that talk to a farm, against a real one."""
+"""The commands and the client that talk to a farm, with a real one."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
 
 
 def here(*arguments: str | Path) -> tuple[int, str, str]:
-    """The same in this process, where numba and the kernels are loaded already."""
+    """Runs a command in this process, where numba and the kernels are already loaded."""
     done = rayfarm(*arguments, COLUMNS="160", RAYFARM_TOKEN="")
     return done.returncode, done.stdout, done.stderr
 
@@ -148,7 +148,7 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
 
 
 def both() -> Gltf:
-    """A triangle that goes to the right within a second, and a camera that rises."""
+    """A triangle that moves to the right within a second, and a camera that rises."""
     g = turning()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
     samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})
@@ -157,7 +157,7 @@ def both() -> Gltf:
 
 
 def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | None) -> str:
-    """Of the frame that `rayfarm render --frame` renders."""
+    """Returns the digest of the frame rendered by `rayfarm render --frame`."""
     moment = Moment(frame)
     with open_stage(scene, picture.environment(), shutter=picture.shutter()) as stage:
         compiled, summary = stage.at(moment)

@@ -1,4 +1,4 @@
-"""`rayfarm worker` where no farm is: it ends with a sentence, or waits and says for what."""
+"""`rayfarm worker` without a farm: it ends with an error message, or waits and reports for what."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WORKER = ("worker", "--slots=1")
 
 
 def test_a_worker_waits_for_no_library_that_it_has_no_use_for() -> None:
-    """What the command imports, and what the worker does before it is ready, is time that a farm waits for it."""
+    """Imports and start-up work of the worker delay the whole farm."""
     for module, without in (("rayfarm.commands.worker", "numpy httpx"), ("renderer.scene.readers.pbrt", "trimesh scipy.spatial")):
         found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
         assert not set(without.split()) & set(found.split())

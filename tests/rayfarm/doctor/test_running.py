@@ -1,4 +1,4 @@
-"""What is said of a Redis, of workers, and of a machine that no farm runs on."""
+"""Reports about Redis, workers, and a machine without a farm."""
 
 from __future__ import annotations
 

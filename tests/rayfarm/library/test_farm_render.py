@@ -1,4 +1,4 @@
-"""The same picture from a farm as from this process, while it grows and at its end; the widget of a notebook shows both."""
+"""A farm yields the same picture as this process, in progress and at the end; a notebook's widget shows both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mesh of arrays as a .glb, judged by trimesh; what is none is refused by a sentence."""
+"""Meshes from arrays as .glb, validated by trimesh; invalid ones are refused with an error message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of files, dicts and arrays in a program: the same bits as the command's, and errors that say what to do."""
+"""Pictures of files, dicts and arrays in a program: the same bits as the command's, and errors with a remedy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SMALL = {"width": 32, "height": 24, "max_depth": 4}
 
 
 def box() -> dict[str, object]:
-    """A lit box of arrays, with pixels on it."""
+    """A lit box made of arrays, with a texture."""
     cube = trimesh.creation.box()
     uvs = cube.vertices[:, :2] + 0.5
     return {
@@ -50,7 +50,7 @@ def test_a_file_and_the_dict_in_it_give_the_bits_of_a_frame(tmp_path: Path) -> N
 
 
 def test_arrays_and_pixels_are_where_they_should_be() -> None:
-    """The box's front is red on its left half and blue on its right, at the depth that geometry says."""
+    """The box's front is red on its left half and blue on its right, at the depth computed from the geometry."""
     image = rayfarm.render(box(), width=64, height=48, spp=4, eye=(0, 0, 3), fov=30)
     left, right = image["albedo"][24, 26], image["albedo"][24, 38]
     np.testing.assert_allclose(left, [1, 0, 0], atol=0.02)

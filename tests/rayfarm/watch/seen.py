@@ -1,4 +1,4 @@
-"""What a terminal shows of what is written to it: of the orders that `rayfarm watch` uses, and no others."""
+"""Terminal emulator for tests: interprets only the escape sequences that `rayfarm watch` uses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ORDERS = re.compile(
 
 
 class Seen:
-    """A screen of so many cells. pixels: what half blocks, kitty's graphics or sixels show; the latest of them."""
+    """A screen of character cells. pixels: the latest picture shown by half blocks, kitty's graphics or sixels."""
 
     def __init__(self, columns: int, rows: int) -> None:
         self.columns, self.rows = columns, rows
@@ -35,7 +35,7 @@ class Seen:
         self._decoder = codecs.getincrementaldecoder("utf-8")()
 
     def take(self, data: bytes) -> None:
-        """What the program wrote."""
+        """Processes the program's output."""
         text = self._rest + self._decoder.decode(data)
         end = 0
         for found in ORDERS.finditer(text):
@@ -54,11 +54,11 @@ class Seen:
         self._rest = text[end:]
 
     def lines(self) -> list[str]:
-        """What is written, row by row."""
+        """The displayed text, row by row."""
         return ["".join(row).rstrip() for row in self.text]
 
     def blocks(self) -> np.ndarray:
-        """The part of the screen that half blocks fill: pixels, (h, w, 3)."""
+        """Returns the pixels (h, w, 3) of the part of the screen filled by half blocks."""
         rows, columns = np.nonzero(self.text == "▀")
         if not len(rows):
             return np.zeros((0, 0, 3), np.uint8)
@@ -106,7 +106,7 @@ class Seen:
 
 
 def colour_256(number: int) -> np.ndarray:
-    """Red, green and blue of one of xterm's colours beyond the first 16."""
+    """Returns red, green and blue of one of xterm's colours beyond the first 16."""
     if number >= 232:
         return np.full(3, 8 + 10 * (number - 232))
     cube = [0, 95, 135, 175, 215, 255]

@@ -1,4 +1,4 @@
-"""Pictures as half blocks, kitty's graphics and sixels, read back as a terminal shows them."""
+"""Pictures as half blocks, kitty's graphics and sixels, decoded as by a terminal."""
 
 from __future__ import annotations
 

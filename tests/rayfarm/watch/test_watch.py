@@ -1,4 +1,4 @@
-"""`rayfarm watch` on a real pseudo terminal, in a pipe, with a tev and a viewer, against a real service."""
+"""`rayfarm watch` on a real pseudo terminal, in a pipe, with a tev and a viewer, with a real service."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
 
 
 def alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """But for what RGB9E5 rounds."""
+    """Whether two pictures are equal, apart from the rounding of RGB9E5."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 

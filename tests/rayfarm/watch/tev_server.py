@@ -1,4 +1,4 @@
-"""A tev that keeps the images it is sent: packets are decoded as tev's src/Ipc.cpp does."""
+"""A stand-in for tev that stores received images: packets are decoded as in tev's src/Ipc.cpp."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["TevServer"]
 
 
 class TevServer:
-    """A context. images: by name, (h, w, 3)."""
+    """The server, as a context manager. images: by name, (h, w, 3)."""
 
     def __init__(self, port: int = 0) -> None:
         self._server = socket.create_server(("127.0.0.1", port))

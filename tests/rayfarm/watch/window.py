@@ -1,4 +1,4 @@
-"""A terminal's window: `rayfarm` runs in it on a real pseudo terminal, which answers as it is told and shows what was drawn."""
+"""A terminal window: runs `rayfarm` on a real pseudo terminal with configurable replies, and records the output."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ DA1, DA1_WITH_SIXEL = b"\x1b[?62;22c", b"\x1b[?62;4;22c"
 
 
 class Window:
-    """A context. answers: to the query for what it can, sent when DA1 is asked for."""
+    """The window, as a context manager. answers: replies to the queries for capabilities, sent when DA1 is queried."""
 
     def __init__(
         self, *arguments: str, columns: int = 80, rows: int = 30, answers: bytes = TRUE_COLOUR + DA1, **environment: str
@@ -82,7 +82,7 @@ class Window:
         self.wait_for(lambda: any(words in line for line in self.screen.lines()), f"it says {words!r}")
 
     def ends(self) -> tuple[int, str]:
-        """Its exit code and what it said on standard error; the screen must be as before."""
+        """Returns the exit code and standard error; checks that the screen was restored."""
         _, err = self.process.communicate(timeout=40)
         self.wait_for(lambda: {"25", "7"} <= self.screen.modes and not {"1049", "2026"} & self.screen.modes, "the screen is left")
         assert termios.tcgetattr(self._slave) == self.before

@@ -1,4 +1,4 @@
-"""The API's manners: problems, idempotency, pictures with ETags, pages, headers, and who may call."""
+"""General behaviour of the API: problems, idempotency, pictures with ETags, pagination, headers, and authorization."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_a_still_says_its_noise(service: Service, scene: str) -> None:
-    """As docs/python.md ends a loop by it. It is that of the history, and it is written down."""
+    """The noise, by which docs/python.md ends a loop, equals that of the history, and is stored."""
     job = service.submit(scene, spp=16)
     service.wait_for(job, "finished")
     noise = service.job(job)["frames"][0]["noise"]
@@ -70,7 +70,7 @@ def test_a_still_says_its_noise(service: Service, scene: str) -> None:
 
 
 def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
-    """The front page asks for all of them each time it is opened."""
+    """The front page requests all thumbnails each time it is opened."""
     writer = service.farm.blobs.writer()
     writer.write(b"a picture")
     sha256 = writer.commit()

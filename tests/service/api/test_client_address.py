@@ -1,4 +1,4 @@
-"""Clients' addresses behind proxies, by real requests: on loopback, with and without RAYFARM_TRUSTED_PROXIES."""
+"""Client addresses behind proxies, with real requests: on loopback, with and without RAYFARM_TRUSTED_PROXIES."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def failed_login(service: Service, name: str, headers: list[tuple[str, str]]) ->
 
 
 def last_address(service: Service, headers: list[tuple[str, str]]) -> str:
-    """The address that the audit log has for a request."""
+    """Returns the address that the audit log stores for a request."""
     answer = httpx.post(f"{service.url}/api/links", json={}, headers=[("Authorization", f"Bearer {OWNER}"), *headers])
     assert answer.status_code == 201, answer.text
     audit = httpx.get(f"{service.url}/api/audit", headers={"Authorization": f"Bearer {OWNER}"}).json()

@@ -1,4 +1,4 @@
-"""Rows that this release cannot describe: each is one line of the list, and the list is there."""
+"""Rows that this release cannot interpret are listed with an error, and the list still works."""
 
 from __future__ import annotations
 

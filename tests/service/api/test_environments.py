@@ -1,4 +1,4 @@
-"""Lights to choose from: presets, and images that are looked at, kept once, shown, used and deleted."""
+"""Environments: presets, and uploaded images that are validated, stored once, shown, used and deleted."""
 
 from __future__ import annotations
 

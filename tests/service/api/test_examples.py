@@ -1,4 +1,4 @@
-"""/api/examples: what is shipped can be opened like an upload."""
+"""/api/examples: shipped scenes can be opened like uploads."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_of_an_example_that_is_a_shot_its_frames_are_told(service: Service) -> N
 
 
 def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The disk fills up at the third file."""
+    """The disk becomes full at the third file."""
     written: list[bytes] = []
 
     def write(self: BlobWriter, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""GET /api/jobs/{id}/explain: what is asked of a worker, what of its answer is told, and what is said where nobody can."""
+"""GET /api/jobs/{id}/explain: the worker's request, the validated answer, and the errors without a capable worker."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PATH = {"chosen": ["first"], "sample": 0, "value": [1, 1, 1], "end": "depth", "t
 
 
 def explained(work: ExplainPixel) -> list[dict[str, Any]]:
-    """What a worker says whose samples are those of the film."""
+    """Returns the answer of a worker whose samples equal those of the film."""
     sums = expected_sums(Tile(work.x, work.y, 1, 1), 0, work.count, work.settings.seed)[:, 0, 0]
     told = {"samples": work.count, "sums": [int(v) for v in sums[COLOR]], "finite": int(sums[SAMPLES]), "paths": [PATH]}
     return [{"type": "begun"}, {"type": "done", "explained": told}]

@@ -1,4 +1,4 @@
-"""Files that are saved are called by people's words, and by nothing that a file system or a header does not take."""
+"""Download file names use the user's names, without characters that file systems or headers do not allow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a service that stands by passes on, over two real servers: one that echoes, and one in front of it."""
+"""Forwarding by a standby, with two real servers: one that echoes, and a standby in front of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.service.conftest import until
 
 @contextmanager
 def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
-    """Its port, on loopback."""
+    """Context of a server; yields its port on loopback."""
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan=lifespan, log_level="warning"))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
@@ -35,7 +35,7 @@ def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int
 
 
 async def echo(scope: Scope, receive: Receive, send: Send) -> None:
-    """Says what it is asked, and gives whoever asks the cookie of a session."""
+    """Responds with the received request, and sets a session cookie."""
     headers = {name.decode(): value.decode() for name, value in scope["headers"]}
     body = json.dumps({"path": scope["raw_path"].decode(), "headers": headers}).encode()
     cookie = (b"set-cookie", b"session=of-the-one-before; Path=/; HttpOnly")
@@ -68,7 +68,7 @@ def standby(owner: int) -> Iterator[int]:
 
 
 def asked(port: int, target: str, *headers: str) -> tuple[int, bytes]:
-    """Status and body, for a request that no client would write."""
+    """Sends a raw request that no HTTP client would write; returns status and body."""
     with socket.create_connection(("127.0.0.1", port), timeout=30) as wire:
         lines = [f"GET {target} HTTP/1.1", "Host: localhost", "Connection: close", *headers]
         wire.sendall("\r\n".join([*lines, "", ""]).encode())
@@ -84,7 +84,7 @@ def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
 
 
 def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
-    """`http://owner:8000` and `*@elsewhere/` are together an address at elsewhere."""
+    """A path cannot change the owner's host: `http://owner:8000` and `*@elsewhere/` together are a URL at elsewhere."""
     with served(echo) as elsewhere:
         status, body = asked(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400
@@ -93,7 +93,7 @@ def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
 
 
 def test_nothing_is_said_that_nobody_said(standby: int) -> None:
-    """An answer in gzip is not for whoever did not ask for it."""
+    """A client that did not request gzip gets an uncompressed response."""
     found = json.loads(asked(standby, "/a?b=%20c")[1])
     assert found["path"] == "/a"
     assert not {"accept", "accept-encoding", "user-agent"} & found["headers"].keys()

@@ -1,4 +1,4 @@
-"""Health is answered while every thread is busy; pictures in plenty are turned away with the time to come again."""
+"""Health checks respond while all threads are busy; excess picture requests are rejected with Retry-After."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.service.peer_worker import PeerWorker
 
 @pytest.mark.long
 def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many slow requests as there are threads, and more."""
+    """With more slow requests than threads."""
     hold = threading.Event()
     monkeypatch.setattr(scenes, "find_scene", lambda id, farm: hold.wait(20))
     with ThreadPoolExecutor(60) as many:

@@ -1,4 +1,4 @@
-"""A flood of messages leaves time for everybody else."""
+"""A flood of messages leaves time for other tasks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST = 200_000
 
 
 class Flood:
-    """A socket of which the next message is always there already."""
+    """A socket whose next message is always available."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -26,7 +26,7 @@ class Flood:
 
 
 def heard_while_others_work(text: str) -> float:
-    """How many messages are taken in of a flood while another task rests, over how many there may be."""
+    """Returns the number of messages accepted from a flood while another task sleeps, relative to the limit."""
 
     async def both() -> float:
         flood = Flood(text)

@@ -1,4 +1,4 @@
-"""Ten thousand jobs: found, counted, listed by pages, and changed many at a time."""
+"""Ten thousand jobs: searched, counted, paginated, and changed in bulk."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def service(
 
 @contextmanager
 def statements(service: Service) -> Iterator[list[str]]:
-    """What the database is asked by whoever reads on requests' behalf."""
+    """Records the database queries of requests."""
     said: list[str] = []
 
     def note(_: Any, __: Any, statement: str, *___: Any) -> None:

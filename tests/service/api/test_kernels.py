@@ -1,4 +1,4 @@
-"""Machine code, kept for the workers that join later."""
+"""Compiled kernels, stored for workers that join later."""
 
 from __future__ import annotations
 

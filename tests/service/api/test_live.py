@@ -1,4 +1,4 @@
-"""Watchers: the WebSocket's snapshot, tiles and acknowledgements, and the event stream."""
+"""Live connections: the WebSocket's snapshot, tiles and acknowledgements, and the event stream."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 
 
 class Watcher:
-    """Reads a job's live messages; acknowledges where it is told to."""
+    """Reads a job's live messages; acknowledges them on demand."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -34,7 +34,7 @@ class Watcher:
         self.words: dict[Tile, np.ndarray] = {}
 
     def read(self, seconds: float, acknowledge: bool = True) -> None:
-        """Take in messages until none comes for a while, the job is over, or the time is."""
+        """Receives messages until none arrives for a while, the job has ended, or the timeout expires."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -192,7 +192,7 @@ def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWo
 
 
 def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.ndarray, int]:
-    """The whole film as one answer has it: samples of its tiles, words (h, w), side of a tile."""
+    """Returns the whole film from one response: samples of its tiles, words (h, w), side of a tile."""
     answer = service.http.get(f"/api/jobs/{job}/frames/0/film", headers=headers).raise_for_status()
     version, kind, frame, width, height, side = struct.unpack_from("<BBHHHI", answer.content)
     assert (version, kind, frame) == (1, 2, 0)

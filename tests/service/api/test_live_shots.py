@@ -1,4 +1,4 @@
-"""Watching a shot: how its frames are, and the tiles of one after the other."""
+"""Live connection to a shot: the states of its frames, and tiles of one frame after another."""
 
 from __future__ import annotations
 

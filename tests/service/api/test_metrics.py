@@ -1,4 +1,4 @@
-"""The numbers for Prometheus; and that the alerts and the dashboard that come with the farm ask for numbers there are."""
+"""Prometheus metrics; the shipped alerts and dashboard only query existing ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every route says in one table what it needs, and nothing else is asked."""
+"""The access requirements of all routes are in one table, and no others are enforced."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CHANGING = {"POST", "PUT", "PATCH", "DELETE"}
 
 
 def routes(found: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Method and pattern of every route of an application, those of included routers too; mounted files as a route of theirs."""
+    """Returns method and pattern of every route of an application, including routers and mounted files."""
     for route in found:
         if isinstance(route, Mount):
             yield "GET", route.path or "/"

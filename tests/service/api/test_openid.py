@@ -1,4 +1,4 @@
-"""In by an OpenID provider: a real one, of oidc-provider-mock, on loopback."""
+"""Login through an OpenID provider: a real one, oidc-provider-mock, on loopback."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PEOPLE = {
 
 
 class Provider:
-    """The provider, and what it was asked."""
+    """The provider, and the requests that it received."""
 
     def __init__(self, server: Any) -> None:
         self.url = f"http://127.0.0.1:{server.server_port}"
@@ -89,7 +89,7 @@ def browser(service: Service) -> Iterator[httpx.Client]:
 
 
 def sent_back(client: httpx.Client, sub: str) -> str:
-    """Begin, and log in at the provider: the address that it leads back to."""
+    """Starts a login and completes it at the provider; returns the redirect address."""
     begun = client.get("/api/login/openid")
     assert begun.status_code == 302, begun.text
     answer = httpx.post(begun.headers["location"], data={"sub": sub}, verify=False)

@@ -1,4 +1,4 @@
-"""JSON is compressed where that is understood and worth it; all else passes as it is."""
+"""JSON is compressed if the client accepts it and it pays off; other responses are unchanged."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ async def _pieces() -> AsyncIterator[bytes]:
 
 
 async def answer(request: Request) -> Response:
-    """What the path says."""
+    """Responds with the content that the path names."""
     kinds: dict[str, Response] = {
         "long": JSONResponse(LONG),
         "short": JSONResponse({}),

@@ -1,4 +1,4 @@
-"""Lists of which there may be ten thousand entries: they come in pages, and cost as much as a page."""
+"""Lists with ten thousand entries are paginated, and a page costs only as much as its entries."""
 
 from __future__ import annotations
 

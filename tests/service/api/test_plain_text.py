@@ -1,4 +1,4 @@
-"""Text with control characters or overrides of the writing direction is refused wherever the API takes text."""
+"""Text with control characters or bidirectional overrides is rejected wherever the API accepts text."""
 
 from __future__ import annotations
 

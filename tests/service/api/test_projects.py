@@ -1,4 +1,4 @@
-"""What is in a project its members alone see: by every route, and by every socket."""
+"""Items of a project are visible to its members only, on every route and socket."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ROLE = {"anna": "submit", "ben": "submit"}
 
 @dataclass
 class People:
-    """Programs that show tokens. anna: of the project's members; ben: of none; chief: an administrator."""
+    """Clients with tokens. anna: a member of the project; ben: of no project; chief: an administrator."""
 
     anna: httpx.Client
     ben: httpx.Client
@@ -58,7 +58,7 @@ def people(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis
 
 
 def shown(service: Service, name: str) -> httpx.Client:
-    """A client that shows a token of a new user's."""
+    """Returns a client with the token of a new user."""
     from service.access.roles import Role
 
     access = service.farm.access
@@ -73,7 +73,7 @@ def made(answer: httpx.Response, status: int) -> dict[str, Any]:
 
 
 def fill(anna: httpx.Client) -> dict[str, str]:
-    """One of each kind in the project, all with the same word in their names."""
+    """Returns one item of each kind in the project, all with the same word in their names."""
     into = {"project": "film"}
     scene = made(anna.post("/api/scenes", params=into, files={"files": (f"{HIDDEN}.obj", OBJ)}), 201)
     assert scene["project"] == "film"

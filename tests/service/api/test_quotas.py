@@ -1,4 +1,4 @@
-"""How much somebody may have and do; what is answered beyond that, and what helps."""
+"""Quotas: limits, and the errors with remedies beyond them."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
 
 
 def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The list looks at every table once, and not once for each user."""
+    """The list reads every table once, not once per user."""
     monkeypatch.setattr(service.farm.quotas, "_size_of", len)  # of a job's id: films settle meanwhile, and become smaller
 
     def listed() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Pictures to compare with: read in a child, kept once, given back as the page reads films, and refused in sentences."""
+"""Reference pictures: decoded in a child process, stored once, returned as films, and refused with error messages."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
 
 
 def ended(*_: Any) -> dict[str, Any]:
-    """A job that ends its process, with a file left behind."""
+    """A task that ends its process and leaves a file behind."""
     tempfile.mkdtemp()
     os._exit(1)
 

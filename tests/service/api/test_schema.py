@@ -1,6 +1,6 @@
-"""Requests made of the API's own description, with ids of real scenes, jobs and workers in every state.
+"""Requests generated from the OpenAPI document, with ids of real scenes, jobs and workers in every state.
 
-Whatever comes in, the answer is one that the description names, in the form that it names, and no fault of the service.
+Every response is declared in the document, with the declared form, and never an internal error.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def _nobody(*wish: Any) -> Any:
 
 
 class Alive:
-    """A service with scenes and jobs in every state there is."""
+    """A service with scenes and jobs in every state."""
 
     def __init__(self, service: Service, worker: PeerWorker) -> None:
         self.service = service
@@ -105,16 +105,14 @@ def ids(path: str, alive: Alive) -> list[str]:
 
 
 def spare(path: str, alive: Alive) -> str:
-    """A scene or a job that may be changed and deleted: the others stay in their states."""
+    """Returns a scene or a job that may be changed and deleted, so that the others keep their states."""
     if "/scenes/" in path:
         return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
     return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
-    """Calls an operation many times; returns how often it answered with which status."""
-    from schemathesis import GenerationMode
-
+    """Calls an operation many times; returns the number of responses by status."""
     seen: dict[int, int] = {}
     operation = schema[path][method]
     live = [known for known in ids(path, alive) if len(known) == 20]

@@ -1,4 +1,4 @@
-"""A shot in one file, from the service as it runs: a zip that comes while frames finish, and films."""
+"""A shot as one file: a zip that is streamed while frames finish, and movies."""
 
 from __future__ import annotations
 

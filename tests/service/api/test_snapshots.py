@@ -1,4 +1,4 @@
-"""A picture on its way, as the service gives it later: exactly what was there at that moment."""
+"""Snapshots returned later equal the picture at that time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXPONENT = 24
 
 
 def light(samples: int) -> np.ndarray:
-    """(h, w) RGB9E5 words of the picture after so many samples of every pixel."""
+    """Returns (h, w) RGB9E5 words of the picture after this number of samples of every pixel."""
     sums = expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, samples, 0)
     return rgbe9995.pack(film_math.mean(sums, EXPONENT))
 
@@ -32,7 +32,7 @@ def kept(service: Service, job: str) -> list[int]:
 
 
 def in_step(service: Service, worker: PeerWorker) -> list[str]:
-    """Let the worker go beyond a power of two only when what was there then is kept; ids of jobs are put into the list."""
+    """Delays the worker at each power of two until its snapshot is stored; job ids are added to the list."""
     jobs: list[str] = []
 
     def wait(batch: RenderBatch) -> None:

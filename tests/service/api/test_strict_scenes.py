@@ -1,4 +1,4 @@
-"""Strict uploads: a scene with warnings fails and lists them, and is another scene than the same files without `strict`."""
+"""Strict uploads: a scene with warnings fails and lists them, and differs from the same files without `strict`."""
 
 from __future__ import annotations
 

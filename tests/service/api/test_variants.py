@@ -1,4 +1,4 @@
-"""A job under a variant of a glTF file's materials: compiled anew of the same files."""
+"""Jobs with a material variant of a glTF file: compiled again from the same files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def refused(answer: Any, status: int) -> str:
 
 @pytest.mark.long
 def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) -> None:
-    """By its name or its number; and under a sky as well."""
+    """By name or number; also with a sky."""
     scene = service.upload(OBJ + b"# variants\n")
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
     assert (service.scene(scene)["variants"], service.scene(scene)["variant"]) == (["beach", "night", "night"], None)

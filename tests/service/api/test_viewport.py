@@ -1,4 +1,4 @@
-"""Looking at a scene: pictures over the WebSocket, by a worker that speaks the contract, and nothing left behind."""
+"""Live views of a scene: pictures over the WebSocket, by a worker that speaks the real contract, without leftovers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.service.viewer import look
 
 
 def left_behind(service: Service) -> list[str]:
-    """All keys of views in Redis, files of films, and jobs."""
+    """Returns all keys of views in Redis, film files, and jobs."""
     redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
     films = [str(path) for path in (service.options["data"] / "films").iterdir()]

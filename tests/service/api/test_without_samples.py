@@ -1,4 +1,4 @@
-"""Pictures of frames that have no samples: 409 and a sentence, never an empty file."""
+"""Pictures of frames without samples: 409 with an error message, never an empty file."""
 
 from __future__ import annotations
 
