@@ -1,4 +1,4 @@
-"""A worker with Blender: what it says and takes, and what it makes of a .blend. A script stands in for Blender."""
+"""A worker with Blender: its report, its tasks, and the result for a .blend. A script stands in for Blender."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from worker.work.prepare import WRITTEN
 
 @pytest.fixture
 def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Says that it is a Blender, and writes a scene with a picture."""
+    """A script that reports itself as Blender, and writes a scene with a picture."""
     path = tmp_path / "bin" / "blender"
     path.parent.mkdir()
     path.write_text(
@@ -38,7 +38,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace]:
-    """What the command makes of its arguments."""
+    """Returns the parsed arguments of the command."""
 
     def make(*words: str) -> argparse.Namespace:
         monkeypatch.setattr("sys.argv", ["worker", "--service", "http://farm.invalid", *words])

@@ -1,4 +1,4 @@
-"""Hours of a week as people write them."""
+"""Parsing of weekly working hours."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ print(round((before - local_now()).total_seconds() / 3600))
 
 
 def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
-    """In a mount namespace: this machine's own zone stays."""
+    """In a mount namespace, so that this machine's own zone stays."""
     zones = [Path("/usr/share/zoneinfo", name) for name in ("Asia/Tokyo", "America/Lima")]
     if not all(zone.exists() for zone in zones) or not Path("/etc/localtime").exists() or shutil.which("unshare") is None:
         pytest.skip("this machine has no zones")
@@ -85,7 +85,7 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
 def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
     evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An hour less, or one more, and no pause between."""
+    """One hour less or more, without an interruption."""
     with monkeypatch.context() as here:
         here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
         time.tzset()

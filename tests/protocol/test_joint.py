@@ -1,4 +1,4 @@
-"""A joint batch's words."""
+"""The encoding of joint batches."""
 
 from __future__ import annotations
 

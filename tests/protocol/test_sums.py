@@ -1,4 +1,4 @@
-"""Sums as bytes: every kind of plane comes back to the bit, and what is damaged is said to be."""
+"""Encoding of sums: every kind of plane is restored bit by bit, and damage is detected."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TILE = Tile(0, 0, 7, 5)
 
 
 def sums_of(seed: int, bits: list[int]) -> Sums:
-    """Planes with values of so many bits; 0: all alike."""
+    """Returns planes with values of this number of bits; 0: all equal."""
     random = np.random.default_rng(seed)
     planes = [
         random.integers(-(1 << b - 1), (1 << b - 1) - 1, (5, 7), endpoint=True) if b else np.full((5, 7), seed) for b in bits

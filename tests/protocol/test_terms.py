@@ -1,4 +1,4 @@
-"""What a real worker does with what is asked of it while it runs."""
+"""Terms applied by a real worker while it runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def offer(bench: Bench) -> Offer:  # noqa: F811
 
 
 def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
-    """What it offers once it keeps these."""
+    """Sends terms; returns the worker's offer once it applies them."""
     bench.store.set(terms_key(bench.report().name), terms.to_bytes())  # type: ignore
     wait_until(lambda: offer(bench).keeps == terms.digest, 20, "it keeps what is asked")
     return offer(bench)

@@ -1,4 +1,4 @@
-"""What a worker tells of its machine."""
+"""A worker's report about its machine."""
 
 from __future__ import annotations
 

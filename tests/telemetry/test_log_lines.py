@@ -1,4 +1,4 @@
-"""Log lines as objects."""
+"""Log lines as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spans: nothing where nobody asks, and what W3C's traceparent may hold."""
+"""Tracing spans: none if tracing is off; and valid values of W3C's traceparent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A worker of its own process and what it talks to, in a test's hands."""
+"""A worker in a separate process with a fake service, controlled by a test."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ __all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 
 
 class FakeService(BaseHTTPRequestHandler):
-    """The few answers that a worker needs."""
+    """The few responses that a worker needs."""
 
     blobs: dict[str, bytes]
     manifests: dict[str, Manifest]
@@ -94,7 +94,7 @@ class FakeService(BaseHTTPRequestHandler):
 
 @dataclass
 class Bench:
-    """A running worker and the test's hands on its queue, its stream and its files."""
+    """A running worker, with access to its queue, its stream and its files."""
 
     url: str
     service: type[FakeService]
@@ -127,7 +127,7 @@ class Bench:
         return self.next("prepared", "prepare-failed")
 
     def prepare_frames(self, work: PrepareFrames) -> list[FrameInfo]:
-        """Of each frame what came of it, in their order."""
+        """Returns the result of each frame's preparation, in order."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE_FRAMES, kwargs={"frames": asdict(work)}, queue=prepare_queue(kind))
         return [FrameInfo.from_json(self.next("frame-prepared").event["info"]) for _ in work.frames]
@@ -137,7 +137,7 @@ class Bench:
         self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind), task_id=message)
 
     def next(self, *types: str) -> Result:
-        """The next result of one of these types."""
+        """Returns the next result of one of these types."""
         found: list[Result] = []
 
         def arrived() -> bool:
@@ -156,7 +156,7 @@ class Bench:
 
 @contextmanager
 def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
-    """A worker that is ready; it ends by itself or is told to."""
+    """Context of a ready worker, which is stopped at the end unless it has ended before."""
     handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -191,7 +191,7 @@ def a_worker(redis_url: str, folder: Path, slots: int) -> Iterator[Bench]:
 
 
 def slots_of(parent: int) -> list[psutil.Process]:
-    """A worker's slots; not the process by which it hands in what it compiled."""
+    """Returns a worker's slots, without the process that uploads kernels."""
     found = []
     for child in psutil.Process(parent).children():
         with suppress(psutil.NoSuchProcess):
@@ -201,7 +201,7 @@ def slots_of(parent: int) -> list[psutil.Process]:
 
 
 def used(slot: psutil.Process) -> float:
-    """Seconds of processor time; -1 of one that has ended since it was listed."""
+    """Returns a slot's processor time in seconds; -1 if it has ended."""
     try:
         return sum(slot.cpu_times()[:2])
     except psutil.NoSuchProcess:
@@ -209,7 +209,7 @@ def used(slot: psutil.Process) -> float:
 
 
 def busiest(parent: int) -> psutil.Process:
-    """The slot that works. One that is being started needs a moment of its core too, and has nothing in hand yet."""
+    """Returns the slot that is rendering. A slot that is starting also needs processor time, but holds no work yet."""
     before = {slot: used(slot) for slot in slots_of(parent)}
     wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: used(slot) - before[slot])

@@ -1,7 +1,7 @@
-"""What a worker says of damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints a line of JSON a suffix.
+"""Results for damaged USD files: `python -m tests.worker.damaged_stages FOLDER TRIES` prints one line of JSON per suffix.
 
-A process of one thread, as a worker's slot is. Where tests write stages USD has begun threads of its own, which a fork lacks and
-waits for.
+Runs as a single-threaded process like a worker's slot. Tests that write stages have USD's threads, which a fork would lack and
+wait for.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ODD = ["-1", "0", "1e39", "nan", "inf", "2147483648", '""', "None", "[]", "@../.
 
 
 def write(folder: Path) -> None:
-    """Write one stage with a little of everything, in each of USD's ways to keep it."""
+    """Writes one stage with a sample of every feature, in each of USD's file formats."""
     made = stage(folder / "a.usda", "Z", 0.01)
     made.SetDefaultPrim(UsdGeom.Xform.Define(made, "/w").GetPrim())
     box = cube(made, "/w/box", scheme="catmullClark")
@@ -51,7 +51,7 @@ def write(folder: Path) -> None:
 
 
 def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
-    """Odd values in place of numbers and names, or bytes that are others."""
+    """Returns the file with odd values instead of numbers and names, or with changed bytes."""
     if suffix == "usda":
         text = data.decode()
         for _ in range(rng.randint(1, 3)):
@@ -65,7 +65,7 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
 
 
 def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
-    """What is said of it, "" where it is read."""
+    """Returns the error message of reading a file; "" if it can be read."""
     try:
         run_bounded(work, lambda message: None, 2 << 30, 60.0, (SceneError,), subject)
     except WorkError as error:
@@ -74,7 +74,7 @@ def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
 
 
 def said(folder: Path, suffix: str, tries: int) -> list[str]:
-    """Of so many damaged files, each in turn."""
+    """Returns the error messages of this number of damaged files."""
     rng = random.Random(7)
     whole = (folder / f"a.{suffix}").read_bytes()
     tried = folder / suffix

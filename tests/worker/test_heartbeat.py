@@ -1,4 +1,4 @@
-"""What a worker reports of itself."""
+"""A worker's reports."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: 
 
 
 def test_nobody_waits_for_an_answer_that_is_late(redis_url: str, store: redis.Redis) -> None:
-    """Else a few questions over a line of a second each way outlast the report."""
+    """Otherwise a few queries over a line with one second per reply would take longer than the report's TTL."""
     with held_up(redis_url, 0.4) as url:
         telling, mine = Telling(url), report("slow", 1)
         telling.tell(mine, None, [])

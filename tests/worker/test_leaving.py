@@ -1,4 +1,4 @@
-"""A worker that ends says what it has in hand until it has ended."""
+"""A worker that is stopping reports its current work until it has ended."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Redis knows who lives, also of a worker that does not report itself."""
+"""Redis lists connected workers, even those that do not report."""
 
 from __future__ import annotations
 

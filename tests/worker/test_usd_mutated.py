@@ -1,4 +1,4 @@
-"""Damaged USD files in the bounded child: a scene or a sentence, and the worker lives on."""
+"""Damaged USD files in the confined child: a scene or an error message, and the worker survives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TRIES = 2
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
-    """Where the files were, and what was said of each, by suffix."""
+    """Returns the folder of the files, and the error messages by suffix."""
     folder = tmp_path_factory.mktemp("usd")
     command = [sys.executable, "-m", "tests.worker.damaged_stages", str(folder), str(TRIES)]
     done = subprocess.run(command, capture_output=True, cwd=ROOT, timeout=300, check=False)

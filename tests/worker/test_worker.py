@@ -1,4 +1,4 @@
-"""A worker process as it is: real Redis, real Celery, real forks; the service's side of HTTP is played by the test."""
+"""A real worker process with real Redis, Celery and forks; the test plays the service's HTTP side."""
 
 from __future__ import annotations
 
@@ -342,8 +342,10 @@ def kill_the_slot_with(bench: Bench, count: int) -> None:
 
 
 def kill_whoever_has(bench: Bench, name: str) -> None:
-    """Kill the slot that works, until the worker has said what became of a batch. Not three times: one of the two slots may just
-    have started, and have used its core for that."""
+    """Kills the busy slot until the worker has answered a batch.
+
+    Not just three times: one of the two slots may have just started, and used its processor time for that.
+    """
     deadline = time.monotonic() + 90
     before: dict[psutil.Process, float] = {}
     killed = 0

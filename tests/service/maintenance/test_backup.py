@@ -1,4 +1,4 @@
-"""A copy that is taken while a farm works is a farm: it goes on from there, to the same bits."""
+"""A backup taken while a farm runs can be started as a farm, which continues with the same bits."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def files_of(folder: Path) -> set[str]:
 
 
 def beside(data: Path, job: str) -> dict[str, bytes]:
-    """A job's log and snapshots, as they lie on the disk."""
+    """Returns a job's log and snapshots, as stored on disk."""
     return {
         path.relative_to(data).as_posix(): path.read_bytes()
         for folder in ("logs-of-jobs", "snapshots")
@@ -154,7 +154,7 @@ def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> Non
 
 
 def small(folder: Path) -> Path:
-    """A farm of a database alone, backed up."""
+    """Creates a farm with only a database, and backs it up."""
     (folder / "data").mkdir()
     with closing(sqlite3.connect(folder / "data" / "rayfarm.sqlite")) as database, database:
         database.execute("PRAGMA user_version")

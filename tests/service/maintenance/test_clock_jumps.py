@@ -1,4 +1,4 @@
-"""A clock that was put forward by mistake lets nothing go that cannot be had again."""
+"""A clock set forward by mistake causes no deletion of data that cannot be restored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rules let go comes back to the same bits where it can, and what is needed or pinned stays."""
+"""Data deleted by rules is restored to the same bits if possible, and needed or pinned data is kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.service.conftest import OBJ, Service, until
 
 
 def aged(service: Service, **days: float) -> None:
-    """Make jobs and scenes as old as that: by id."""
+    """Sets the age of jobs and scenes, given by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
         with service.farm.sessions.begin() as session:
@@ -32,7 +32,7 @@ def let_go(service: Service, **rules: float) -> list[tuple[str, str]]:
 
 
 def over(service: Service, location: str = "/api/retention") -> dict[str, Any]:
-    """A run, once it is over."""
+    """Returns a deletion run after it has ended."""
     runs: list[dict[str, Any]] = []
 
     def is_over() -> bool:

@@ -1,4 +1,4 @@
-"""What was rendered once is taken: never a sample too many, never another bit, and the first job's end is not the second's."""
+"""Reuse of samples: never too many samples, never different bits, and the jobs' goals stay independent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONG_S = 120.0
 
 @pytest.fixture
 def service(service: Service) -> Iterator[Service]:
-    """One that reuses films, as services do unless told."""
+    """A service that reuses films, the default."""
     service.stop()
     service.options["reuse_films"] = True
     service.start()
@@ -28,7 +28,7 @@ def service(service: Service) -> Iterator[Service]:
 
 
 def samples_of(worker: PeerWorker, job: str) -> int:
-    """How many samples of a job it has rendered, all pixels together."""
+    """Returns the number of samples that a worker has rendered for a job, over all pixels."""
     return sum(batch.count * batch.tile.w * batch.tile.h for batch in worker.batches if batch.job == job)
 
 
@@ -125,13 +125,13 @@ SHOT = {"width": 32, "height": 24, "tile_size": 16, "spp": 4}
 
 
 def frame_digests(service: Service, job: str, frames: str) -> list[str]:
-    """Of these frames, in their order."""
+    """Returns the digests of these frames, in order."""
     urls = [f"/api/jobs/{job}/frames/{number}/digest" for number in parse_frames(frames)]
     return [service.http.get(url).raise_for_status().json()["digest"] for url in urls]
 
 
 def expected_frames(frames: str, spp: int = 4) -> list[str]:
-    """What a shot of SHOT has at these frames."""
+    """Returns the expected digests of a shot SHOT at these frames."""
     return [expected_digest(32, 24, spp, round(2000 * number)) for number in parse_frames(frames)]
 
 

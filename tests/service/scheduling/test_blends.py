@@ -1,4 +1,4 @@
-"""Scenes that Blender has to open: who gets them, what is said where nobody has it, and what is kept of its work."""
+"""Scenes that require Blender: which workers get them, the message without Blender, and what is stored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHA256 = hashlib.sha256(WRITTEN).hexdigest()
 
 
 def with_blender(service: Service, **options: Any) -> PeerWorker:
-    """A worker that writes the same of every file."""
+    """A worker that converts every file to the same result."""
     worker = service.worker(name="blender", tags=("blender",), **options)
     worker.more = [blender_queue(worker.kind)]
 

@@ -1,4 +1,4 @@
-"""A database that is locked, read-only or away: films go on, and what could not be written down comes later."""
+"""A locked, read-only or unreachable database: films continue, and pending writes are made up for later."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
 
 
 def away_while(flag: threading.Event, method: Any) -> Any:
-    """The method of Records, which does not get through to the database while the flag is set."""
+    """Wraps a method of Records that fails while the flag is set, as if the database were unreachable."""
 
     def instead(*arguments: Any) -> Any:
         if flag.is_set():
@@ -115,7 +115,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
 
 
 def answers_of(worker: PeerWorker, job: str) -> bool:
-    """Whether results of a job are in the stream."""
+    """Whether the stream contains results of a job."""
     return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
 
 
@@ -141,7 +141,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
 
 
 def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
-    """PostgreSQL takes no character 0."""
+    """PostgreSQL does not accept NUL characters."""
     assert service.http.get("/api/jobs/%00").status_code == 404
     assert service.http.get("/%00").status_code == 404
     asked = {"scene": "\0", "width": 16, "height": 16}

@@ -1,4 +1,4 @@
-"""Shares and limits through the real service: what the workers are really given."""
+"""Shares and limits through the real service: the work that workers actually get."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.service.peer_worker import PeerWorker
 
 
 def submit_as(service: Service, user: str, scene: str, **request: object) -> str:
-    """A job of somebody's, by a token as `rayfarm token` makes it."""
+    """Submits a user's job with a token as from `rayfarm token`."""
     if not any(each.name == user for each in service.farm.access.users.listed()):
         service.farm.access.users.add(user, Role.SUBMIT, None)
     secret, _ = service.farm.access.keys.make("token", user, Role.SUBMIT)
@@ -41,7 +41,7 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
     had: Counter[str] = Counter()
 
     def of_batches() -> float:
-        """Slot seconds as the worker reports them, since every job has its first samples."""
+        """Returns the reported slot-seconds since every job has its first samples."""
         had.clear()
         batches = list(worker.batches)
         begun = max(next((i for i, batch in enumerate(batches) if batch.job == job), 1 << 30) for job in (anna, *bens))
@@ -64,7 +64,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     with service.worker(slots=8) as worker:
 
         def look(batch: RenderBatch) -> None:
-            """What is out beside the one in hand: eight slots would have sixteen."""
+            """Records the messages outstanding besides the current one; eight slots would have sixteen."""
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()

@@ -1,4 +1,4 @@
-"""Films and their jobs with faults, one kind a test: jobs that have nothing to do with it go on, and nothing is lost."""
+"""Faults of films and jobs, one kind per test: unrelated jobs continue, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def film_of(service: Service, job: str) -> Path:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Another program writes into a database, and does not come to an end."""
+    """Context in which another program holds a write lock on a database."""
     other = sqlite3.connect(path, timeout=10, isolation_level=None)
     try:
         other.execute("BEGIN IMMEDIATE")
@@ -44,7 +44,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
-    """A job that has some samples and gets more."""
+    """Returns a job with some samples that gets more."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
     return job
@@ -197,7 +197,7 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
 
 
 def failing_at_first(method: Any, error: Callable[[], Exception], applies: Callable[..., bool], failed: Counter[str]) -> Any:
-    """The method, which fails at its first and third call."""
+    """Wraps a method that fails at its first and third call."""
     calls = Counter[str]()
 
     def instead(self: Any, *arguments: Any, **named: Any) -> Any:
@@ -282,7 +282,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Its rows were read, and are gone when it is taken up."""
+    """Its rows were read, but are deleted before it is loaded."""
     scene, records, deleted = service.ready_scene(), service.farm.records, list[str]()
     pending = records.pending
 

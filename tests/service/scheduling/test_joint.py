@@ -1,5 +1,7 @@
-"""Batches of a tile for the slots of one machine: their sums come added up, and each sample is in the film once, whatever is
-lost, comes twice, or comes by itself before the rest does."""
+"""Batches of a tile for the slots of one machine, whose sums are added up.
+
+Each sample is in the film once, even if sums are lost, duplicated, or arrive separately.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ Run = list[tuple[Any, float]]
 
 
 class Machines(Slots):
-    """Two machines of 32 slots. `troubled` may do something else with sums than to send them."""
+    """Two machines with 32 slots each. `troubled` may replace the sending of sums."""
 
     def __init__(self, service: Service, adds: bool = True) -> None:
         super().__init__(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, adds)

@@ -1,5 +1,4 @@
-"""Shots of very many frames, with a real service that is really killed while it carries out what was asked of them, and with
-several clients that ask for different things at once."""
+"""Shots with very many frames: a real service is killed while it carries out changes, and several clients change them at once."""
 
 from __future__ import annotations
 
@@ -33,7 +32,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class Looked:
-    """The database, as another program sees it."""
+    """The database, read by another program."""
 
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
@@ -53,7 +52,7 @@ class Looked:
         return int(self.one("SELECT count(*) FROM frames WHERE job = :job", job=job))
 
     def targets(self, job: str) -> dict[int, int]:
-        """How many frames are to come to so many samples a pixel."""
+        """Returns the number of frames for each target of samples per pixel."""
         rows = self.all("SELECT target, count(*) FROM frames WHERE job = :job GROUP BY target", job=job)
         return {target // PIXELS: count for target, count in rows}
 
@@ -62,7 +61,7 @@ class Looked:
 
 
 class Mortal:
-    """A service that is started again after it was killed."""
+    """A service that can be killed and restarted."""
 
     def __init__(self, data: Path, redis_url: str, database: str) -> None:
         self._arguments = data, redis_url, database
@@ -88,7 +87,7 @@ class Mortal:
         return self.service.http.post("/api/jobs", json=body, headers={"Idempotency-Key": key} if key else {})
 
     def killed_during(self, request: Callable[[], Any], is_time: Callable[[], bool]) -> bool:
-        """Whether it was killed while the request was under way, and not after it; either way it is started again."""
+        """Kills and restarts the service during a request; returns whether the request was still in progress."""
         answered: list[int] = []
 
         def ask() -> None:
@@ -106,7 +105,7 @@ class Mortal:
         return in_the_midst
 
     def at_rest(self, job: str) -> dict[str, Any]:
-        """A job, once all that was asked of it is done and the engine has it."""
+        """Returns a job after all its changes were carried out and the engine has loaded it."""
         until(self.looked.is_at_rest, "what was accepted is done", PATIENCE_S)
         until(lambda: self.told(job)["count"] == self.looked.frames(job), "it is taken up", PATIENCE_S)
         return self.told(job)
@@ -130,7 +129,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
     in_the_midst = 0
 
     def done(job: str | None, share: float) -> bool:
-        """Whether so much of what is under way is done."""
+        """Whether this fraction of a change was carried out."""
         row = looked.all("SELECT job, done FROM frame_changes")
         return any((job is None or id == job) and count >= share * FRAMES for id, count in row)
 
@@ -169,7 +168,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
 
 
 def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
-    """They ask for more samples, frames anew, other priorities, an end and a new beginning, and a deletion, all of two shots."""
+    """Clients request more samples, frames anew, priorities, cancellation, resumption and deletion of two shots."""
     farm = mortal
     scene, looked = farm.scene(), farm.looked
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
@@ -178,7 +177,7 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     answers: list[tuple[str, int]] = []
 
     def is_deleted(http: httpx.Client) -> bool:
-        """Whether it is accepted: while the others hold its rows the service may say that it is to be tried again."""
+        """Whether the deletion is accepted; while others hold the rows, the service may ask for a retry."""
         status = http.delete(f"/api/jobs/{gone}").status_code
         answers.append(("delete", status))
         return status != 503

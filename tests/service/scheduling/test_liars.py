@@ -1,4 +1,4 @@
-"""Workers that say what is not so, of sums, of times, of blobs, of others' batches: pictures are as if they were not there."""
+"""Workers with false sums, times, blobs or others' batches do not affect the pictures."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorke
 
 @pytest.mark.long
 def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, worker: PeerWorker) -> None:
-    """A worker that names an upload as what it made: nobody reads it by that, and it stays."""
+    """A worker that names an upload as its result: the upload is neither exposed nor deleted."""
     upload = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".ljust(64 * 48 * 12)
     scene = service.upload(upload)
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
@@ -160,7 +160,7 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
 
 @pytest.mark.long
 def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(service: Service) -> None:
-    """Nobody could take it back: who is found out must not have hidden behind others."""
+    """Such samples could not be removed later, so a faulty worker could hide behind others."""
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
         def lie(batch: RenderBatch) -> bool:

@@ -1,5 +1,4 @@
-"""Shots of very many frames: what is asked of them is done some frames at a time, and comes to the same; a service that is killed
-leaves nothing half done."""
+"""Shots with very many frames: changes are carried out in parts with the same result, and a killed service leaves nothing half done."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ def rows(service: Service, job: str) -> list[tuple[Any, ...]]:
 
 
 def is_at_rest(service: Service, job: str) -> bool:
-    """Whether nothing is being done to a job, and the engine has it."""
+    """Whether no change of a job is pending, and the engine has loaded it."""
     with service.farm.sessions() as session:
         return session.get(FrameChange, job) is None and job in service.farm.engine.snapshot.jobs
 

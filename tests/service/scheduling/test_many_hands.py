@@ -1,5 +1,7 @@
-"""Four people at a farm with quotas, while workers come, go and are told what they may: shots are made, changed and deleted, the
-service is restarted, and at the end every picture is what its samples are."""
+"""Four users of a farm with quotas, while workers come, go and change: shots are created, changed and deleted.
+
+The service is restarted meanwhile, and at the end every picture equals its expected samples.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,7 @@ EXPECTED = {200, 201, 204, 304, 404, 409, 422, 429, 503}  # there was something 
 
 
 class Crowd:
-    """All who do something, and what they were answered."""
+    """All clients and workers, and the responses that they got."""
 
     def __init__(self, service: Service, chief: httpx.Client, scene: str) -> None:
         self.service = service
@@ -55,7 +57,7 @@ class Crowd:
         self._made = 0
 
     def hire(self) -> None:
-        """A worker more, of which every second has the tag gpu, and which loses a batch now and then."""
+        """Starts a worker; every second one has the tag gpu, and it loses a batch from time to time."""
         draw = random.Random(self._made)
         options = self.service.options
         worker = PeerWorker(
@@ -69,7 +71,7 @@ class Crowd:
         self._made += 1
 
     def ask(self, http: httpx.Client, method: str, path: str, **more: Any) -> httpx.Response | None:
-        """None where the service was away."""
+        """Sends a request; returns None if the service is away."""
         http.base_url = httpx.URL(self.service.url)
         try:
             answer = http.request(method, path, **more)
@@ -82,7 +84,7 @@ class Crowd:
         return answer
 
     def person(self, secret: str, seed: int) -> None:
-        """Makes, changes, looks at and deletes their own jobs."""
+        """Creates, changes, views and deletes a user's own jobs."""
         draw, mine = random.Random(seed), list[str]()
         with caller(self.service, secret) as http:
             while not self.over.is_set():
@@ -108,7 +110,7 @@ class Crowd:
                 time.sleep(0.1 * draw.random())
 
     def administrator(self, seed: int) -> None:
-        """Says who may have how much, and what workers do; some of these come and go."""
+        """Changes quotas and workers' terms; starts and stops workers."""
         draw = random.Random(seed)
         while not self.over.is_set():
             deed, who = draw.random(), draw.choice(PEOPLE)
@@ -175,7 +177,7 @@ def _jobs(crowd: Crowd) -> list[dict[str, Any]]:
 
 
 def _let_all_end(crowd: Crowd) -> None:
-    """Nothing that somebody has said is in the way any more."""
+    """Removes all limits and pauses, so that the jobs can finish."""
     while len(crowd.workers) < 3:
         crowd.hire()
     jobs = _jobs(crowd)
@@ -205,7 +207,7 @@ def _let_all_end(crowd: Crowd) -> None:
 
 
 def _look(crowd: Crowd, job: dict[str, Any]) -> int:
-    """Hold some frames against what a renderer alone would have made of so many samples; how many."""
+    """Compares some frames with the expected samples; returns their number."""
     path = f"/api/jobs/{job['id']}/frames"
     frames = crowd.chief.get(path).raise_for_status().json()
     some = random.Random(1).sample(frames, min(len(frames), LOOKED_AT))

@@ -1,4 +1,4 @@
-"""Odd messages of workers, made by hypothesis and by hand: each is put aside and counted, and jobs go on to the same bits."""
+"""Malformed messages of workers, from hypothesis and by hand: each is put aside and counted, and jobs finish with the same bits."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ ODD = st.recursive(
 
 @st.composite
 def events(draw: st.DrawFn) -> Any:
-    """A message of which some fields are missing or something else; also of an unknown type, job, scene or frame."""
+    """Generates messages with missing or wrong fields, or with an unknown type, job, scene or frame."""
     type = draw(st.sampled_from(list(SENSE)))
     event = {"type": type, "job": draw(st.sampled_from(["JOB", "nosuch"])), "scene": "nosuch", "worker": "odd", **SENSE[type]}
     for name in draw(st.lists(st.sampled_from(sorted(event)), max_size=3, unique=True)):
@@ -116,7 +116,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
 
 @pytest.mark.long
 def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
-    """Its only frame would be given up, and the job never end."""
+    """Otherwise its only frame would fail, and the job would never end."""
 
     def lie(batch: RenderBatch) -> None:
         worker.send({"type": "frame-prepared", "job": batch.job, "worker": "odd", **SENSE["frame-prepared"]})
@@ -150,7 +150,7 @@ def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(s
 def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    """As a bug would: what comes for one tile raises, once before and once after the film took it."""
+    """Simulates a bug: results of one tile raise an error, once before and once after the film accepted them."""
     left = [3]
     answers = service.farm.engine._answers
     name = {"merge": "_add", "note": "_note_one"}[where]

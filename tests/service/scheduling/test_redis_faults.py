@@ -1,4 +1,4 @@
-"""A Redis with faults, one kind a test: the service says so, nothing is lost, and it goes on by itself when they are over."""
+"""A faulty Redis, one kind of fault per test: the service reports it, loses nothing, and recovers afterwards."""
 
 from __future__ import annotations
 

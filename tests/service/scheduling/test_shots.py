@@ -1,4 +1,4 @@
-"""Jobs of several frames, through a real Redis and the real contract: each is a picture of its own, and none stops another."""
+"""Jobs of several frames, through a real Redis and the real contract: frames are independent of each other."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def expected(frame: float, spp: int = 4) -> str:
 
 
 def begun(batches: list[RenderBatch]) -> list[float]:
-    """The frames in the order in which their first batches came."""
+    """Returns the frames in the order of their first batches."""
     return list(dict.fromkeys(batch.frame / 2 for batch in batches))
 
 
@@ -194,7 +194,7 @@ def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) 
 
 
 def blobs(data: Path) -> dict[str, bytes]:
-    """What is stored, by name. The service goes on meanwhile: what it lets go of while this looks is left out."""
+    """Returns the stored blobs by name; blobs deleted during the call are left out."""
     found = {}
     for path in (data / "blobs").glob("??/*"):
         with contextlib.suppress(FileNotFoundError):
@@ -234,7 +234,7 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All frames have what their round gave them then, and nothing will come back that could say so."""
+    """All frames have the samples of their round, so no returning batch would start the next."""
     request = {"spp": 64, "order": "noisiest-first"}
     whole = shoot(service, service.ready_scene(), "0-3", **request)
     service.wait_for(whole, "finished", 40)

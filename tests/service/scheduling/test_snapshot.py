@@ -1,4 +1,4 @@
-"""What other threads see of the engine, and when they are told."""
+"""The engine's snapshot for other threads, and when they are notified."""
 
 from __future__ import annotations
 

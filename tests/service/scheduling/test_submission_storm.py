@@ -1,4 +1,4 @@
-"""Many submissions at once: the engine waits for at most one of their transactions each time that it writes."""
+"""Many submissions at once: each write of the engine waits for at most one of their transactions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Jobs while batches, workers, Redis, the service or a film are lost: it costs time, and never a bit of the picture."""
+"""Jobs while batches, workers, Redis, the service or a film are lost: it costs time, but never changes the picture."""
 
 from __future__ import annotations
 

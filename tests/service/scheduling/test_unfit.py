@@ -1,4 +1,4 @@
-"""Machines that cannot prepare a scene or a frame, whatever that is: others get it, and the scene is never to blame."""
+"""Machines that cannot prepare scenes or frames: other workers get them, and the scene does not fail."""
 
 from __future__ import annotations
 

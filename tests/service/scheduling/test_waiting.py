@@ -1,4 +1,4 @@
-"""Jobs that come after others, through the real service."""
+"""Jobs with dependencies, through the real service."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest
 
 
 def submit_paused(service: Service, scene: str, **request: object) -> str:
-    """A job that stays unfinished until it is told to go on."""
+    """Returns a job that stays unfinished until it is resumed."""
     service.http.patch("/api/workers/peer", json={"state": "paused"}).raise_for_status()
     job = service.submit(scene, **request)
     service.patch(job, state="paused")

@@ -1,4 +1,4 @@
-"""In which pieces a view is rendered."""
+"""The pieces in which a view is rendered."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames that are prepared for views."""
+"""Pending frame requests of views."""
 
 from __future__ import annotations
 

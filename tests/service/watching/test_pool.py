@@ -15,7 +15,7 @@ from service.watching.pool import Pool
 
 
 class Work:
-    """Work that lasts as long as the test wants."""
+    """A task that lasts until the test ends it."""
 
     def __init__(self) -> None:
         self.begun: list[object] = []

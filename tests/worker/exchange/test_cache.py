@@ -1,4 +1,4 @@
-"""Blobs by hash: fetched once, checked, evicted, or mapped from the service's own folder."""
+"""The blob cache: blobs are fetched once, verified, evicted, or mapped from the service's own folder."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_files_that_another_slot_is_writing_are_left_alone(tmp_path: Path) -> None:
-    """A slot that makes room must not remove what its neighbour fetches, however old; but what a killed one left."""
+    """Eviction keeps files that another slot is fetching, however old, but removes those of a killed slot."""
     slow, other = b"slow" * 100, b"other" * 100
     half_way, go_on = threading.Event(), threading.Event()
 
@@ -168,7 +168,7 @@ def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
 
 
 class FullLink(CountingLink):
-    """A link whose disk is full while more than one blob is kept."""
+    """A link whose disk is full if more than one blob is stored."""
 
     def __init__(self, blobs: dict[str, bytes], folder: Path) -> None:
         super().__init__(blobs)

@@ -1,4 +1,4 @@
-"""The kernel that is got ready before anybody asks for it: once, behind everything else, and without harm where it fails."""
+"""Precompilation of the full kernel: once, at low priority, and harmless if it fails."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def token(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
-    """The commands that were started; each process only says how far it stands back."""
+    """Records the started commands; each process only prints its priority."""
     found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
     popen = subprocess.Popen
 

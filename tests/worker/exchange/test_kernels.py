@@ -1,4 +1,4 @@
-"""Kernels are handed in by a process beside the worker, of which nothing is left."""
+"""Kernels are uploaded by a separate process, which leaves nothing behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Redis over TLS, as the service, the workers and Celery speak to it: a real Redis behind something that ends TLS."""
+"""Redis over TLS for the service, the workers and Celery: a real Redis behind a TLS proxy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from worker.joining import check_redis
 
 
 def certificate(folder: Path, name: str) -> tuple[Path, Path]:
-    """An authority's certificate that is 127.0.0.1's own, and its key."""
+    """Returns a self-signed certificate for 127.0.0.1, and its key."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
@@ -46,7 +46,7 @@ def certificate(folder: Path, name: str) -> tuple[Path, Path]:
 
 
 def relay(inside: socket.socket, port: int) -> None:
-    """Between a TLS connection and the Redis on a port, until one of them ends."""
+    """Forwards between a TLS connection and the Redis on a port, until one of them ends."""
     with inside, socket.create_connection(("127.0.0.1", port)) as outside, selectors.DefaultSelector() as ready:
         ready.register(inside, selectors.EVENT_READ, outside)
         ready.register(outside, selectors.EVENT_READ, inside)
@@ -61,7 +61,7 @@ def relay(inside: socket.socket, port: int) -> None:
 
 @pytest.fixture
 def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
-    """The tests' Redis by a rediss:// address, and who signed its certificate."""
+    """The tests' Redis at a rediss:// address, with the authority of its certificate."""
     authority, key = certificate(tmp_path, "redis")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(authority, key)

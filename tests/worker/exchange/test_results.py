@@ -1,4 +1,4 @@
-"""The way back to the service: bounded, and through a restart of Redis."""
+"""Sending results to the service: bounded, and continued after a restart of Redis."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> Non
 
 
 def test_a_result_takes_as_long_as_a_slow_line_needs(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else none would ever arrive over a line that takes longer for it than a connection's time limit."""
+    """Otherwise no result would arrive over a line that needs longer than a connection's timeout."""
     monkeypatch.setattr(results, "LIMIT_S", 0.3)
     store.delete(RESULTS)
     with held_up(redis_url, rate=400e3) as url:

@@ -1,4 +1,4 @@
-"""A farm with a certificate of its own is believed by that certificate, and nobody else is."""
+"""A farm with its own certificate is trusted by that certificate, and other servers are not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from worker.exchange.trust import TRUST_VARIABLE, trust
 
 
 def certificate(folder: Path, name: str) -> Path:
-    """One that signs itself, and its key beside it."""
+    """Returns a self-signed certificate, with its key in the same folder."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
@@ -39,7 +39,7 @@ def certificate(folder: Path, name: str) -> Path:
 
 @pytest.fixture
 def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Something that speaks HTTPS, and its certificate, which is for another name."""
+    """An HTTPS server, and its certificate, which is for another name."""
     own = certificate(tmp_path, "farm.example")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

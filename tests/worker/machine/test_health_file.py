@@ -1,4 +1,4 @@
-"""The file that a worker keeps for its container's health check, and the check."""
+"""The worker's health file, and the container's health check that reads it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: State, file: Path) 
 
 @pytest.mark.parametrize(("state", "why"), [(State.WORKING, "last seen"), (State.AWAY, ""), (State.STARTING, "")])
 def test_only_an_event_loop_can_hang(state: State, why: str, file: Path) -> None:
-    """Waiting for the service or for Redis may take any time."""
+    """A worker may wait for the service or Redis for any time."""
     health_file.say(state)
     os.utime(file, (1.0, 1.0))
     assert (why in healthy.fault(str(file)), bool(healthy.fault(str(file)))) == (True, bool(why))

@@ -1,4 +1,4 @@
-"""What slots share of a joint batch, with processes that end at the worst moment."""
+"""Sharing of joint batches between slots, with processes that end at the worst moments."""
 
 from __future__ import annotations
 

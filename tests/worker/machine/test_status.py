@@ -1,4 +1,4 @@
-"""The board that slots write and the parent reads, across a real fork."""
+"""The status board that slots write and the parent reads, across a real fork."""
 
 import subprocess
 import sys

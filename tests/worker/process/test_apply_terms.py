@@ -1,4 +1,4 @@
-"""What a worker makes of what is asked of it."""
+"""Applying the terms that a worker receives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
 
 
 class Queues:
-    """A consumer as far as a heartbeat moves it."""
+    """A consumer with the operations that a heartbeat uses."""
 
     def __init__(self, slots: int) -> None:
         self.taken = ["render", "prepare"]

@@ -1,4 +1,4 @@
-"""Views come first, and the other queues have their turn."""
+"""Queue order: views come first, and the other queues take turns."""
 
 from __future__ import annotations
 

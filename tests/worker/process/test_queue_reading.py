@@ -1,4 +1,4 @@
-"""What lies in a queue and is no message hurts no worker."""
+"""Invalid entries in a queue do not harm a worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A site's reducer as a process: it adds up what workers send, knows a worker from anybody, and its death costs nothing."""
+"""A site's reducer as a process: it adds up workers' sums, authenticates workers, and may be killed without loss."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
 
 def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Words that never end: of one address so many are let in, each for a bounded time."""
+    """Slow senders: a limited number per address is accepted, each for a limited time."""
     monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
     monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
     server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)
@@ -169,7 +169,7 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
 
 
 def ended(wire: socket.socket) -> bool:
-    """Whether the other end closes it."""
+    """Whether the other end closes the connection."""
     with suppress(ConnectionError):
         return not wire.recv(1)
     return True

@@ -1,4 +1,4 @@
-"""Reading from a socket for a bounded time, whatever trickles in."""
+"""Reading from a socket with a time limit, even if data trickles in."""
 
 from __future__ import annotations
 

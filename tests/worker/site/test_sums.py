@@ -1,4 +1,4 @@
-"""What a site's reducer has of a run: sent once, whole or when it has waited, and after its end by the next one."""
+"""A reducer's sums of a run: sent once, when complete or after a timeout, and by its successor after its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a slot warns of while it renders a batch, and how long its steps take."""
+"""Warnings of a slot while it renders a batch, and the duration of its steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a log that several processes write."""
+"""The tail of a log written by several processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What confined readers are made to do in the worker's tests."""
+"""Tasks of confined readers for the worker's tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["crash_at_frame_1", "full", "link_out", "say"]
 
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
-    """Serves frames, and reads address 0 at frame 1."""
+    """Serves frames, and reads address 0 at frame 1, which crashes it."""
     at = frames.Stage.at
 
     def crashing(stage: frames.Stage, moment: Moment) -> dict[str, Any]:
@@ -28,17 +28,17 @@ def crash_at_frame_1(*given: Any) -> dict[str, Any]:
 
 
 def say(answer: dict[str, Any], link: Link) -> dict[str, Any]:
-    """Answers with what it is given."""
+    """Returns the given answer."""
     return answer
 
 
 def full(link: Link) -> dict[str, Any]:
-    """Finds the disk full."""
+    """Raises the error of a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "compiled")
 
 
 def link_out(scene: bytes, out: bytes, link: Link) -> dict[str, Any]:
-    """Tries to have a file outside of `out` appear in it; the ways that worked."""
+    """Tries to link a file from outside into `out`; returns the methods that worked."""
     source, made = Path(os.fsdecode(scene)) / "a", []
     for name, way in (("symbolic", os.symlink), ("hard", os.link), ("moved", os.rename)):
         with contextlib.suppress(OSError):

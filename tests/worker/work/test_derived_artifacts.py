@@ -1,4 +1,4 @@
-"""What is made for readers: whatever goes wrong with it, they get an answer, and the slot is free again."""
+"""Results made for clients: every error is answered, and the slot becomes free again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Slots that share a tile: a real worker, whose sums are those of a slot alone, each sample once, whoever is killed."""
+"""Slots that share a tile in a real worker: the sums equal those of a single slot, each sample once, even after kills."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Preparing a scene, around the confined reader (test_reader): whose fault it is when it does not work."""
+"""Preparing a scene, around the confined reader (test_reader): attribution of failures."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SUMMARY: dict[str, Any] = {
 
 
 class Service(Link):
-    """A link whose service has one file, and is away as often as it is told to be."""
+    """A link whose service has one file, and is unreachable a given number of times."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -57,7 +57,7 @@ class Service(Link):
 
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A worker whose reader takes the scene as it was uploaded, and nothing else."""
+    """A worker whose reader accepts the scene only as it was uploaded."""
     service = Service()
     reads: list[bytes] = []
 

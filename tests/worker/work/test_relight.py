@@ -1,4 +1,4 @@
-"""Another light on a prepared scene: the files are read no more, what the two share is stored once, and the scene is the same."""
+"""Another light on a prepared scene: files are not read again, shared parts are stored once, and the scene is unchanged."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SCENE = b"shapes: [{type: sphere, center: [0, 0, 0], radius: 1}, {type: cube}]\n
 
 
 class Service(Link):
-    """A link whose service has what was put there."""
+    """A link whose service has the blobs put there."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")

@@ -24,7 +24,7 @@ from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 
 class Service(Link):
-    """A link whose service is a dict; what was sent and fetched is counted."""
+    """A link whose service is a dict; counts sent and fetched blobs."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -55,7 +55,7 @@ def worker(service: Service, folder: Path) -> Any:
 
 @pytest.fixture
 def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
-    """Three moments, stored by one worker."""
+    """Three frames, stored by one worker."""
     service, kept = Service(), Kept()
     out = tmp_path / "out"
     out.mkdir()

@@ -1,4 +1,4 @@
-"""A farm's motion vectors are those of `rayfarm render`, by whichever camera the request sees."""
+"""A farm's motion vectors equal those of `rayfarm render`, for every camera that a request can name."""
 
 from __future__ import annotations
 

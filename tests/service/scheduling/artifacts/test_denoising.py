@@ -1,4 +1,4 @@
-"""Denoised pictures: at any moment, made once, beside the raw one, and a sentence where nobody can make them."""
+"""Denoised pictures: available at any time, made once, separate from the raw ones; an error message without a capable worker."""
 
 from __future__ import annotations
 

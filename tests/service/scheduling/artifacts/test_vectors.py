@@ -1,4 +1,4 @@
-"""Motion vectors on a farm: made by a worker from the request, once, beside the film's planes; a sentence where nobody can."""
+"""Motion vectors: made once by a worker from the request, separate from the film; an error message without a capable worker."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several batches in a message: only for workers that know it, and no bit is lost with a worker that had some in hand."""
+"""Several batches in a message: only for workers that support it, and no samples are lost with a worker that held some."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is lost, what is late, and what is neither though a machine has too much to do."""
+"""Lost batches, late batches, and batches that are neither on an overloaded machine."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from tests.service.scheduling.fake_clock import FakeClock
 PATIENCE_S = 30.0
 
 
-class World(FakeClock):
-    """A farm without Redis and workers: its queues, fleet, results and clock."""
+class World:
+    """The observed state of the farm, with a simulated clock."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
-    """Else a machine's slots would have nothing to do while what they have done is on its way."""
+    """Otherwise a machine's slots would be idle while their results are on the way."""
     first, second = (
         Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
     )

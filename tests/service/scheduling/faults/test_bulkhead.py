@@ -1,4 +1,4 @@
-"""Whose fault an error is, and what becomes of the step that met it."""
+"""Attribution of errors, and what happens to the failed step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Redis answers, told as what it is."""
+"""Error messages for Redis' errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What jobs need of workers: who gets them, and what is said where nobody may."""
+"""Requirements of jobs: which workers get them, and the message if none qualifies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What workers say of themselves is shown, added up and computed with: numbers that lie must not take anybody along."""
+"""Workers' reports are displayed and summed up, so invalid numbers must not affect anything else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast workers were."""
+"""Speeds of workers."""
 
 from __future__ import annotations
 

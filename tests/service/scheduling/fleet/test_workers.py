@@ -1,4 +1,4 @@
-"""Workers that a person pauses, and suspicion that grows and is forgiven."""
+"""Workers paused by a user, and suspicion that increases and is cleared."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(servic
 
 
 def test_who_is_gone_does_not_stay_because_redis_clock_was_put_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its report then expires as much later: its batches would count as in hand, and its slots as there."""
+    """Otherwise its report would expire late: its batches would count as held, and its slots as present."""
     fleet, hour = service.farm.engine._workers, 3600
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         with service.worker(name="gone"):

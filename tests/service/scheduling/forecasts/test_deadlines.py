@@ -1,4 +1,4 @@
-"""When a job is taken for late, and when not any more."""
+"""When a job starts and stops counting as late."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When a job is expected, by itself and among others; the closed form is held against the shares' own rule, played out."""
+"""Forecasts of single and concurrent jobs; the closed form is compared with a simulation of fair sharing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOW = 1000.0
 
 @dataclass
 class Job:
-    """work: seconds of a slot that are left of it."""
+    """A simulated job. work: remaining slot-seconds."""
 
     id: str = "job"
     work: float = 100.0
@@ -129,7 +129,7 @@ def test_weights_and_limits_of_shares() -> None:
 
 
 def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
-    """Else it would be in time for being late, and late for being in time."""
+    """Otherwise being late would make it on time, and being on time would make it late."""
     other = Job("other", 1000)
     assert expected(Job(), other) == expected(Job(urgency=5.0), other)
 
@@ -147,7 +147,7 @@ def test_it_is_what_the_rule_comes_to(seed: int) -> None:
 
 
 def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str, float]:
-    """When each ends, where batches of half a second are handed out as the scheduler does it."""
+    """Returns the completion time of each job, simulated with the scheduler's rule and batches of half a second."""
     step, left, ended = 0.5, {job.id: job.work for job in jobs}, dict[str, float]()
     shares, now, turn = Shares(), 0.0, 0
     shares.terms = terms

@@ -1,4 +1,4 @@
-"""What workers say may be anything at all: what makes no sense is left out, and the farm goes on."""
+"""Arbitrary messages of workers: invalid ones are dropped, and the farm continues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reader of the result stream: every entry once, and where in the stream it is."""
+"""The reader of the result stream: every entry once, with its position."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
 
 @pytest.fixture
 def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
-    """A Redis that ends a connection whose answer is longer than 2 MiB, as the farm's own does at 192 MiB."""
+    """A Redis that closes a connection whose reply exceeds 2 MiB, as the farm's own does at 192 MiB."""
     name = "client-output-buffer-limit"
     before = connection.config_get(name)[name]
     connection.config_set(name, "normal 2097152 0 0")
@@ -65,7 +65,7 @@ def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
 
 
 def patiently(results: Results) -> list[Entry]:
-    """Reads what there is; a connection that ended is opened again."""
+    """Reads all available entries, and reconnects after a closed connection."""
     for _ in range(20):
         try:
             return results.read(10)

@@ -1,4 +1,4 @@
-"""Which frame comes next, and how a budget of samples is laid out over frames of different noise."""
+"""The order of frames, and the distribution of a sample budget over frames of different noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.scheduling.jobs.agenda import PILOT, Agenda, shares
 
 
 class Frame:
-    """A frame whose noise falls as the standard error does, and that has what it was given at once."""
+    """A frame whose noise falls as the standard error, and that gets its samples at once."""
 
     def __init__(self, key: int, grain: float = 1.0, spp: int = 1 << 20) -> None:
         self.key, self.grain, self.spp = key, grain, spp
@@ -51,7 +51,7 @@ def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> An
 
 
 def laid_out(frames: list[Frame], spp: int) -> Any:
-    """Let a shot be rendered to its end, noisiest first."""
+    """Renders a shot to its end, noisiest first."""
     plan = agenda("noisiest-first", frames, spp)
     rounds = 0
     while not all(frame.is_over for frame in frames):

@@ -1,4 +1,4 @@
-"""How much room a shot's compiled frames take, and what is let go where it is short."""
+"""Storage of a shot's compiled frames, and which are dropped when it is short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose turn it is, as if all frames were looked at each time."""
+"""The queue's order equals that of examining all frames each time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of a job's way: enough to draw it, and never more than a few kilobytes."""
+"""A job's history: enough points for a plot, within a few kilobytes."""
 
 from __future__ import annotations
 

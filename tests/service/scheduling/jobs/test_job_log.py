@@ -1,4 +1,4 @@
-"""A job's log: line by line, bounded, there after a restart, and gone with its job."""
+"""A job's log: limited in size, kept over a restart, and deleted with its job."""
 
 import re
 from pathlib import Path

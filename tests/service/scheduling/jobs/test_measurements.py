@@ -1,4 +1,4 @@
-"""What a job measures of its scene for the next one."""
+"""Measurements of a scene by a job, for the next one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan, driven by a farm that loses, doubles and reorders batches."""
+"""The plan, with a simulated farm that loses, duplicates and reorders batches."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class Bench:
-    """A plan and the coverage that stands for its film; a tile's noise falls with its samples and differs by tile."""
+    """A plan with simulated coverage instead of a film; a tile's noise falls with its samples and differs by tile."""
 
     def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
         self.tiles = tiles_of(50, 40, size)
@@ -43,7 +43,7 @@ class Bench:
             raise FilmWaits("The film is locked.")
 
     def again(self, call: Callable[[], T]) -> T:
-        """As the scheduler does: until the film need not be waited for."""
+        """Repeats a call while the film is locked, as the scheduler does."""
         while True:
             try:
                 return call()
@@ -56,7 +56,7 @@ class Bench:
         self.again(lambda: self.plan.settle(batch))
 
     def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
-        """Run to the end; returns what was handed out. waits: the film has to be waited for every now and then."""
+        """Runs a plan to its end; returns the batches handed out. waits: the film is locked from time to time."""
         dice = random.Random(seed)
         self._faults = random.Random(seed) if waits else None
         of_a_tile = 1 + seed % 4
@@ -213,7 +213,7 @@ def test_noise_of_a_tile_of_few_pixels_is_estimated_later():
 
 
 def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
-    """The mean of a picture of one tile when it ends by noise, one sample in fifty 50 and the others 0: 1.0 is right."""
+    """Returns the mean of a one-tile picture that ends by noise, with one sample in fifty 50 and the others 0; expected: 1.0."""
     tiles = tiles_of(side, side, 16)
     coverage = Coverage()
     sums = np.zeros((2, side, side))
@@ -238,7 +238,7 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
 
 @grid("side", [1, 2, 4], ordinary=(2,))
 def test_noise_ends_tiny_pictures_without_bias(side):
-    """A single pixel was 28 % too dark where its noise was estimated at 32 samples."""
+    """Regression: a single pixel was 28 % too dark when its noise was first estimated at 32 samples."""
     dice = np.random.default_rng(7)
     ends = [_mean_at_the_end(side, dice) for _ in range(160)]
     error = np.std(ends) / len(ends) ** 0.5

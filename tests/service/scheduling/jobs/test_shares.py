@@ -1,4 +1,4 @@
-"""Who is next, by a farm of slots that is played through: batches take as long as they are said to, and nothing else happens."""
+"""Fair shares in a simulated farm, where batches take exactly their expected time."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ class Claim:
 
 
 class Farm:
-    """Slots that take what is handed out in turn; two messages out for each, as the service has it."""
+    """Simulated slots, with two outstanding messages each, as in the service."""
 
     def __init__(
         self, slots: int, jobs: list[Claim], terms: dict[str, Terms] | None = None, guess_s: float | None = None
     ) -> None:
-        """guess_s: what a batch is expected to take, where that is wrong."""
+        """Creates the farm. guess_s: a wrong expected duration of batches."""
         self.shares = Shares()
         self.shares.terms = terms or {}
         self.slots, self.jobs, self.guess_s = slots, jobs, guess_s

@@ -1,4 +1,4 @@
-"""A job's totals are what its frames come to, however they change; and only those that changed are counted again."""
+"""A job's totals equal the sums over its frames after any changes, and only changed frames are counted again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from service.scheduling.jobs.totals import Greatest, Totals
 
 
 class Frame(SimpleNamespace):
-    """Counts how often it was asked."""
+    """Counts how often its numbers are read."""
 
     asked = 0
 

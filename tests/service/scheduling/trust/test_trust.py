@@ -1,4 +1,4 @@
-"""A worker that renders something else than the others is found out, and leaves no trace in any picture."""
+"""A worker with wrong results is detected, and its samples are removed from all pictures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONG_S = 120.0
 
 
 def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
-    """Let it send sums in which one bit is wrong; returns where it did."""
+    """Makes a worker flip one bit in its sums; returns the list of affected batches."""
     lied: list[RenderBatch] = []
 
     def answer(batch: RenderBatch) -> bool | None:

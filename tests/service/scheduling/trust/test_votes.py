@@ -1,4 +1,4 @@
-"""Who is right of those who rendered the same batch: two different workers that agree, and nobody else."""
+"""The correct result of a batch: the one on which two different workers agree."""
 
 from __future__ import annotations
 
