@@ -1,4 +1,4 @@
-"""A .blend in a real farm with a real Blender: the job is cancelled while Blender opens the file, and Blender is killed meanwhile."""
+"""A .blend in a real farm with a real Blender: its job is cancelled while Blender opens the file, and Blender is killed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Shots with very many frames: changes are carried out in parts with the same result, and a killed service leaves nothing half done."""
+"""Shots with very many frames: changes are carried out in parts with the same result.
+
+A killed service leaves nothing half done.
+"""
 
 from __future__ import annotations
 

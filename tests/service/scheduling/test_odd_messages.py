@@ -1,4 +1,4 @@
-"""Malformed messages of workers, from hypothesis and by hand: each is put aside and counted, and jobs finish with the same bits."""
+"""Malformed messages of workers, from hypothesis and by hand: each is put aside and counted, and jobs yield the same bits."""
 
 from __future__ import annotations
 
