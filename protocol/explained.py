@@ -1,13 +1,13 @@
 """Messages between the service and a worker about explaining a pixel.
 
     service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (view_parts.py)
-    worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires by itself
+    worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires after a timeout
 
-The HTTP request waits for the answers on a Redis list of its own; no other state is kept.
+The HTTP request waits for the answers on its own Redis list; no other state is kept.
 
     begun      a slot has taken the task: worker
     compiling  the worker is compiling its kernel, which may take minutes: worker
-    done       explained (worker.explain.told), worker
+    done       explained (worker/work/explain.py), worker
     failed     error (a sentence), worker
     returned   a failure of the worker, error: to be sent again; unfit: to another worker
 """

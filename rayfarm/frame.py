@@ -40,7 +40,7 @@ __all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "s
 
 @dataclass(frozen=True)
 class Order:
-    """What is rendered for each frame, and how it is written."""
+    """The picture requested for each frame, and its output format."""
 
     picture: Picture
     planes: list[str]  # further layers

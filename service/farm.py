@@ -160,7 +160,10 @@ class Farm:
         self.owning.stop()
 
     def film(self, job: Job, frame: int = 0) -> Film | None:
-        """A job's film; None where the job has none yet. Raises FilmLost where it has less of a frame than its row says."""
+        """Returns a job's film; None if it has none yet.
+
+        Raises FilmLost if the film has fewer samples of a frame than the database records.
+        """
         if job.settings is None or job.tile_size is None:
             return None
         try:

@@ -41,7 +41,7 @@ class Blocks:
         return size[0], (size[1] + 1) // 2
 
     def forget(self) -> None:
-        """Forgets what is drawn, after the screen was cleared."""
+        """Discards the record of the drawn picture, after the screen was cleared."""
         self._rows.clear()
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:

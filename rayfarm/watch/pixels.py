@@ -33,7 +33,7 @@ class Pixels:
         return -(-size[0] // self.cell[0]), -(-size[1] // self.cell[1])
 
     def forget(self) -> None:
-        """Forgets what is drawn, after the screen was cleared."""
+        """Discards the record of the drawn picture, after the screen was cleared."""
 
     def clear(self) -> bytes:
         """Returns the bytes that remove what clearing the screen leaves."""

@@ -39,7 +39,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGWINCH, signal
 
 @dataclass(frozen=True)
 class Abilities:
-    """What a terminal can show. cell: width and height of a character cell in pixels."""
+    """Graphics capabilities of a terminal. cell: width and height of a character cell in pixels."""
 
     kitty: bool = False
     sixel: bool = False

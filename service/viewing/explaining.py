@@ -65,10 +65,9 @@ class Explaining:
         return kinds
 
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
-        """Returns the explanation made by worker.explain.told, with the worker's name under `worker`. The message id of `work` is
-        replaced.
+        """Returns a worker's explanation (worker/work/explain.py), with the worker's name under `worker`.
 
-        Raises Unavailable or TooLate, or Failed if the worker reports an error.
+        The message id of `work` is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable("Other pixels are being explained. Try again in a moment.", 2.0)

@@ -1,4 +1,4 @@
-"""A viewer's session: the view to be shown, its pictures so far, and what the page is told about it.
+"""A viewer's session: the requested view, its pictures so far, and the messages to the page.
 
 The scheduler's thread adds sums, threads of the event loop take pictures; a lock is held while sums are read or added.
 """

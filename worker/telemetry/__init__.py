@@ -1,7 +1,7 @@
 """A worker's own log.
 
-logs.py           set up the log
-log_tail.py       the end of the log, for the service
-task_context.py   the ids of the task in progress
-batch_warnings.py a batch's warnings, and how long its steps took
+logs.py            set up the log
+log_tail.py        the end of the log, for the service
+task_context.py    the ids of the task in progress
+batch_warnings.py  a batch's warnings, and how long its steps took
 """

@@ -50,7 +50,7 @@ def is_of_what_was_said(error: Exception) -> bool:
 
 
 class Step(StrEnum):
-    """A step that the engine takes for a job or a scene. Each step waits by itself after an error."""
+    """A step that the engine takes for a job or a scene. After an error, each step waits independently of the others."""
 
     CHANGE = "change"  # apply its row of the database
     RESULTS = "results"  # store workers' answers

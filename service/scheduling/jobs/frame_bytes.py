@@ -23,7 +23,7 @@ def alone(job: ActiveJob, frame: ActiveFrame) -> int:
 
 
 def more(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """Returns the additional bytes of a new BlobRef (worker.protocol.contract), given as JSON."""
+    """Returns the additional bytes of a new BlobRef (protocol.contract), given as JSON."""
     return _sum_without(_blobs(ref), {*held([job]), *job.of_scene})
 
 
