@@ -1,17 +1,17 @@
-"""The path tracer: scene files in, exact sums of light out.
+"""The path tracer: reads scene files and returns exact sums of radiance samples.
 
-Knows numpy, numba and files; nothing of queues, HTTP or jobs. The folders, in the order light meets them:
+Depends on numpy, numba and files only, not on queues, HTTP or jobs. The folders, in the order of a render:
 
-    confine/  where untrusted files are read: a child process that can do little else
-    scene/    where a scene is read and compiled into one memory-mapped file
-    arrays/   the compiled scene as arrays: what scene/ writes, and bvh/ and kernel/ read
-    bvh/      where a ray meets a triangle or a sphere
-    kernel/   where light is scattered, sampled and summed (compiled by Numba)
-    film.py   the exact sums: channels, fixed point, sample bookkeeping (plain numpy: the service merges with it)
-    image/    picture files and tone curves (plain numpy)
-    render.py the whole way in one process
+    confine/  reads untrusted files in a sandboxed child process
+    scene/    reads a scene and compiles it into one memory-mapped file
+    arrays/   the compiled scene as arrays: written by scene/, read by bvh/ and kernel/
+    bvh/      intersects rays with triangles and spheres
+    kernel/   scatters, samples and sums light (compiled by Numba)
+    film.py   the exact sums: channels, fixed point, sample counts (plain numpy: the service merges with it)
+    image/    image files and tone curves (plain numpy)
+    render.py renders a batch or a frame in one process
     precompile.py, shipped_kernels.py
-              kernels that an image of containers brings
+              kernels compiled ahead of time, for container images and wheels
 
 This module imports nothing, so that `renderer.film` and `renderer.image` can be used where numba is not installed.
 """

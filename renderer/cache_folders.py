@@ -1,7 +1,7 @@
-"""Where this machine keeps what can be made again: kernels, what sources mean, fetched scenes, a worker's log.
+"""The folders of this machine's cache: kernels, hashes of sources, fetched scenes, a worker's log.
 
-Kernels are pickles and machine code: whoever can write them runs code as this user. So only files and folders count that belong
-to this user or to root and that nobody else can write; new folders are the user's alone (0700).
+Kernels are pickles and machine code: whoever can write them can run code as this user. So only files and folders are used that
+are owned by this user or root and writable by no one else; new folders get mode 0700.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_home() -> Path:
-    """$RAYFARM_CACHE, by default the user's cache folder: on Linux ~/.cache/rayfarm."""
+    """Returns $RAYFARM_CACHE, by default the user's cache folder: on Linux ~/.cache/rayfarm."""
     named = os.environ.get("RAYFARM_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("rayfarm", appauthor=False)
 
 
 def distrust(status: os.stat_result) -> str:
-    """Why a file or folder with this status must not be loaded from, as the end of a sentence; "" where it may be."""
+    """Returns why a file or folder with this status must not be loaded from, as the end of a sentence; "" if it may be."""
     if status.st_uid not in (os.geteuid(), 0):
         return f"belongs to user {status.st_uid}, neither to this user ({os.geteuid()}) nor to root"
     if status.st_mode & _OTHERS_WRITE:
@@ -46,15 +46,16 @@ def make_private(folder: Path) -> None:
 
 
 def private_folder(name: str) -> Path:
-    """The folder `name`, a relative path, in the cache; where it or a folder on the way to it is not to be trusted, the one of
-    that name in a private folder of this user: in the cache, or else in the temporary folder. Creates nothing in the cache
-    proper; warns once of each folder that is not used.
+    """Returns the folder `name`, a relative path, in the cache.
+
+    If it or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the cache, or
+    else in the temporary folder. Creates nothing in the cache proper; warns once about each folder that is not used.
     """
     return trusted(cache_home(), name)
 
 
 def trusted(home: Path, name: str = "") -> Path:
-    """As `private_folder`, of another cache folder than that of `cache_home`."""
+    """Returns the same as `private_folder`, for a cache folder other than `cache_home`."""
     fault = _fault(home, name)
     if not fault:
         return home / name
@@ -70,9 +71,7 @@ def trusted(home: Path, name: str = "") -> Path:
 
 
 def _fault(home: Path, name: str) -> str:
-    """A sentence about the first folder from `home` on to `name` in it that is not to be trusted; "" where all are, or are not
-    there yet.
-    """
+    """Returns a sentence about the first untrusted folder on the path from `home` to `name`; "" if all are trusted or missing."""
     for folder in (home, *(home.joinpath(*Path(name).parts[: k + 1]) for k in range(len(Path(name).parts)))):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
             if reason := distrust(folder.stat()):
@@ -91,7 +90,7 @@ def _warn(fault: str) -> None:
 
 
 def read_private(path: Path) -> bytes | None:
-    """The bytes of a file that is to be trusted, in a folder that is; None, with a warning, where one is not. Raises OSError."""
+    """Returns the bytes of a trusted file in a trusted folder; None, with a warning, if either is untrusted. Raises OSError."""
     if reason := distrust(path.parent.stat()):
         _warn(f"the folder {path.parent} {reason}; what is in it is compiled anew")
         return None

@@ -1,4 +1,4 @@
-"""Which of a scene's cameras is meant."""
+"""Selection of one of a scene's cameras."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ MOST_CAMERAS = 10**_MOST_DIGITS
 
 
 def camera_number(names: Sequence[str], wanted: str | int | None) -> int:
-    """By its name, by its number from 0, or the first. Raises SettingsError where there is none."""
+    """Returns the index of a camera given by name or by index from 0; by default the first.
+
+    Raises SettingsError if there is none.
+    """
     if not names:
         raise SettingsError("camera cannot be chosen, as the scene has none; give a view")
     if wanted is None:

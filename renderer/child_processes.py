@@ -18,7 +18,7 @@ _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else
 
 
 def die_with_parent(parent: int | None = None) -> None:
-    """Has the kernel kill this process when its parent ends. parent: the parent's pid, if known.
+    """Makes the kernel kill this process when its parent ends. parent: the parent's pid, if known.
 
     The kernel watches the thread that forked, so fork from a thread that lives as long as its process.
     """
@@ -31,7 +31,7 @@ def die_with_parent(parent: int | None = None) -> None:
 
 
 def share_one_heap() -> None:
-    """Makes this process' threads allocate from one heap.
+    """Makes the threads of this process allocate from one heap.
 
     Otherwise glibc reserves 64 MiB of address space for each thread, which counts towards a limit on address space even if
     unused.
@@ -52,5 +52,5 @@ class spawn_guard:  # noqa: N801 - used like a function
 
 
 def signal_name(number: int) -> str:
-    """Returns a signal's name, or its number if it has none, as real-time signals."""
+    """Returns a signal's name, or its number if it has no name, as real-time signals."""
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"

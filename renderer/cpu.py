@@ -1,9 +1,9 @@
-"""The processor that kernels are compiled for.
+"""The CPU that kernels are compiled for.
 
-A film adds up samples of many hosts and must not depend on which, so all Intel and AMD hosts are one kind: they compile for
-x86-64-v3, or, where the processor has it, for AVX-512, whose more registers, masks and byte operations give the same bits sooner
-(tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline and are a kind of their own, whose films never mix
-with the others'.
+A film adds samples of many hosts and must not depend on which, so all Intel and AMD hosts count as one kind: they compile for
+x86-64-v3, or, if the CPU has it, for AVX-512, which yields the same bits faster (more registers, masks, byte operations;
+tests/renderer/test_same_bits.py). ARM hosts compile for their own baseline and are a separate kind, whose films are never
+merged with the others'.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Intel's Open Image Denoise: less noise in a picture, guided by the albedo and the normals that were rendered with it.
+"""Denoises pictures with Intel's Open Image Denoise, guided by the albedo and normals rendered with them.
 
-Optional: the package pyoidn brings the library along. A denoised picture is a guess, so it stands beside the raw one.
+Optional: the package pyoidn contains the library. A denoised picture is an estimate, so the raw one is always stored too.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _RANGE = np.float32(1e6)  # beyond half precision's range nothing is gained; inf
 
 
 def is_available() -> bool:
-    """Whether the package is installed. Opens no library: a parent may ask before it forks."""
+    """Whether the package pyoidn is installed. Loads no library, so it is safe before a fork."""
     return importlib.util.find_spec("pyoidn") is not None
 
 
 class Clean(NamedTuple):
-    """A picture without most of its noise, and the guides that were cleaned for it: (h, w, 3) float32 each."""
+    """A denoised picture and its denoised guides, albedo and normal: (h, w, 3) float32 each."""
 
     color: F32
     albedo: F32
@@ -33,15 +33,15 @@ class Clean(NamedTuple):
 
 
 def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
-    """The picture alone of `cleaned`."""
+    """Returns only the picture of `cleaned`."""
     return cleaned(color, albedo, normal, threads).color
 
 
 def for_a_glance(color: F32, albedo: F32, normal: F32) -> F32:
-    """A small picture of few samples without most of its noise, on one thread: the guides are taken as they are, noise and all,
-    which leaves edges less sharp than `cleaned` does and takes a third of the time.
+    """Returns a denoised preview of a small picture of few samples, computed on one thread.
 
-    The picture itself where Open Image Denoise is not installed or fails.
+    The guides are used without denoising them first: edges are less sharp than those of `cleaned`, in a third of the time.
+    Returns the picture unchanged if Open Image Denoise is not installed or fails.
     """
     try:
         return _cleaned(color, albedo, normal, 1, guides_first=False).color
@@ -50,12 +50,12 @@ def for_a_glance(color: F32, albedo: F32, normal: F32) -> F32:
 
 
 def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> Clean:
-    """The picture without most of its noise, scene-linear; the inputs stay as they are.
+    """Returns the denoised picture, scene-linear; does not modify the inputs.
 
     color: scene-linear radiance. albedo 0 ... 1 and normal -1 ... 1: of the first hits, with their own noise (of lens blur,
-    edges, textures). They are denoised first, each by itself, and then taken as clean (`cleanAux`): that keeps the edges of
-    textures and shapes that a filter of colour alone would smear. threads: None for all cores.
-    Raises SettingsError where Open Image Denoise is not installed or fails.
+    edges, textures). They are denoised first, each separately, and then passed as clean (`cleanAux`): that preserves edges of
+    textures and shapes that a filter of colour alone would blur. threads: None for all cores.
+    Raises SettingsError if Open Image Denoise is not installed or fails.
     """
     return _cleaned(color, albedo, normal, threads or 0, guides_first=True)
 

@@ -1,8 +1,8 @@
-"""The faults a person can act on.
+"""The errors that a user can correct.
 
 RayfarmError
-├── SceneError      a file that cannot become a scene: what is wrong, where, and what to do
-├── SettingsError   a request that cannot be rendered: which field and which values it takes
+├── SceneError      a scene file is invalid: what is wrong, where, and what to do
+├── SettingsError   a render request is invalid: which field, and which values it accepts
 └── MachineError    this machine cannot do it, whatever the scene: its limits, memory, temporary folder, libraries
 """
 
@@ -17,19 +17,19 @@ _ADDRESS = re.compile(r"<[^<>]{0,200}? at 0x[0-9A-Fa-f]+>")
 
 
 class RayfarmError(Exception):
-    """A fault with one clear sentence for the person who can mend it. Object addresses from libraries' messages are left out."""
+    """An error with one clear sentence for the user who can correct it. Object addresses in libraries' messages are removed."""
 
     def __init__(self, *args: object) -> None:
         super().__init__(*(_ADDRESS.sub("the data", each) if isinstance(each, str) else each for each in args))
 
 
 class SceneError(RayfarmError):
-    """A scene file is wrong. The message names the file, and the line or field where there is one."""
+    """A scene file is invalid. The message names the file, and the line or field if known."""
 
 
 class SettingsError(RayfarmError):
-    """A render setting is out of range. The message names the setting and what it takes."""
+    """A render setting is out of range. The message names the setting and the accepted values."""
 
 
 class MachineError(RayfarmError):
-    """This machine cannot do it, whatever the scene. The message says what it lacks; another machine may do it."""
+    """This machine cannot do it, whatever the scene. The message names what is missing; another machine may succeed."""

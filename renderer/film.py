@@ -1,7 +1,7 @@
-"""The exact film: fixed-point sums that add up to the same bits in any order.
+"""The exact film: fixed-point sums that have the same bits in any order of addition.
 
-A sample's value v is rounded once to the integer rint(v * 2**film_exponent) and only integers are added, so a film does
-not depend on tile size, batch size, the number of workers, or what died on the way. Plain numpy: the service merges with it.
+A sample's value v is rounded once to the integer rint(v * 2**film_exponent) and only integers are added, so a film does not
+depend on tile size, batch size, the number of workers, or failures and retries. Plain numpy: the service merges with it.
 
 Overflow cannot happen: |v| is clamped to SAMPLE_MAX = 2**18, the exponent is at most 24 and a pixel takes at most 2**20
 samples, so every sum stays below 2**62.
@@ -62,7 +62,7 @@ Sums = npt.NDArray[np.int64]
 
 
 class BadSample(NamedTuple):
-    """A sample that was NaN or infinite, and so left out."""
+    """A sample that was NaN or infinite and is not in the film."""
 
     x: int
     y: int
@@ -70,7 +70,7 @@ class BadSample(NamedTuple):
 
 
 class BatchSums(NamedTuple):
-    """What rendering a batch gives: `sums` (CHANNELS, h, w) int64, and the samples left out (at most the first 64 of them)."""
+    """The result of a batch: `sums`, (CHANNELS, h, w) int64, and the dropped samples (at most the first 64 of them)."""
 
     sums: Sums
     bad: list[BadSample]
@@ -78,28 +78,29 @@ class BatchSums(NamedTuple):
 
 
 def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.NDArray[np.float32]:
-    """The mean of a channel: (h, w, 3) float32 for colours and vectors, (h, w) for depth; 0 where no sample is."""
+    """Returns the mean of a channel: (h, w, 3) float32 for colours and vectors, (h, w) for depth; 0 without samples."""
     values = sums[channel].astype(np.float64) * 2.0**-film_exponent
     values /= np.maximum(sums[SAMPLES], 1)
     return np.ascontiguousarray(np.moveaxis(values, 0, -1) if values.ndim == 3 else values, dtype=np.float32)
 
 
 def in_half(sample: int) -> bool:
-    """Whether a sample number is in the half: 0, 2, 4, 5, 8 ... 11, 16 ... 23: the first half of each [2**k, 2**(k+1)).
+    """Whether a sample number is in the first of two halves: 0, 2, 4, 5, 8 ... 11, 16 ... 23, the first half of each [2**k,
+    2**(k+1)).
 
-    Both halves are made of blocks of 2**k numbers that begin at a multiple of 2**k: of well distributed points under Sobol',
-    whose shuffled sequence puts such a block into either half with the same chance. The halves are then as even as any
-    shorter run of samples is, so that their difference shows what the sampler still leaves of the noise. Even against odd
-    numbers would be two halves of a coarse pattern: an estimate as if all samples were independent.
+    Both halves consist of blocks of 2**k numbers that begin at a multiple of 2**k: well distributed points under Sobol', whose
+    shuffled sequence puts such a block into either half with equal probability. The halves are then as uniform as any shorter run
+    of samples, so that their difference measures the remaining noise of the sampler. Halves of even and odd numbers would be two
+    halves of a coarse pattern, and the estimate that of independent samples.
     """
     return sample == 0 or (sample > 1 and sample < 3 << (sample.bit_length() - 2))
 
 
 def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """The standard error (3, h, w) of each pixel's mean colour as the halves' difference tells it, and that mean.
+    """Returns the signed standard error (3, h, w) of each pixel's mean colour, estimated from two halves, and that mean.
 
-    The half's mean minus the rest's has the variance s²(1/a + 1/b) for a and b independent samples; the full mean's has
-    s²/(a + b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign says nothing.
+    The first half's mean minus the second's has the variance s²(1/a + 1/b) for a and b independent samples; the full mean's has
+    s²/(a + b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign has no meaning.
     NaN where a half is empty.
     """
     half = sums[SAMPLES_HALF].astype(np.float64)
@@ -114,10 +115,10 @@ def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], np
 
 
 def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray[np.float32]:
-    """The standard error of each pixel's luminance, or its ratio to the luminance: (h, w) float32; inf where unknown.
+    """Returns the standard error of each pixel's luminance, or its ratio to the luminance: (h, w) float32; inf where unknown.
 
-    An estimate from two halves alone: right on average (root mean square) over many pixels, rough in each. Samples of the
-    Sobol' sequence err less than it says, never more.
+    Estimated from two halves: correct on average (root mean square) over many pixels, rough for each pixel. For samples of the
+    Sobol' sequence the estimate is an upper bound.
     """
     deviation, color = _halves(sums, film_exponent)
     found = np.abs(np.tensordot(REC_709, deviation, 1))
@@ -127,9 +128,10 @@ def error(sums: Sums, film_exponent: int, relative: bool = False) -> npt.NDArray
 
 
 def noise(sums: Sums, film_exponent: int) -> float:
-    """A frame's or tile's relative noise: the root mean square of its pixels' standard errors over its mean.
+    """Returns the relative noise of a frame or tile: the root mean square of its pixels' standard errors over its mean.
 
-    inf where a pixel has samples in one half only."""
+    inf if a pixel has samples in one half only.
+    """
     deviation, color = _halves(sums, film_exponent)
     if deviation.size == 0 or np.isnan(deviation).any():
         return float("inf")
@@ -137,15 +139,15 @@ def noise(sums: Sums, film_exponent: int) -> float:
 
 
 def least_samples(pixels: int) -> int:
-    """Returns the number of samples a pixel below which `noise` must not end a frame or a tile of so many pixels.
+    """Returns the minimum spp before `noise` may end a frame or a tile of this many pixels.
 
-    The estimate has as many degrees of freedom as pixels, and is too low by chance where both halves of few samples lack the
-    same rare, bright ones; the mean is then too low as well. With 512 samples over all pixels a light that one sample in fifty
-    finds is off by 1 % on average, where 32 samples of a single pixel are off by 28 %.
+    The estimate has as many degrees of freedom as pixels, and is too low by chance if both halves of few samples lack the same
+    rare, bright samples; the mean is then too low as well. With 512 samples over all pixels, a light that one sample in fifty
+    finds is off by 1 % on average; with 32 samples of a single pixel, by 28 %.
     """
     return max(_LEAST_SAMPLES, -(-_LEAST_OF_ALL // max(pixels, 1)))
 
 
 def digest(sums: Sums) -> str:
-    """SHA-256 of a whole frame's sums and sample counts: little-endian int64, planes in order, rows from the top."""
+    """Returns the SHA-256 of a whole frame's sums and sample counts: little-endian int64, planes in order, rows from the top."""
     return hashlib.sha256(np.ascontiguousarray(sums, dtype="<i8").tobytes()).hexdigest()

@@ -1,4 +1,4 @@
-"""Which files are scenes, and which of many is meant. Names only: nothing is opened, so the service uses it too."""
+"""Recognises scene files by name, and picks the main one of many. Opens no file, so the service uses it too."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 
 
 class Format(NamedTuple):
-    """A kind of file that a scene may be."""
+    """A scene file format."""
 
     suffix: str
     reader: str  # in renderer/scene/readers
@@ -93,16 +93,16 @@ _INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", 
 
 
 def is_junk(name: str) -> bool:
-    """Whether a name is what systems leave in archives and no author means: __MACOSX, .DS_Store, Thumbs.db, dot files."""
+    """Whether a file name is one that operating systems add to archives: __MACOSX, .DS_Store, Thumbs.db, dot files."""
     parts = PurePosixPath(name).parts
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 
 
 def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list[str]]:
-    """The scene file among the names, and warnings where others could have been meant.
+    """Returns the scene file among the names, and warnings if others could have been meant.
 
-    The best suffix wins, then the shallowest path, then a name that does not say it is an auxiliary, then the shortest, then
-    the alphabet; but before all others the preferred one, if it is a scene. Raises SceneError where none is.
+    A preferred name that is a scene is chosen first. Otherwise the order is: best suffix, shallowest path, names that do not mark
+    an auxiliary file, shortest name, alphabetical. Raises SceneError if no name is a scene's.
     """
     readers = [format.reader for format in FORMATS]
     # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.

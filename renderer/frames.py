@@ -1,4 +1,4 @@
-"""The frames of a shot as people write them: which ones, and how their files are called."""
+"""Parses and formats frame ranges, and the file names of frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 
 
 def parse_frames(text: str) -> list[float]:
-    """The frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in the order written, each once.
+    """Returns the frames of `0-99`, `7`, `1-250x5,300` (every fifth, and one more) or `0-10x0.5`, in the order written, without
+    duplicates.
 
     Raises SettingsError.
     """
@@ -61,22 +62,22 @@ def _parsed(text: str) -> tuple[float, ...]:
 
 
 def frame_key(frame: float) -> int:
-    """A frame in halves, as films and messages count them: 12.5 is 25."""
+    """Returns a frame number in half frames, as films and messages store it: 12.5 becomes 25."""
     return round(2 * frame)
 
 
 def frame_number(key: int) -> float:
-    """The frame that `frame_key` counted; whole ones are ints."""
+    """Returns the frame number of a `frame_key`; whole frames as int."""
     return key // 2 if key % 2 == 0 else key / 2
 
 
 def frame_text(frame: float) -> str:
-    """A frame's number, halves and all."""
+    """Returns a frame number as text, with .5 for half frames."""
     return f"{frame:g}" if frame < 1e5 else f"{frame:.1f}".removesuffix(".0")
 
 
 def frames_text(frames: Iterable[float]) -> str:
-    """Frames as a person would write them: runs of whole numbers as ranges; where that is long, also those in equal steps."""
+    """Returns frames as short text: runs of consecutive whole numbers as ranges; if that is long, also runs with equal steps."""
     numbers = sorted(frames)
     runs: list[list[float]] = []
     for frame in numbers:
@@ -96,7 +97,7 @@ def _run_text(first: float, last: float, step: float = 1) -> str:
 
 
 def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
-    """Runs of at least three in equal steps, and what is between them one by one: first, last and step."""
+    """Yields (first, last, step) of runs of at least three numbers with equal steps, and of each number in between."""
     at = 0
     while at < len(numbers):
         end = at + 1
@@ -110,7 +111,7 @@ def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
 
 
 def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
-    """The frames that there are names for, in their order; none where the pattern has no #."""
+    """Returns the frame numbers that occur in the names, ascending; empty if the pattern has no #."""
     marks, names = list(re.finditer("#+", pattern)), set(names)
     if not marks:
         return []
@@ -121,9 +122,10 @@ def numbers_of(pattern: str, names: Iterable[str]) -> list[int]:
 
 
 def frame_name(pattern: str, frame: float) -> str:
-    """A name with the frame's number in place of its last #'s, as many digits at least: `out.####.exr` -> `out.0012.exr`.
+    """Returns a file name with the frame number in place of its last run of #, zero-padded to its length: `out.####.exr` ->
+    `out.0012.exr`.
 
-    A half has its .5 behind: `out.0012.5.exr`. A name without # is for every frame the same.
+    A half frame gets the suffix .5: `out.0012.5.exr`. A name without # is the same for every frame.
     """
     marks = list(re.finditer("#+", pattern))
     if not marks:

@@ -1,9 +1,9 @@
-"""A step of the compiler that decides which products are fused with a sum: those that stand in it in the source.
+"""A compiler pass that fuses products with sums: exactly those products that are operands of a sum in the source.
 
-In `a * b + c`, `c + a * b`, `a * b - c`, `c - a * b` and `c += a * b` the product is not rounded by itself: one fused
-multiply-add rounds the result once. Of two products in one sum the first is fused. A product that has a name, or that `product`
-of renderer/bvh/simd.py makes, is rounded. No other operations are merged: kernels are compiled without fast-math flags, under
-which LLVM fuses as suits a processor, and one path, eight lanes and other processors differ in the last bit.
+In `a * b + c`, `c + a * b`, `a * b - c`, `c - a * b` and `c += a * b` the product is not rounded separately: one fused
+multiply-add rounds the result once. Of two products in one sum the first is fused. A product assigned to a variable, or made by
+`product` of renderer/bvh/simd.py, is rounded. No other operations are merged: kernels are compiled without fast-math flags, with
+which LLVM fuses differently for each CPU, so that scalar code, eight lanes and other CPUs would differ in the last bit.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _PLAIN = {operator.add: operator.add, operator.sub: operator.sub, operator.iadd:
 
 
 def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
-    """Returns whether a sum of that type is fused with its product: of floats, and of lanes and plain numbers of their type.
+    """Whether a sum of type `result` is fused with its product: for floats, and for lanes with scalars of their element type.
 
-    With lanes also where the product itself is of two plain numbers, so that one value has the bits of eight.
+    With lanes also if the product is of two scalars, so that one value has the same bits as eight lanes.
     """
     if result in _ELEMENTS:
         return all(kind in (result, _ELEMENTS[result]) for kind in operands)
@@ -37,7 +37,7 @@ def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:
 
 
 def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any, ...]) -> Any:
-    """Returns the operation's signature for operands of these types, None where it has none."""
+    """Returns the operation's signature for operands of these types, None if there is none."""
     try:
         return typingctx.resolve_function_type(function, operands, {})
     except TypingError:
@@ -45,9 +45,9 @@ def _signature(typingctx: Any, function: Callable[..., Any], operands: tuple[Any
 
 
 def _sum_with_product(combine: Callable[..., Any], product_first: bool) -> Any:
-    """Returns the intrinsic (a, b, c) -> combine(a * b, c), or combine(c, a * b) where the product is not first.
+    """Returns the intrinsic (a, b, c) -> combine(a * b, c), or combine(c, a * b) if `product_first` is False.
 
-    It is fused for floating-point numbers and lanes; of other types it is two operations.
+    Fused for floating-point numbers and lanes; two operations for other types.
     """
 
     def sum_with_product(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
@@ -95,7 +95,7 @@ _SUMS = {(combine, first): _sum_with_product(combine, first) for combine in _PLA
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class FuseProducts(FunctionPass):
-    """Replaces each sum that has a product for an operand by one of `_SUMS`, before anything is typed."""
+    """Replaces each sum with a product operand by one of `_SUMS`, before type inference."""
 
     _name = "fuse_products"
 
@@ -103,7 +103,7 @@ class FuseProducts(FunctionPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Returns whether anything was changed, as Numba asks of its passes."""
+        """Runs the pass. Returns whether it changed anything."""
         changed = [_fuse(state.func_ir, block) for block in state.func_ir.blocks.values()]
         return any(changed)
 
@@ -138,7 +138,7 @@ def _fuse(func_ir: Any, block: Any) -> bool:
 
 
 def _fused(func_ir: Any, scope: Any, statement: Any, product: Any, product_first: bool) -> list[Any]:
-    """Returns the statements that stand for the sum and for the product in it."""
+    """Returns the statements that replace a sum and the product in it."""
     whole, factors = statement.value, product.value
     function = _SUMS[whole.fn, product_first]
     target = scope.redefine("$sum_with_product", statement.loc)

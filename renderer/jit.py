@@ -1,6 +1,6 @@
-"""The one owner of every compiler option, and of the folder that keeps kernels.
+"""All compiler options of kernels, and the cache folder of their machine code.
 
-Kernels have a compile target of their own (renderer/target.py): importing this changes nothing for other users of Numba.
+Kernels have a separate compile target (renderer/target.py): importing this module changes nothing for other users of Numba.
 """
 
 from __future__ import annotations
@@ -53,15 +53,17 @@ COMPILE_PATIENCE_S = 300.0
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """What these sources mean: kept beside the files that Python compiles them to, so that no new cache has to find it; also
-    where another user has kept it there for all, as an image does."""
+    """Returns the hash of these sources' meaning, cached next to Python's byte code, so that a new cache need not compute it again.
+
+    Also read from where another user, such as an image's build, has stored it for all users.
+    """
     beside, file = sources.ROOT / "__pycache__", f"{name}.meaning"
     folder = beside if os.access(beside, os.W_OK) or (beside / file).is_file() else private_folder("sources")
     return sources.kept_meaning(sources.files_of(parts), folder / file)
 
 
 def _hash(*parts: str) -> str:
-    """Of what sources mean, of the compiler and of the target."""
+    """Returns the hash of the sources' meaning, the compiler and the target."""
     return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
@@ -71,21 +73,21 @@ _MACHINE_CODE = _hash(_MEANING, cpu.NAME, cpu.FEATURES)
 
 @functools.cache
 def kind() -> str:
-    """Which films this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3". Safe in a queue's name.
+    """Returns the identifier of films that this worker's samples may be added to, e.g. "0.1.0-3fa9c1d2-x86-64-v3".
 
-    It follows from all that decides machine code and the arrays that it reads, and from nothing else.
+    Depends on exactly what decides the machine code and the arrays that it reads. Safe in a queue's name.
     """
     both = _hash(_MEANING, _meaning("arrays", sources.ARRAYS))
     return f"{__version__}-{both[:8]}-{TARGET}"
 
 
 def cache_folder() -> Path:
-    """Where the machine code is kept: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
+    """Returns the folder of the machine code: $RAYFARM_CACHE/kernels/<hash>, by default under ~/.cache/rayfarm.
 
-    Where others may write there, a private folder (renderer/cache_folders.py).
+    If other users may write there, a private folder (renderer/cache_folders.py).
 
-    Numba looks at the age of one function's file only, so a change in a function that it calls would go unseen: hence a
-    folder of its own for each state of the sources.
+    Numba checks the modification time of one function's file only and would miss a change in a function that it calls: hence a
+    separate folder for each state of the sources.
     """
     return private_folder(f"kernels/{_MACHINE_CODE[:16]}")
 
@@ -95,7 +97,7 @@ Function = Callable[..., Any]
 
 @intrinsic
 def out_of_line(typingctx: Any) -> Any:
-    """Called in a subroutine's body: it is never merged into its callers, however small, so that its registers are its own."""
+    """Marks the calling subroutine as never inlined, however small, so that it has its own register allocation."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.function.attributes.add("noinline")
@@ -107,9 +109,9 @@ def out_of_line(typingctx: Any) -> Any:
 
 @intrinsic(prefer_literal=True)
 def local_floats(typingctx: Any, count: Any) -> Any:
-    """An array of `count` float32, a literal, on the machine's stack: it lives as long as the function that calls this.
+    """Returns an array of `count` float32, a literal, on the stack, valid until the function that calls this returns.
 
-    Not zeroed. It may be handed down to subroutines, never returned.
+    Not initialised. It may be passed to subroutines, never returned.
     """
     array = types.Array(types.float32, 1, "C")
     length = count.literal_value
@@ -147,34 +149,34 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
 
 
 def entry(function: Function) -> Function:
-    """A kernel that Python calls: compiled once per signature, kept on disk, run without the GIL.
+    """Declares a kernel that Python calls: compiled once per signature, cached on disk, run without the GIL.
 
-    Kernels have no heap: what allocates does not compile, and arrays are not counted, which would take two thirds of a
-    path tracer's time (measured).
+    Kernels have no heap: code that allocates does not compile, and arrays are not reference-counted, which would take two thirds
+    of a path tracer's time (measured).
     """
     return _compiled(function, heap=False, inline=False)
 
 
 def builder(function: Function) -> Function:
-    """As `entry`, for code that prepares scenes: it may allocate its scratch space."""
+    """Declares a kernel as `entry`, for code that prepares scenes: it may allocate scratch space."""
     return _compiled(function, heap=True, inline=False)
 
 
 def device(function: Function) -> Function:
-    """A function for kernels to call, always merged into its caller.
+    """Declares a function called by kernels that is always inlined into its caller.
 
-    Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Kept on disk
-    too, so that every further kernel finds it typed and optimised. It has no door to Python: a call from there would crash;
-    tests call an `entry` that calls it.
+    Called out of line, a scene's arrays would be pushed on the stack field by field, two hundred words a call. Cached on disk
+    too, so that further kernels load it typed and optimised. It cannot be called from Python: such a call would crash; tests call
+    an `entry` that calls it.
     """
     return _compiled(function, heap=False, inline=True, from_python=False)
 
 
 def template(function: Function) -> Function:
-    """A device function that is written into each caller before anything is compiled.
+    """Declares a device function that is inlined into each caller before type inference.
 
-    For the largest: nothing of them is compiled twice, arguments may be kernels, and what depends on an argument that is
-    None is left out where it is.
+    For the largest functions: none is compiled twice, arguments may be kernels, and branches that depend on an argument that is
+    None are removed.
     """
     return KernelDispatcher(
         function, targetoptions={"nopython": True, "boundscheck": None, "inline": "always"}, pipeline_class=Compiler
@@ -182,7 +184,7 @@ def template(function: Function) -> Function:
 
 
 def subroutine(function: Function) -> Function:
-    """A device function that stays one, if it is large: for code that is seldom run, or called in many places."""
+    """Declares a device function that is not inlined if it is large: for code that runs rarely or has many call sites."""
     return _compiled(function, heap=False, inline=False, from_python=False)
 
 
@@ -190,25 +192,24 @@ _ready: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Whether this process, or the one that it was forked from, has been in `compiling` with that name."""
+    """Whether this process, or the one that it was forked from, has run `compiling` for a kernel of that name."""
     return name in _ready
 
 
 def is_kept(name: str) -> bool:
-    """Whether this machine has compiled a kernel of that name, or fetched it."""
+    """Whether this machine has compiled or fetched a kernel of that name."""
     return (cache_folder() / f"{name}.done").exists()
 
 
 @contextlib.contextmanager
 def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bool]:
-    """Around the first call of a kernel of that name: of a machine's processes one compiles it, the others wait and load it.
-    Gives whether it has to be compiled.
+    """Context manager for the first call of a kernel: one of a machine's processes compiles it, the others wait and load it.
 
-    fetch: called by the one, before it compiles; it may put machine code from elsewhere into the folder. `<name>.done` lists the
-    files that it is loaded from, for those that hand it on.
+    Yields whether this process has to compile it. fetch: called by that process before it compiles; it may copy machine code from
+    elsewhere into the folder. `<name>.done` lists the files that the kernel is loaded from, for processes that pass it on.
 
-    A slot for each of 64 cores would otherwise compile the same kernel 64 times at once, and take the memory for it. Who waits
-    in vain, because the one is stopped or the file system has no locks, compiles too.
+    Otherwise the slots of 64 cores would compile the same kernel 64 times at once, with the memory for it. A process that waits
+    in vain, because the compiling one is stopped or the file system has no locks, compiles too.
     """
     folder = cache_folder()
     done = folder / f"{name}.done"
@@ -227,7 +228,9 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
 
 @contextlib.contextmanager
 def rare_collections() -> Iterator[None]:
-    """While much is compiled: Python's garbage collector, which finds little of it, takes a twelfth of that time (measured)."""
+    """Context manager that makes Python's garbage collections rare while kernels compile; they take a twelfth of that time
+    (measured).
+    """
     known = gc.get_threshold()
     gc.set_threshold(200_000, 20, 100)
     try:
@@ -237,7 +240,7 @@ def rare_collections() -> Iterator[None]:
 
 
 def _list(done: Path, names: set[str]) -> None:
-    """Add the names to the list, and make it where there is none."""
+    """Adds the names to the list file; creates it if missing."""
     known = set(done.read_text().split()) if done.exists() else None
     if known is None or names - known:
         beside = done.with_name(f".part-{os.getpid()}-{done.name}")
@@ -247,7 +250,7 @@ def _list(done: Path, names: set[str]) -> None:
 
 @contextlib.contextmanager
 def _lock(path: Path) -> Iterator[IO[bytes] | None]:
-    """The lock's file; None in a folder that can only be read."""
+    """Yields the open lock file; None in a read-only folder."""
     with contextlib.ExitStack() as stack:
         lock = None
         with contextlib.suppress(OSError):
@@ -257,7 +260,7 @@ def _lock(path: Path) -> Iterator[IO[bytes] | None]:
 
 
 def _is_taken(lock: IO[bytes] | None) -> bool:
-    """Take the lock; False where another process has it."""
+    """Tries to take the lock; returns False if another process has it."""
     if lock is None:
         return True
     try:

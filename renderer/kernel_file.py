@@ -1,9 +1,8 @@
-"""A kernel's machine code as one file: what one host compiled, for every other of its kind to load.
+"""A kernel's machine code as one file: compiled by one host, loaded by every other host of its kind.
 
-The file is a signed zip out of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a key that both ends know, then the zip.
-Numba keeps machine code as pickles, and whoever loads a pickle runs what is in it: so nothing is unpacked whose signature is
-not right.
-Needs no numba: folder and name come from the caller.
+The file is a signed zip of a folder of renderer.jit's: 32 bytes of HMAC-SHA256 under a shared key, then the zip. Numba stores
+machine code as pickles, and loading a pickle runs code: so nothing with an invalid signature is unpacked.
+Needs no numba: folder and name are parameters.
 """
 
 from __future__ import annotations
@@ -37,20 +36,20 @@ class ArtefactError(Exception):
 
 
 def name_of(folder: Path, kernel: str) -> str:
-    """An artefact's name: the folder's, a hash of sources, compiler and target; the Python whose pickles it holds; the kernel."""
+    """Returns an artefact's name: hash of sources, compiler and target (the folder's name), Python version of its pickles, kernel."""
     implementation = sys.implementation
     return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}-{kernel}"
 
 
 def is_name(text: str) -> bool:
-    """Whether this may be an artefact's name, and so is safe in a path."""
+    """Whether text has the form of an artefact's name, and so is safe in a path."""
     return _NAME.fullmatch(text) is not None
 
 
 def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
-    """Write the machine code that a kernel consists of, signed, to a file that is open for reading and writing.
+    """Writes the machine code of a kernel, signed, to a file that is open for reading and writing.
 
-    Raises OSError where the folder has not all of it.
+    Raises OSError if files of it are missing in the folder.
     """
     start = out.tell()
     out.write(bytes(_SIGNATURE))
@@ -67,19 +66,19 @@ def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
 
 
 def is_signed(file: IO[bytes], key: str) -> bool:
-    """Whether an artefact, read from its beginning, was signed with this key."""
+    """Whether an artefact was signed with this key. Reads the file from its beginning."""
     expected = file.read(_SIGNATURE)
     file.seek(0)
     return hmac.compare_digest(expected, _signature(file, key))
 
 
 def signed_anew(artefact: bytes, key: str) -> bytes:
-    """The same with this key's signature in place of the one that it has."""
+    """Returns the artefact with its signature replaced by one with this key."""
     return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
 
 
 def unpack(file: IO[bytes], key: str, folder: Path) -> int:
-    """Put an artefact's files into the folder, each whole or not at all; how many. Raises ArtefactError."""
+    """Writes an artefact's files into the folder, each atomically; returns how many. Raises ArtefactError."""
     if not is_signed(file, key):
         raise ArtefactError("the kernels are not signed with this farm's token")
     file.seek(0)
@@ -97,7 +96,7 @@ def unpack(file: IO[bytes], key: str, folder: Path) -> int:
 
 
 def _signature(file: IO[bytes], key: str) -> bytes:
-    """Of what follows the place of the signature; reads the file from there."""
+    """Returns the HMAC of what follows the signature; reads the file from there."""
     file.seek(_SIGNATURE)
     code = hmac.new(key.encode(), digestmod=hashlib.sha256)
     while chunk := file.read(_CHUNK):

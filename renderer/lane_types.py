@@ -1,6 +1,6 @@
-"""The types of eight values at once, and how one is made or handed to an LLVM intrinsic.
+"""The types of eight lanes in a vector register, and how values are widened or passed to LLVM intrinsics.
 
-renderer/bvh/simd.py and renderer/wide/operators.py say what can be done with them.
+renderer/bvh/simd.py and renderer/wide/operators.py define their operations.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _SUFFIX = {str(ir.FloatType()): "f32", str(ir.DoubleType()): "f64", str(_I32): "
 
 
 class Lanes(types.Type):
-    """Eight values of one type in a register."""
+    """Eight values of one type in a vector register."""
 
     def __init__(self, name: str, element: ir.Type) -> None:
         self.element = element
@@ -40,12 +40,12 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def is_wide(kind: types.Type) -> bool:
-    """Returns whether a value of this type is one of eight lanes."""
+    """Whether a type is one of eight lanes."""
     return isinstance(kind, Lanes)
 
 
 def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
-    """Returns the value, in all lanes where it is a plain one."""
+    """Returns the value, broadcast to all lanes if it is a scalar."""
     if is_wide(kind):
         return value
     vector = ir.VectorType(value.type, LANES)
@@ -54,7 +54,7 @@ def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
 
 
 def called(builder: Any, name: str, *arguments: Any) -> Any:
-    """Calls one of LLVM's intrinsics, on numbers or vectors of one type."""
+    """Emits a call of an LLVM intrinsic on scalars or vectors of one type."""
     kind = arguments[0].type
     wide = isinstance(kind, ir.VectorType)
     suffix = _SUFFIX[str(kind.element if wide else kind)]

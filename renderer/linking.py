@@ -1,7 +1,6 @@
-"""How the functions of a kernel come together: nothing is optimised with each of its callers again, and only what Python calls
-becomes machine code.
+"""Links the functions of a kernel without optimising any of them again in each caller, and emits machine code of entries only.
 
-Numba links all that a function calls into it, then optimises the whole, and makes machine code of it: so what lies deep was
+Numba links all callees into each function, then optimises the whole and emits machine code for it: so a deep callee would be
 optimised and translated once for each function above it.
 """
 
@@ -22,18 +21,18 @@ _ENVIRONMENT = "_ZN08NumbaEnv"  # the names of what a function knows of Python b
 
 
 def stay_apart(library: Any) -> None:
-    """Says that the function of the library in the making is never merged into its callers."""
+    """Marks the function of an unfinished library as never inlined into its callers."""
     if isinstance(library, _Kernel):
         library._name += _APART
 
 
 class _Kernel(JITCodeLibrary):
-    """A function that Python calls: functions that stay apart are linked when its own code is optimised.
+    """The code library of a function that Python calls: out-of-line callees are linked when its own code is optimised.
 
-    counts: whether it has arrays of its own, whose references are counted. beneath: the code of those that stay apart, by their
-    names, each after all that it calls itself.
-    _unread: of one that was kept, what another function would be linked with. It is the larger part, takes longest to read, and
-    hardly any is.
+    counts: whether it has arrays of its own, which are reference-counted. beneath: the code of out-of-line callees by name, each
+    after all of its own callees.
+    _unread: the bitcode of a cached kernel that other functions would link with. It is the larger part, slow to read and hardly
+    ever needed.
     """
 
     counts = False
@@ -41,7 +40,7 @@ class _Kernel(JITCodeLibrary):
     _unread: bytes | None = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """By themselves, before anything is linked: only what Numba knows how to leave out then."""
+        """Optimises each function before linking, only if it counts references: Numba's pass that removes counts runs then."""
         if self.counts:
             super()._optimize_functions(ll_module)
         ll_module.data_layout = self._codegen._data_layout
@@ -54,7 +53,7 @@ class _Kernel(JITCodeLibrary):
         passes.getModulePassManager().run(self._final_module, passes)
 
     def finalize(self) -> None:
-        """As Numba's, but for that order."""
+        """Finalises the library as Numba does, but links after optimising."""
         self._raise_if_finalized()
         self.beneath = {}
         for library in dict.fromkeys(self._linking_libraries):
@@ -75,7 +74,7 @@ class _Kernel(JITCodeLibrary):
         super()._finalize_final_module()
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """What is kept of it."""
+        """Returns the state that is stored in the cache."""
         name, _, (machine_code, bitcode) = super().serialize_using_object_code()
         module = self._get_module_for_linking()
         defined = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
@@ -83,7 +82,7 @@ class _Kernel(JITCodeLibrary):
 
     @classmethod
     def kept(cls, codegen: Any, name: str, code: Any) -> Self:
-        """The kernel, out of what was kept of it."""
+        """Restores the library from what `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         machine_code, library._unread, defined = code
         library.enable_object_caching()
@@ -99,14 +98,14 @@ class _Kernel(JITCodeLibrary):
 
 
 class _Part(_Kernel):
-    """A function that only others of ours call: it is there to be linked, and never becomes machine code by itself.
+    """The code library of a function that only other functions of kernels call: it is linked, and never translated alone.
 
-    What Numba calls its environment, by which it would know of Python's objects, is there for nobody.
+    It has no Numba environment (the reference to its Python objects).
     """
 
     @property
     def codegen(self) -> Any:
-        """What Numba tells the environment to."""
+        """Returns the code generator; Numba calls it to set the environment."""
         return _Nobody
 
     def _optimize_final_module(self) -> None:
@@ -129,17 +128,17 @@ class _Part(_Kernel):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
-        """None: there is no machine code of it."""
+        """Returns None: there is no machine code."""
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """What is kept of it."""
+        """Returns the state that is stored in the cache."""
         self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
         return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath)
 
     @classmethod
     def kept(cls, codegen: Any, name: str, code: Any) -> Self:
-        """The part, out of what was kept of it."""
+        """Restores the library from what `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         library.own_name, own, library.beneath = code
         library._final_module = library._shared_module = llvm.parse_bitcode(own)
@@ -150,14 +149,14 @@ class _Part(_Kernel):
 class _Nobody:
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
-        """Nothing."""
+        """Does nothing: there is no environment."""
 
 
 _KEPT: dict[str, type[_Kernel]] = {_PART: _Part, _KERNEL: _Kernel}
 
 
 def rebuilt(context: Any, kept: Any) -> Any:
-    """A function, as Numba knows it, out of what was kept of it."""
+    """Restores a compiled function (CompileResult) from its cached state."""
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
     for function in reload_init:
         function()
@@ -182,7 +181,7 @@ def rebuilt(context: Any, kept: Any) -> Any:
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class ChooseLibrary(AnalysisPass):
-    """A step of the compiler, before a function is lowered into its library."""
+    """A compiler pass that chooses a function's library class before the function is lowered into it."""
 
     _name = "choose_library"
 
@@ -190,7 +189,7 @@ class ChooseLibrary(AnalysisPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Whether anything was changed, as Numba asks of its passes."""
+        """Runs the pass. Returns whether it changed anything."""
         kind = _Part if state.flags.no_cpython_wrapper else _Kernel
         state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.counts = state.flags.nrt

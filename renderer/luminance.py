@@ -1,4 +1,4 @@
-"""How bright a colour is."""
+"""Luminance of linear Rec.709 colours."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ REC_709 = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue; t
 
 
 def luminance(rgb: np.ndarray) -> np.ndarray:
-    """Rec.709 luminance of (..., 3) linear: (...) float64. The same bits on every host, which `@` does not give."""
+    """Returns the Rec.709 luminance of (..., 3) linear colours: (...) float64, with the same bits on every host, unlike `@`."""
     red, green, blue = (rgb[..., k] * REC_709[k] for k in range(3))
     brightness: np.ndarray = (red + green) + blue
     return brightness

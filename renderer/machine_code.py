@@ -1,7 +1,7 @@
-"""Where Numba keeps what it has compiled: a file for each function and signature, under a name that follows from both.
+"""The on-disk cache of compiled functions: one file per function and signature, named by a hash of both.
 
-Numba's own cache numbers its files and lists them in an index. Two processes that compile at the same time lose each other's
-entries there, and what two machines compiled cannot be laid in one folder: here the same name is the same code.
+Numba's own cache numbers its files and lists them in an index: processes that compile at the same time lose each other's entries,
+and the caches of two machines cannot be merged. Here equal names mean equal code.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _noted: set[Path] | None = None
 
 @contextlib.contextmanager
 def noted() -> Iterator[set[Path]]:
-    """The files of kernels that are read or written meanwhile, by any thread of this process.
+    """Context manager: collects the cache files of kernels read or written meanwhile by any thread of this process.
 
-    Not those of the functions that kernels are made of: their code is in the kernels', and which of them are looked at depends on
-    what the process has compiled before.
+    Excludes the files of functions that kernels consist of: their code is in the kernels' files, and which of them are accessed
+    depends on what the process has compiled before.
     """
     global _noted
     files: set[Path] = set()
@@ -48,10 +48,10 @@ def noted() -> Iterator[set[Path]]:
 
 
 class MachineCode:
-    """The cache of one function, as Numba's dispatchers use it: machine code, or what only its callers link.
+    """The cache of one function, with the interface of Numba's dispatchers: machine code, or bitcode for linking.
 
-    folder: returns where kernels are kept; asked at the first use. stamp: what decides machine code besides the function's byte
-    code, its signature and the target. is_kernel: whether Python calls it, so that it is `noted`.
+    folder: returns the cache folder; called at the first use. stamp: what decides the machine code besides the function's byte
+    code, its signature and the target. is_kernel: whether Python calls it, so that `noted` collects it.
     """
 
     def __init__(self, function: Any, folder: Callable[[], Path], stamp: str, is_kernel: bool) -> None:
@@ -66,13 +66,13 @@ class MachineCode:
         return str(self._files.folder)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Returns the function compiled for a signature, None where it is not there."""
+        """Returns the function compiled for a signature, None if it is not cached."""
         context.refresh()  # it may not know yet of what the machine code is linked with
         kept = self._files.load(self._key(signature, context.codegen()))
         return None if kept is None else rebuilt(context, kept)
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keeps a compiled function, unless its code holds addresses of this process."""
+        """Stores a compiled function, unless its code contains addresses of this process."""
         if result.library.has_dynamic_globals:
             return
         self._files.save(self._key(signature, result.codegen), result._reduce())
@@ -102,7 +102,7 @@ class MachineCode:
 
 
 class _Files:
-    """What FunctionCache asks of its files. A key is (signature, target, hashes of the function's byte code and cells).
+    """The file store of a FunctionCache. A key is (signature, target, hashes of the function's byte code and cells).
 
     stamp: what else the code depends on.
     """
@@ -114,7 +114,7 @@ class _Files:
         self._is_kernel = is_kernel
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep it, whole or not at all: where it cannot be written, the next process compiles it again."""
+        """Stores the data atomically; if it cannot be written, the next process compiles the function again."""
         path = self._path(key)
         try:
             make_private(self.folder)
@@ -135,8 +135,8 @@ class _Files:
         self._note(path)
 
     def load(self, key: Any) -> Any:
-        """What was kept, or None. A file counts as none that a power cut left damaged, that names what is no more, or that other
-        users may have written.
+        """Returns the stored data, or None if missing, damaged, out of date (naming what no longer exists) or writable by other
+        users.
         """
         path = self._path(key)
         try:
@@ -150,7 +150,7 @@ class _Files:
         return data
 
     def flush(self) -> None:
-        """Forget what is kept of this function."""
+        """Removes the files of this function."""
         for path in self.folder.glob(f"{self._stem}.*{SUFFIX}"):
             path.unlink(missing_ok=True)
 

@@ -1,7 +1,7 @@
-"""Other processes that compile parts of a kernel while this one compiles others: Numba compiles one function at a time in each.
+"""Helper processes that compile parts of a kernel in parallel: Numba compiles one function at a time in each process.
 
-What one of them has compiled lies in the kernels' folder, from where the others load it. Each part is compiled by whoever comes
-to it first. What is left undone, because a process is killed or fails, is compiled by this one when it comes to it.
+Each part is compiled by the first free process, stored in the kernels' folder, and loaded from there by the others. Parts left
+over because a helper is killed or fails are compiled by this process when it needs them.
 """
 
 from __future__ import annotations
@@ -36,12 +36,13 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
 class Helpers:
-    """A context manager: processes that help to compile a kernel, and the kernels that prepare scenes.
+    """A context manager: helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    edition: of the kernel for pictures; "": only what prepares scenes. wanted: whether there may be anything to compile.
+    edition: of the kernel for pictures; "": only the kernels that prepare scenes. wanted: whether there may be anything to
+    compile.
 
-    Forked where this process has no other threads: so a worker makes it before it starts any. Else they are started anew, and
-    only when something is shared with them.
+    Forked while this process has no other threads, so a worker makes it before it starts any. Otherwise the helpers are spawned,
+    and only when work is shared with them.
     """
 
     def __init__(self, edition: str, wanted: bool = True) -> None:
@@ -57,7 +58,7 @@ class Helpers:
                 self._forked = [self._fork(number) for number in range(self._count)]
 
     def share(self) -> None:
-        """Compile the parts of the kernel together with the helpers. Returns when nobody is at work on one any more."""
+        """Compiles the parts of the kernel together with the helpers. Returns when no process works on one any more."""
         if self._count == 0:
             return
         parts = _Parts(self._edition)
@@ -76,7 +77,7 @@ class Helpers:
                 break
 
     def finish(self) -> None:
-        """Wait until the last of them has ended."""
+        """Waits until the last helper has ended."""
         _close(self._giving)  # where nothing was shared
         self._giving = -1
         for child in self._forked:
@@ -128,7 +129,7 @@ class Helpers:
 
 
 class _Parts:
-    """What is shared out, by numbers."""
+    """The numbered parts of a kernel that are distributed among the processes."""
 
     def __init__(self, edition: str) -> None:
         self._stages = parts_of_pictures(only(example(), edition), _PICTURE) if edition else []
@@ -137,7 +138,10 @@ class _Parts:
         return len(self._stages)
 
     def compile(self, taking: int, parent: int = 0) -> bool:
-        """Those that nobody has taken, one after the other; whether there was any. parent: without which it is of no use."""
+        """Compiles parts that no process has taken yet, one by one; returns whether there were any.
+
+        parent: its pid; stops if it has ended.
+        """
         any_taken = False
         while (number := os.read(taking, 1)) and (parent == 0 or os.getppid() == parent):
             any_taken = True
@@ -148,7 +152,10 @@ class _Parts:
 
 
 def _help(edition: str, taking: int, working: int, parent: int, is_first: bool) -> None:
-    """A helper's whole work. is_first: what prepares scenes is for this one, while the parent puts the kernel together."""
+    """The main function of a helper.
+
+    is_first: this helper compiles the kernels that prepare scenes, while the parent links the kernel.
+    """
     with rare_collections():
         has_worked = _Parts(edition).compile(taking, parent)
         _close(working)
@@ -157,12 +164,12 @@ def _help(edition: str, taking: int, working: int, parent: int, is_first: bool) 
 
 
 def _helpers() -> int:
-    """How many processes may help here: one for each other core, as far as there is memory for them."""
+    """Returns the number of useful helpers: one for each other core, as far as memory allows."""
     return max(min(cores() - 1, MOST, _free() // NEEDS), 0)
 
 
 def _free() -> int:
-    """Bytes of memory that are free on this machine; where that is not told, enough."""
+    """Returns the free memory of this machine in bytes; a sufficient amount if unknown."""
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
@@ -176,7 +183,7 @@ def _close(end: int) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """A helper that is started anew: edition, the ends of two pipes, the parent's pid, its number."""
+    """Entry point of a spawned helper. arguments: edition, both ends of two pipes, the parent's pid, the helper's number."""
     edition, *numbers = arguments
     taking, working, parent, number = map(int, numbers)
     _help(edition, taking, working, parent, is_first=number == 0)

@@ -1,4 +1,4 @@
-"""A pixel explained: its samples rendered once more, and of a few of them the path, with places in the picture."""
+"""Explains a pixel: renders its samples again and returns the paths of some of them, projected into the picture."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ MODELS = {kind.number: kind.model for kind in rows.KINDS if kind.model is not No
 
 
 class Spot(NamedTuple):
-    """Where a place is seen, in homogeneous coordinates: at x / w, y / w pixels from the picture's upper left corner, where w is
-    above 0; else not before the eye. What lies between two spots is seen between them; what is infinitely far has a spot too."""
+    """A projected point in homogeneous coordinates: x / w, y / w pixels from the picture's upper left corner if w > 0.
+
+    Otherwise it is not in front of the camera. Segments between two points project to segments between their spots; a direction
+    (a point at infinity) has a spot too.
+    """
 
     x: float
     y: float
@@ -37,7 +40,7 @@ class Spot(NamedTuple):
 
 @dataclass(frozen=True)
 class PixelPath:
-    """A sample that was chosen to be shown."""
+    """A sample chosen for display, with its path."""
 
     chosen: list[Choice]
     sample: int
@@ -48,7 +51,10 @@ class PixelPath:
 
 @dataclass(frozen=True)
 class PixelPaths:
-    """sums: of the colours of samples 0 ... samples - 1, as the film adds them up; finite: how many were numbers."""
+    """Sums of a pixel's samples and the chosen paths.
+
+    sums: of the colours of samples 0 ... samples - 1, in the film's fixed point; finite: how many of them were finite.
+    """
 
     samples: int
     sums: tuple[int, int, int]
@@ -59,10 +65,9 @@ class PixelPaths:
 def pixel_paths(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, asked: int | None = None
 ) -> PixelPaths:
-    """Of the pixel's first `count` samples, MOST_SAMPLES at most: the first, the one of median luminance, the brightest; and
-    the one that is asked for by its number, which may be any.
+    """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median by luminance, the brightest.
 
-    Raises SettingsError where the pixel or the sample cannot be.
+    asked: the number of one further sample, which may be any. Raises SettingsError if the pixel or the sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
     values, is_finite = pixel_samples(scene, settings, x, y, count)
@@ -84,7 +89,7 @@ def pixel_paths(
 
 
 def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
-    """To which side of the surface a path went on; None where it did not."""
+    """Returns to which side of the surface a path continued; None where it ended."""
     if vertex.kind != "surface" or vertex.normal is None or following is None:
         return None
     return "reflected" if float(np.dot(vertex.normal, following.direction)) > 0 else "transmitted"
@@ -101,14 +106,14 @@ def _spots(settings: RenderSettings, found: Replay) -> tuple[list[Spot], list[Sp
 
 
 def _view_at(settings: RenderSettings, time: float) -> View:
-    """The nearest of the views that a moving camera has while the shutter is open."""
+    """Returns the camera's view nearest to a time of the shutter."""
     if not settings.views:
         return settings.view
     return settings.views[round(time * (len(settings.views) - 1))]
 
 
 def spot_of(view: View, width: int, height: int, point: Vec3, is_far: bool = False) -> Spot:
-    """Where a point is seen through the middle of a view's lens, or a direction in which something is infinitely far."""
+    """Projects a point, or a direction if `is_far`, through the centre of a view's lens."""
     right, up, back, eye = axes_of(view)
     away = np.array(point, np.float64) - (0.0 if is_far else eye)
     across, rise, ahead = float(away @ right), float(away @ up), -float(away @ back)

@@ -30,7 +30,7 @@ PREPARING = "preparing"  # a job beside the editions: the kernels that prepare s
 
 
 def _compile(job: str, prepares: bool) -> None:
-    """One job, in a process of its own. prepares: so that the kernel's list names those that prepare scenes too."""
+    """Compiles one job in a process of its own. prepares: also lists the kernels that prepare scenes in the kernel's list."""
     if job == PREPARING:
         prepare()
     else:
@@ -42,7 +42,7 @@ def _beside(job: str, *options: str) -> None:
 
 
 def _jobs(editions: list[str]) -> list[str]:
-    """Returns the editions and what prepares scenes, the longest first."""
+    """Returns the editions and the job of kernels that prepare scenes, the longest first."""
     return [*sorted(editions, key=lambda name: sum(map(bool, EDITIONS[name])), reverse=True), PREPARING]
 
 
@@ -52,7 +52,7 @@ def _at_a_time(count: int) -> int:
 
 
 def _compile_all(jobs: list[str], begin: float) -> None:
-    """Compiles them, and prints a line after each: how many of them are ready, and after how long."""
+    """Compiles the jobs in parallel, and prints a line after each: how many are ready, and the time taken."""
     count = _at_a_time(len(jobs))
     print(f"compiling {len(jobs)} kernels, {count} at a time ({', '.join(jobs)})", flush=True)
     with ThreadPoolExecutor(count) as pool:
@@ -74,7 +74,7 @@ def _editions(text: str) -> list[str]:
 
 
 def main(arguments: Iterable[str] | None = None) -> None:
-    """Compiles, then loads each edition once more, which completes its list, then copies. Raises CalledProcessError."""
+    """Compiles, loads each edition once more to complete its list, then copies the files. Raises CalledProcessError."""
     parser = argparse.ArgumentParser(prog="python -m renderer.precompile", description="Compiles the kernels for pictures.")
     parser.add_argument("folder", nargs="?", type=Path, help="gets kernels/HASH")
     parser.add_argument(

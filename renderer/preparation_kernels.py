@@ -1,4 +1,4 @@
-"""The kernels that prepare scenes: first those that every scene wants, so that nobody waits for the others."""
+"""The kernels that prepare scenes: those that every scene needs come first, so that rendering does not wait for the others."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _mesh(triangles: int) -> Mesh:
 
 @functools.cache
 def prepare_first() -> None:
-    """Compiles the kernels for a scene of a few triangles that stands still, or loads them."""
+    """Compiles or loads the kernels for a static scene of a few triangles."""
     for count in (1, CROWD):  # by itself, and placed together with others
         meshes, instances = [_mesh(1)] * count, [Instance(number) for number in range(count)]
         compile_scene(SceneDescription(meshes=meshes, instances=instances, materials=[Material()], environment=Environment()))
@@ -33,9 +33,7 @@ def prepare_first() -> None:
 
 @functools.cache
 def prepare() -> None:
-    """Compiles all of them, or loads them: those for a mesh that is large enough to need every one too, for copies, and for what
-    moves.
-    """
+    """Compiles or loads all kernels that prepare scenes: also those for large meshes, instances and motion."""
     prepare_first()
     small = _mesh(1)
     skinned(small, Bones(np.zeros((3, 4), np.int64), np.zeros((3, 4), np.float32)), np.eye(4)[None])
@@ -44,5 +42,5 @@ def prepare() -> None:
 
 
 def is_prepared() -> bool:
-    """Whether `prepare_first` was here."""
+    """Whether `prepare_first` has run in this process."""
     return prepare_first.cache_info().currsize > 0

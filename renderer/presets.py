@@ -1,6 +1,6 @@
-"""Light from all around by name: what a request, --env and the page offer beside images, colours and skies.
+"""The named environments that a request, --env and the page offer beside images, colours and skies.
 
-The formulas are in renderer/scene/presets.py; this knows nothing of pixels, so that the service can list them.
+The formulas are in renderer/scene/presets.py; this module has no pixels, so that the service can list the names.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ __all__ = ["PRESETS", "Preset"]
 
 
 class Preset(NamedTuple):
-    """An environment of a name. sky: the sun's elevation and azimuth in degrees, where it is a clear sky."""
+    """A named environment. sky: the sun's elevation and azimuth in degrees, for a clear sky."""
 
     label: str
     help: str

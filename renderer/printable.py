@@ -1,4 +1,4 @@
-"""Text made safe to print: names and messages come from files, users and other machines; terminals obey control characters."""
+"""Escapes control characters in names and messages from files, users and other machines before they reach a terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ def one_line(text: str) -> str:
 
 
 class LogRecord(logging.LogRecord):
-    """A record whose message and traceback are `printable`, for `logging.setLogRecordFactory`: every handler then prints so."""
+    """A log record with `printable` message and traceback, for `logging.setLogRecordFactory`, so that every handler prints it
+    safely.
+    """
 
     def getMessage(self) -> str:  # noqa: N802 - of the base class
         """Returns the message with its arguments."""
@@ -31,7 +33,7 @@ class LogRecord(logging.LogRecord):
 
     @property
     def exc_text(self) -> str | None:
-        """The traceback as formatters cache it."""
+        """The cached traceback text of formatters."""
         return self._exc_text
 
     @exc_text.setter

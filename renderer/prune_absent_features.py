@@ -1,8 +1,7 @@
-"""A step of Numba's compiler: what a function asks of a part that its arguments do not have is answered before it is typed.
+"""A Numba compiler pass that replaces NamedTuple fields of type None by the constant None before type inference.
 
-Where a field of a NamedTuple is None, `scene.has.textures is not None` is known to be False from the arguments' types alone.
-Numba sees that of an argument which is itself None, and leaves out the branch; here the same is made true of fields, so that
-a scene may say what it has.
+So `scene.has.textures is not None` is False by the arguments' types alone. Numba removes the branch only if an argument itself is
+None; this pass extends that to fields, so that kernels omit features which a scene lacks.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ __all__ = ["Compiler", "where_present"]
 
 @register_pass(mutates_CFG=False, analysis_only=False)
 class KnowWhatIsAbsent(FunctionPass):
-    """Puts None in the place of every field that can be nothing else. Numba then prunes what hangs on it."""
+    """Replaces every field whose type is None by the constant None, so that Numba prunes the branches on it."""
 
     _name = "know_what_is_absent"
 
@@ -34,7 +33,7 @@ class KnowWhatIsAbsent(FunctionPass):
         super().__init__()
 
     def run_pass(self, state: Any) -> bool:
-        """Whether anything was changed, as Numba asks of its passes."""
+        """Runs the pass. Returns whether it changed anything."""
         found = False
         for block in state.func_ir.blocks.values():
             for statement in block.find_insts(ir.Assign):
@@ -48,13 +47,13 @@ class KnowWhatIsAbsent(FunctionPass):
 
 
 class Compiler(CompilerBase):
-    """Numba's pipeline for functions without Python objects, with KnowWhatIsAbsent after templates are written into their callers
-    and before branches are pruned. Two steps are left out: annotations, which nothing reads, and the search for sums of whole
-    arrays, which kernels do not have.
+    """Numba's nopython pipeline with KnowWhatIsAbsent after templates are inlined and before branches are pruned.
+
+    Two passes are left out: annotations, which nothing reads, and array-expression rewriting, which kernels do not need.
     """
 
     def define_pipelines(self) -> list[Any]:
-        """Returns the only way to compile."""
+        """Returns the nopython pipeline."""
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
         pipeline.passes = [each for each in pipeline.passes if each[0] not in (AnnotateTypes, NopythonRewrites)]
         pipeline.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
@@ -66,7 +65,7 @@ class Compiler(CompilerBase):
 
 @intrinsic
 def where_present(typingctx: Any, part: Any, value: Any) -> Any:
-    """The value where there is that part, else None: known by its type, so that what takes the value leaves out what wants it."""
+    """Returns `value` if `part` is present, else None: decided by type, so that code that depends on the value is pruned."""
     lacks = isinstance(part, types.NoneType)
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -80,7 +79,7 @@ def _is_field(value: Any) -> bool:
 
 
 def _type_of(state: Any, value: Any) -> Any:
-    """The type of an argument, of a field of an argument, of a field of that ...; None of anything else."""
+    """Returns the type of an argument, or of a (nested) field of an argument; None for other variables."""
     if isinstance(value, ir.Arg):
         return state.args[value.index]
     if _is_field(value):

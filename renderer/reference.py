@@ -1,8 +1,8 @@
-"""A NamedTuple of arrays that kernels hand on by the place where it lies.
+"""A reference (pointer) to a NamedTuple of arrays, for passing scenes between functions of kernels.
 
-Numba hands tuples on by value: a scene of fifty arrays as some 350 words, which every call takes out of the tuple and every
-function puts into it again, by as many instructions to be written out, parsed and optimised. A `Reference` is one word. Its
-fields are read like the tuple's, and are loaded where they are read.
+Numba passes tuples by value: a scene of fifty arrays as some 350 words, which each call unpacks and each function packs again, in
+as many instructions to emit, parse and optimise. A `Reference` is one word. Its fields are read like the tuple's, and are loaded
+where they are read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _USED = ("nitems", "itemsize", "data", "shape", "strides")  # of an array, by ke
 
 
 class Reference(types.Type):
-    """The type of a reference to a NamedTuple; `whole` is that one's type."""
+    """The type of a reference to a NamedTuple; `whole` is the tuple's type."""
 
     def __init__(self, whole: types.NamedTuple | types.NamedUniTuple) -> None:
         self.whole = whole
@@ -31,7 +31,7 @@ class Reference(types.Type):
         super().__init__(f"Reference({whole.instance_class.__name__} {digest})")
 
     def field(self, name: str) -> types.Type | None:
-        """What reading that field gives: of a tuple of arrays a reference again. None where there is no such field."""
+        """Returns the type of a field: a reference if it is a tuple of arrays. None if there is no such field."""
         if name not in self.whole.fields:
             return None
         found = self.whole.types[self.whole.fields.index(name)]
@@ -54,8 +54,9 @@ register_model(Reference)(models.OpaqueModel)
 
 @intrinsic
 def by_reference(typingctx: Any, whole: Any) -> Any:
-    """A reference to a NamedTuple: good as long as the function that calls this lasts. Only for functions out of line: they take
-    what it holds for something that never changes.
+    """Returns a reference to a NamedTuple, valid until the function that calls this returns.
+
+    Only for functions out of line: they treat what it refers to as constant.
     """
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -93,7 +94,7 @@ def _read_array(context: Any, builder: Any, array: types.Array, place: Any) -> A
 
 
 def _read(builder: Any, place: Any) -> Any:
-    """What lies there, number by number: the optimiser leaves out those that nobody wants."""
+    """Loads the value at a pointer number by number; the optimiser removes unused loads."""
     kind = place.type.pointee
     if isinstance(kind, ir.Aggregate):
         whole = ir.Constant(kind, ir.Undefined)

@@ -1,4 +1,4 @@
-"""The whole way in one process: a batch, a frame, and the kernels made ready before either."""
+"""Renders a batch or a frame in one process, and compiles or loads the kernels for it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _NO_LOG = np.empty((0, record.COLUMNS))
 
 @dataclass
 class RenderStats:
-    """What rendering took; `rays` counts shadow rays too."""
+    """Statistics of a render; `rays` includes shadow rays."""
 
     samples: int = 0
     rays: int = 0
@@ -69,7 +69,7 @@ class RenderStats:
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
-    """The scene in the settings' environment, its light tables fit for the settings' way of finding lights."""
+    """Returns the scene with the settings' environment and the light tables of the settings' light sampling."""
     scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = chosen_by(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
@@ -82,7 +82,10 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
 def _render(
     scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
 ) -> tuple[BatchSums, int]:
-    """A batch and its number of rays; the scene is `_prepared`. log: rows for the last sample's protocol."""
+    """Returns a batch's sums and its number of rays; the scene is `_prepared`.
+
+    log: rows for the path trace of the last sample.
+    """
     sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
     kernel = renderer_of(settings)
@@ -99,9 +102,9 @@ def _render(
 
 
 def render_batch(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> BatchSums:
-    """Sample numbers first ... first + count - 1 of every pixel of the tile. Runs without the GIL; any number at once.
+    """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe.
 
-    The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is cut.
+    The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is divided.
     """
     return _render(_prepared(scene, settings), settings, tile, first, count)[0]
 
@@ -116,14 +119,14 @@ def render_frame(
     stop: Callable[[Sums], bool] | None = None,
     time_limit: float | None = None,
 ) -> Sums:
-    """Sample numbers 0 ... spp - 1 of every pixel: the film's sums, (CHANNELS, height, width) int64.
+    """Renders samples 0 ... spp - 1 of every pixel: returns the film's sums, (CHANNELS, height, width) int64.
 
-    threads: None for one per CPU this process may use; the sums do not depend on it.
-    progress: called from this thread with (samples a pixel done so far times pixels, all of them).
-    stats: filled in, where given.
-    stop: asked with the sums after every pass over the frame; True ends.
-    time_limit: seconds after which no further pass is begun; one pass is always made.
-    Where either is given, passes take 1, 1, 2, 4 ... and at most 64 samples a pixel; else they take 64.
+    threads: None for one per CPU available to this process; the sums do not depend on it.
+    progress: called from this thread with (samples finished, total samples), over all pixels.
+    stats: filled in, if given.
+    stop: called with the sums after every pass over the frame; ends the render if it returns True.
+    time_limit: seconds after which no further pass begins; at least one pass is made.
+    If either is given, passes have 1, 1, 2, 4 ... and at most 64 samples per pixel; else 64.
     """
     stats = stats if stats is not None else RenderStats()
     threads = threads or cores()
@@ -167,7 +170,7 @@ def render_frame(
 
 
 def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterator[tuple[Tile, int, int]]:
-    """Of these samples of all tiles, as (tile, first, count): in smaller parts towards the end."""
+    """Yields batches (tile, first, count) of these samples of all tiles, smaller towards the end."""
     whole = max(0, len(tiles) - _LAST_TILES * threads)
     for tile in tiles[:whole]:
         yield tile, first, count
@@ -178,9 +181,9 @@ def _batches(tiles: list[Tile], first: int, count: int, threads: int) -> Iterato
 
 
 def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sample: int) -> Replay:
-    """One sample of a pixel once more, by the machine code that renders pictures, with all that its path met.
+    """Renders one sample of a pixel again with the production kernel, and returns its path with all vertices.
 
-    Raises SettingsError where the pixel is not in the picture or the sample number is out of range.
+    Raises SettingsError if the pixel is not in the picture or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
     if not 0 <= sample < MAX_SPP:
@@ -195,8 +198,9 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
 def pixel_samples(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-    """Samples 0 ... count - 1 of a pixel, each by itself: ((count, 3) colours in the film's fixed point, whole numbers; (count,)
-    whether it is a number and so in the film). Raises SettingsError where the pixel is not in the picture.
+    """Returns samples 0 ... count - 1 of a pixel: their colours and whether each is finite and so in the film.
+
+    ((count, 3) integers in the film's fixed point, (count,) bool). Raises SettingsError if the pixel is not in the picture.
     """
     _check_pixel(settings, x, y)
     prepared = _prepared(scene, settings)
@@ -213,7 +217,7 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
 
 
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
-    """The edition of the kernel that renders the scene with these settings."""
+    """Returns the name of the kernel edition that renders the scene with these settings."""
     edition = edition_of(scene, len(settings.views) > 0)
     if settings.integrator in ("whitted", "ao"):  # which know nothing of media
         edition = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(edition, edition)
@@ -221,12 +225,12 @@ def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
 
 
 def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) -> str:
-    """Of the kernel that `warm_up` gets ready."""
+    """Returns the name of the kernel that `warm_up` loads."""
     return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{edition}"
 
 
 def is_warm(settings: RenderSettings, edition: str) -> bool:
-    """Whether `warm_up` was here; else the first batch compiles the kernel, which takes half a minute to a minute."""
+    """Whether `warm_up` has run; otherwise the first batch compiles the kernel, which takes half a minute to a minute."""
     return jit.is_ready(kernel_name(settings, edition))
 
 
@@ -237,15 +241,16 @@ def warm_up(
     helpers: Helpers | None = None,
     prepares: bool = True,
 ) -> float:
-    """Compiles the kernel for these settings (None: for pictures) and the scenes of this edition
-    (renderer.arrays.kernel_variant), or loads it, where the machine or the installation has it: the seconds that took.
+    """Compiles or loads the kernel for these settings and an edition (renderer.arrays.kernel_variant); returns the seconds taken.
 
-    prepares: so too those that prepare scenes: with the plain kernel, for which a worker that starts is waited for, only what
-    every scene wants, until this machine has the others, which come with every other kernel.
+    settings: None for the kernel for pictures. A kernel that the machine or the installation has is loaded.
 
-    fetch: called with the kernel's name before anything is compiled that this machine has not compiled yet, to bring it from
-    elsewhere. helpers: from `helpers_for`, where they were made before. A parent that does this before it forks shares the
-    machine code with its children.
+    prepares: also the kernels that prepare scenes. With the plain kernel, which a starting worker needs first, only those that
+    every scene needs, until this machine has compiled the others, which come with every other kernel.
+
+    fetch: called with the kernel's name before compiling a kernel that this machine has not compiled yet, to fetch it from
+    elsewhere. helpers: from `helpers_for`, if made earlier. A parent that calls this before it forks shares the machine code with
+    its children.
     """
     begin = time.perf_counter()
     name = kernel_name(settings, edition)
@@ -269,13 +274,13 @@ def warm_up(
 
 
 def load_preparing() -> None:
-    """Loads all kernels that prepare scenes, where this machine has them."""
+    """Loads all kernels that prepare scenes, if this machine has compiled them."""
     if jit.is_kept(kernel_name(edition=FULL)):
         prepare()
 
 
 def helpers_for(settings: RenderSettings | None = None, edition: str = PLAIN) -> Helpers:
-    """Processes that help `warm_up`, if it has anything to compile: none where this machine has compiled it."""
+    """Returns processes that help `warm_up` to compile; none if this machine has compiled the kernel already."""
     parts = edition if has_editions(settings or _PICTURE) else ""
     is_of_use = not jit.is_kept(kernel_name(settings, edition)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

@@ -1,4 +1,4 @@
-"""One sample's path as a person reads it."""
+"""The path of one sample as readable records."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FAR = 1e17  # units away: where the kernel puts what is infinitely far, less som
 
 
 class Lamp(NamedTuple):
-    """The point of a light that was chosen to light a vertex (next-event estimation)."""
+    """The light sample of a vertex: a point on a light chosen by next-event estimation."""
 
     point: Vec3 | None  # None: infinitely far
     direction: Vec3  # unit, towards it
@@ -42,7 +42,10 @@ class Lamp(NamedTuple):
 
 
 class Vertex(NamedTuple):
-    """What a path's ray met. Colours are linear Rec.709, places in world space."""
+    """A vertex of a path: a hit, a surface passed by alpha, a point in a medium, or the environment.
+
+    Colours are linear Rec.709, positions in world space.
+    """
 
     kind: str  # surface; passed: one that its alpha let the ray through; medium: a point in one; missed: the environment
     object: int | None  # numbers, as in the film less one; None where no surface was met
@@ -65,9 +68,9 @@ class Vertex(NamedTuple):
 
 
 class Replay(NamedTuple):
-    """A sample's value, as the film got it to the bit, and its path from the camera on.
+    """A sample's value, equal to the film's to the bit, and its path from the camera on.
 
-    value is None where the sample was NaN or infinite and so left out of the film.
+    value is None if the sample was NaN or infinite and so is not in the film.
     """
 
     value: Vec3 | None
@@ -127,7 +130,7 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp
 
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
-    """Returns why a path has no vertex after this row's. is_last: whether it could have had no further segment."""
+    """Returns why a path has no vertex after this row's; None if unknown. is_last: whether no further segment was allowed."""
     told = row[record.TOLD]
     if row[record.KIND] == record.MISSED:
         return "missed"
@@ -149,9 +152,9 @@ def read_log(
     log: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64] = _WORLD,
 ) -> Replay:
-    """The replay that a batch of one sample and its log tell: rows as renderer/kernel/integrators/record.py writes them.
+    """Returns the replay of a batch of one sample, read from its log: rows as renderer/kernel/integrators/record.py writes them.
 
-    origin: of the compiled scene that the log's places are about.
+    origin: of the compiled scene; the log's positions are relative to it.
     """
     value = None
     if batch.sums[SAMPLES, 0, 0] == 1:

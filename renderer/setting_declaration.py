@@ -1,9 +1,9 @@
-"""A setting is declared once: its name, type and default as a dataclass' field, all else in that field's annotation.
+"""Declares settings once: name, type and default as a dataclass field, everything else in the field's annotation.
 
     max_depth: Annotated[int, Setting(1, MAX_DEPTH), Shown("Max depth", "Path segments.")] = 8
 
-From `table` of the dataclass follow its checks, the command's options, the API's models, the scene file's schema; and, by
-renderer/setting_docs.py, what GET /api/info says, the page's form and the list in which two pictures differ.
+`table` of the dataclass yields its checks, the command's options, the API's models and the scene file's schema; with
+renderer/setting_docs.py also the answer of GET /api/info, the page's form and the table of differences between two pictures.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ __all__ = ["Choices", "Declared", "Setting", "Shown", "checked", "number_text", 
 
 @dataclass(frozen=True)
 class Shown:
-    """What is said to people of a setting, or of one of its choices. renderer/sources.py leaves it out: it decides no sample.
+    """The user-facing texts of a setting or of one of its choices. Affects no sample, so renderer/sources.py does not hash it.
 
-    group: where it is asked for: among the first, among what few change, or among what is there to compare renderers.
-    section: what it stands beside, in the command's help and on the page.
-    integrators, projections: those that look at it; none named: all.
-    off: what `Setting.off` is called.
-    option: the command's, where it is not called as the setting.
-    phrase: names a picture by the value, in place of {}.
-    usual: the range that people use, over which a slider goes; none where a slider helps nobody.
+    group: where it is shown: among the basic settings, the advanced ones, or those for comparing renderers.
+    section: its heading in the command's help and on the page.
+    integrators, projections: those that use the setting; empty for all.
+    off: label of the value `Setting.off`.
+    option: the command's option, if it is not named as the setting.
+    phrase: describes a picture by the value, which replaces {}.
+    usual: the usual range, for a slider; none if a slider does not help.
     """
 
     label: str
@@ -47,12 +47,12 @@ class Shown:
 
 
 class Choices(tuple[str, ...]):
-    """The names that a setting takes, in the order in which kernels number them, and what each is to people."""
+    """The names that a setting accepts, in the order of their numbers in kernels, with the user-facing texts of each."""
 
     shown: Mapping[str, Shown]
 
     def __new__(cls, shown: Mapping[str, Shown]) -> Self:
-        """From each name's label and sentence."""
+        """Makes the choices from each name's label and sentence."""
         made = super().__new__(cls, shown)
         made.shown = dict(shown)
         return made
@@ -60,10 +60,10 @@ class Choices(tuple[str, ...]):
 
 @dataclass(frozen=True)
 class Setting:
-    """The values that a setting takes: numbers from low to high, each of a vector's three, or names.
+    """The values that a setting accepts: numbers from low to high (each component of a vector), or names.
 
-    off: the value that switches it off, taken also where it lies below `low`.
-    of: "job": a request or a scene file may ask for it; "environment": a request's environment; "": no one is asked.
+    off: the value that switches it off, accepted also below `low`.
+    of: "job": a request or a scene file may set it; "environment": a request's environment sets it; "": nothing sets it.
     digest: whether the picture's bits depend on it.
     """
 
@@ -77,7 +77,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Declared:
-    """A setting with the name, type and default of its field. `default` is MISSING where one has to be given."""
+    """A setting with the name, type and default of its field. `default` is MISSING if a value is required."""
 
     name: str
     kind: type
@@ -87,7 +87,7 @@ class Declared:
     shown: Shown
 
     def check(self, value: Any) -> Any:
-        """The value in the field's own type. Raises SettingsError, with a sentence, where it is none of those it takes."""
+        """Returns the value in the field's type. Raises SettingsError, with a sentence, for a value that is not accepted."""
         if value is None and self.optional:
             return None
         if self.setting.choices is not None:
@@ -124,17 +124,17 @@ class Declared:
 
     @property
     def number(self) -> type:
-        """What its number is, or each of its three."""
+        """Returns the numeric type of the setting, or of a vector's components."""
         return int if self.kind is int else float
 
     @property
     def lowest(self) -> float | None:
-        """The least number that it takes, that which switches it off among them."""
+        """Returns the least accepted number, including the one that switches the setting off."""
         low, off = self.setting.low, self.setting.off
         return low if low is None or off is None else min(low, off)
 
     def json_schema(self) -> dict[str, Any]:
-        """The values that it takes, as JSON Schema."""
+        """Returns the accepted values as JSON Schema."""
         return {"description": self.shown.help, **self._values()}
 
     def _values(self) -> dict[str, Any]:
@@ -149,13 +149,13 @@ class Declared:
 
     @property
     def option(self) -> str:
-        """The command's option, without its dashes."""
+        """Returns the command's option without its dashes."""
         return self.shown.option or self.name.replace("_", "-")
 
 
 @functools.cache
 def table(owner: type[Any]) -> Mapping[str, Declared]:
-    """The settings that a dataclass declares, in its fields' order."""
+    """Returns the settings that a dataclass declares, in the order of its fields."""
     hints = get_type_hints(owner, include_extras=True)
     found = {}
     for field in fields(owner):
@@ -170,18 +170,18 @@ def table(owner: type[Any]) -> Mapping[str, Declared]:
 
 
 def checked(owner: Any) -> None:
-    """For a frozen dataclass' __post_init__: each setting is one that it takes, and of its field's type."""
+    """Checks all settings of a frozen dataclass in its __post_init__ and converts each to its field's type."""
     for declared in table(owner.__class__).values():
         object.__setattr__(owner, declared.name, declared.check(getattr(owner, declared.name)))
 
 
 def whole(value: float | None) -> float | None:
-    """Whole numbers without a point, up to where JSON keeps them exactly."""
+    """JSON form of a number: integral values as int, within the range that JSON represents exactly."""
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 
 def number_text(value: Any) -> str:
-    """As people write it."""
+    """Returns a number as short text."""
     if isinstance(value, Integral):
         return str(value) if abs(int(value)) < 10**18 else "too large"  # Python writes out no more than 4300 digits
     return f"{float(value):g}"

@@ -1,4 +1,4 @@
-"""What a setting is, told: to the page, in the command's help, in the documentation. It decides no sample."""
+"""Texts that describe settings for the page, the command's help and the documentation. They affect no sample."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LARGE = 1e6  # bounds from here on are nobody's concern
 
 
 def values(each: Declared) -> str:
-    """Those that it takes, in a few words."""
+    """Returns the accepted values of a setting in a few words."""
     setting = each.setting
     if setting.choices is not None:
         return ", ".join(filter(None, setting.choices))
@@ -33,7 +33,7 @@ def values(each: Declared) -> str:
 
 
 def sentences(each: Declared) -> str:
-    """What it does; and the names it takes, or what its switch is."""
+    """Returns what a setting does, and the names it accepts or the value that switches it off."""
     if each.setting.choices is not None:
         return f"{each.shown.help.rstrip('.')}: {values(each)}."
     if each.setting.off is None:
@@ -43,7 +43,7 @@ def sentences(each: Declared) -> str:
 
 
 def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
-    """All that can be asked for as JSON: for the page, and for whoever else makes a form."""
+    """Returns all settings of requests as JSON, for the page and other forms."""
     return {
         "settings": [_described(each) for each in settings.values() if each.setting.of],
         "view": [_described(each) for each in VIEW.values()],

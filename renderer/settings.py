@@ -1,8 +1,8 @@
-"""What a picture is asked to be: the view, the size, and everything else a sample's colour depends on.
+"""The settings of a picture: the view, the size, and everything else a sample's colour depends on.
 
-`RenderSettings` is the one place where all that a sample's colour depends on beside the scene is declared
+`RenderSettings` is the one declaration of all that a sample's colour depends on beside the scene
 (renderer/setting_declaration.py).
-Plain numpy-free data, so that the service and the client can build and check it without the kernel.
+Plain data without numpy, so that the service and the client can create and check it without the kernel.
 """
 
 from __future__ import annotations
@@ -121,12 +121,12 @@ _lit = ("path", "direct", "whitted")
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """Everything but the scene that a sample's colour depends on; what each is, its annotation says.
+    """Everything but the scene that a sample's colour depends on; each field's annotation describes it.
 
-    film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None keeps the scene's own.
-    mistake: light-cutoff drops a light's sample where 1/d^2 < 0.001; attenuation makes radiance fall by 1/d^2 once more.
+    film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None for the scene's own.
+    mistake: light-cutoff drops a light's sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
     sampling: see renderer/kernel/integrators/mixture.py; heuristic: Veach 1997.
-    views: of a camera that moves: at equal steps from when the shutter opens to when it closes.
+    views: of a moving camera: at equal steps from shutter opening to closing.
     """
 
     width: Annotated[int, Setting(1, MAX_SIZE), Shown("Width", "Pixels.", "px", "basic", "Size and quality")]
@@ -380,16 +380,19 @@ class RenderSettings:
             raise SettingsError("views are of different projections; nothing lies between these")
 
     def to_json(self) -> dict[str, Any]:
-        """Returns a JSON-ready dict; `from_json` gives the same settings back to the bit.
+        """Returns a JSON-ready dict; `from_json` restores equal settings, to the bit.
 
-        The settings of `_LATER` are left out at their defaults: workers that do not know them render such pictures.
+        The settings of `_LATER` are omitted at their defaults, so that workers that do not know them render such pictures.
         """
         told = {**asdict(self), "view": self.view.to_json(), "views": tuple(view.to_json() for view in self.views)}
         return {name: value for name, value in told.items() if name not in _LATER or value != SETTINGS[name].default}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> RenderSettings:
-        """The settings that `to_json` wrote, of this release or an older one. Raises SettingsError where it cannot be."""
+        """Returns the settings of a dict from `to_json`, of this release or an older one.
+
+        Raises SettingsError if it is invalid.
+        """
         known = {
             name: value
             for name, value in data.items()
@@ -417,7 +420,7 @@ ENVIRONMENT = {
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """The optional settings that are asked for, and of the others those that the scene file's `defaults` hold."""
+    """Returns the optional settings that the request sets; for the others, those of the scene file's `defaults`."""
     both = {name: asked.get(name) if asked.get(name) is not None else defaults.get(name) for name in OPTIONAL}
     return {name: value for name, value in both.items() if value is not None}
 
@@ -432,7 +435,7 @@ class Tile(NamedTuple):
 
 
 def tiles_of(width: int, height: int, size: int) -> list[Tile]:
-    """The tiles of a frame in reading order; those at the right and lower edge may be smaller."""
+    """Returns the tiles of a frame in reading order; those at the right and lower edge may be smaller."""
     return [
         Tile(x, y, min(size, width - x), min(size, height - y)) for y in range(0, height, size) for x in range(0, width, size)
     ]

@@ -1,6 +1,6 @@
-"""Kernels that come with an image or a wheel: what a cache lacks of them is copied there before anything is compiled.
+"""Kernels shipped with a container image or a wheel: missing ones are copied into the cache before anything is compiled.
 
-So the cache may lie on a volume that outlives the image, and everything else can be read-only.
+So the cache may be on a volume that outlives the image, and everything else may be read-only.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ log = logging.getLogger(__name__)
 
 
 def take_shipped(cache: Path) -> None:
-    """Copies what the installation has for this cache folder of kernels; warns where that fails, and they are compiled.
+    """Copies the installation's kernels for this cache folder; warns if that fails, and the kernels are compiled instead.
 
-    They lie in $RAYFARM_KERNELS, else in the wheel that Rayfarm was installed from.
+    Read from $RAYFARM_KERNELS, else from the wheel that Rayfarm was installed from.
     """
     shipped = Path(os.environ.get(FOLDER, "") or IN_WHEEL)
     try:
@@ -36,8 +36,8 @@ def take_shipped(cache: Path) -> None:
 def copy_loaded(source: Path, to: Path) -> int:
     """Copies the files that a folder's finished kernels are loaded from, with their lists; returns how many.
 
-    Files that are there stay: a name stands for its content. The lists come last, so that a listed file is there. Files that
-    other users may have written are left out (renderer/cache_folders.py). Raises OSError.
+    Existing files are not replaced: equal names mean equal content. The lists are copied last, so that every listed file exists.
+    Files writable by other users are left out (renderer/cache_folders.py). Raises OSError.
     """
     lists = sorted(source.glob(LISTS))
     names = sorted({name for each in lists for name in each.read_text().split()})
@@ -49,7 +49,7 @@ def copy_loaded(source: Path, to: Path) -> int:
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Whole or not at all, readable by its owner alone."""
+    """Writes a file atomically, readable by its owner only."""
     make_private(path.parent)
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:

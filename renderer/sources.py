@@ -1,8 +1,8 @@
-"""A hash of what Python sources mean: comments, docstrings, spaces and line numbers leave no trace in it, nor do the words
-in which a setting is shown (`Shown` in renderer/setting_declaration.py).
+"""A hash of the meaning of Python sources: unaffected by comments, docstrings, whitespace, line numbers and user-facing texts of
+settings.
 
-So machine code and compiled scenes outlive an edit that changes no behaviour, and two hosts agree whatever their Python's version
-makes of the syntax.
+Those texts are `Shown` in renderer/setting_declaration.py. So machine code and compiled scenes remain valid after an edit that
+changes no behaviour, and hosts with different Python versions agree.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ WORDS = "Shown"  # what is called with what people read of a setting
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
-    """The sources of these files and folders, the kernels' tables among them, in an order that does not depend on the host."""
+    """Returns the sources of these files and folders, including the kernels' tables, in an order independent of the host."""
     found: set[Path] = set()
     for part in parts:
         path = root / part
@@ -78,7 +78,7 @@ def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
 
 
 def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
-    """A SHA-256 over the files' names and what they mean."""
+    """Returns a SHA-256 of the files' names and their meaning."""
     total = hashlib.sha256()
     for path in files:
         total.update(path.relative_to(root).as_posix().encode() + b"\0")
@@ -91,8 +91,9 @@ def meaning(files: Iterable[Path], root: Path = ROOT) -> str:
 
 
 def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
-    """As `meaning`, which takes a good part of a second: its answer is kept in a file beside a hash of the files' bytes, and of
-    this one's.
+    """Returns the same as `meaning`, cached in a file together with a hash of the files' bytes and of this module's.
+
+    Computing it takes a good part of a second.
     """
     files = list(files)
     raw = hashlib.sha256(Path(__file__).read_bytes())  # what is kept must not outlive the way it was found
@@ -112,7 +113,7 @@ def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
 
 
 def _words(tree: ast.AST) -> list[str]:
-    """The tree written out: only what is set, so that fields which newer Pythons add and nobody uses do not show."""
+    """Returns the syntax tree as text: only fields that are set, so that new fields of later Python versions have no effect."""
     words: list[str] = []
     _write(tree, words.append)
     return words
@@ -140,7 +141,7 @@ def _write(node: object, say: Callable[[str], None]) -> None:
 
 
 def _is_text(statement: object) -> bool:
-    """Whether a statement is nothing but a string: documentation, of what encloses it or of the attribute before it."""
+    """Whether a statement is only a string: the documentation of its scope or of the attribute before it."""
     return (
         isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str)
     )

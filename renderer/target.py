@@ -1,8 +1,8 @@
-"""The compile target of Rayfarm's kernels: Numba's CPU target with a processor, optimisation options and registries of its own.
+"""The compile target of Rayfarm's kernels: Numba's CPU target with its own CPU name, optimisation options and registries.
 
 Numba reads such options from one configuration for the whole process, which belongs to the host program. So kernels do not use
 the target "cpu": they are dispatched by `KernelDispatcher`, whose contexts and code generator are separate instances. A host's
-own `@njit` functions keep their options, their cache and their machine code (tests/renderer/test_target.py).
+own `@njit` functions retain their options, their cache and their machine code (tests/renderer/test_target.py).
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _OPTIMISATION = {"opt": 2, "loop_vectorize": False, "slp_vectorize": False}
 
 
 class KernelCPU(CPU):
-    """The key of the target in Numba's registries; what is declared for "cpu" or "generic" is available to it."""
+    """The target's key in Numba's registries; declarations for "cpu" or "generic" apply to it."""
 
 
 class _Codegen(JITCPUCodegen):
-    """Generates code for the processor in renderer/cpu.py, whatever NUMBA_CPU_NAME, NUMBA_CPU_FEATURES and NUMBA_OPT say."""
+    """Generates code for the CPU of renderer/cpu.py, regardless of NUMBA_CPU_NAME, NUMBA_CPU_FEATURES and NUMBA_OPT."""
 
     def _get_host_cpu_name(self) -> str:
         return cpu.NAME
@@ -51,10 +51,10 @@ class _Codegen(JITCPUCodegen):
 
 
 class _TypingContext(typing.Context):
-    """The typing context: which signature a call of certain types has.
+    """The typing context: resolves the signature of a call from its argument types.
 
     Numba tries some ten templates for an operation, dates before numbers, and types each function at least twice. This context
-    remembers the signatures found: an eighth less time to compile kernels (measured).
+    caches the resolved signatures: an eighth less time to compile kernels (measured).
     """
 
     def __init__(self) -> None:
@@ -62,8 +62,9 @@ class _TypingContext(typing.Context):
         super().__init__()
 
     def resolve_function_type(self, func: Any, args: Any, kws: Any) -> Any:
-        """Returns the call's signature, or None. Those of operators, intrinsics and Numba's own functions are remembered; Numba
-        itself remembers those of functions that are compiled when they are first called.
+        """Returns the call's signature, or None. Caches those of operators, intrinsics and Numba's own functions.
+
+        Numba itself caches those of functions that are compiled when they are first called.
         """
         if kws or isinstance(func, str) or (isinstance(func, types.Type) and not isinstance(func, types.Function)):
             return super().resolve_function_type(func, args, kws)
@@ -77,7 +78,7 @@ class _TypingContext(typing.Context):
 
 
 class _Context(CPUContext):
-    """The target context: lowers and generates code."""
+    """The target context: lowers typed code and generates machine code."""
 
     enable_boundscheck = False  # whatever NUMBA_BOUNDSCHECK says: the cache has one version of each function
 
@@ -87,7 +88,10 @@ class _Context(CPUContext):
         self._internal_codegen = _Codegen("rayfarm.exec")
 
     def load_additional_registries(self) -> None:
-        """Loads Numba's declarations. The runtime that all targets share is initialised for "cpu", as without kernels."""
+        """Loads Numba's declarations.
+
+        Also initialises the runtime that all targets share, for "cpu", as Numba does without kernels.
+        """
         rtsys.initialize(cpu_target.target_context)
         super().load_additional_registries()
 
@@ -105,16 +109,18 @@ class _Target(CPUTarget):
 
 
 class KernelDispatcher(CPUDispatcher):
-    """Compiles a function for this target."""
+    """Dispatcher that compiles a function for this target."""
 
     targetdescr = _Target(NAME)
 
     def keep_in(self, cache: Any) -> None:
-        """Sets where compiled code is loaded from and kept."""
+        """Sets the cache of compiled code."""
         self._cache = cache
 
     def compile(self, sig: Any) -> Any:
-        """Compiles the function for a signature, or loads it; overloads that it calls are compiled for the same target."""
+        """Compiles the function for a signature, or loads it from the cache; functions that it calls are compiled for the same
+        target.
+        """
         with target_override(NAME):
             return super().compile(sig)
 

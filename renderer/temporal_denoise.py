@@ -1,11 +1,10 @@
-"""Denoised frames of a shot made steady: each is averaged with its neighbours along the motion vectors.
+"""Temporal stabilisation of denoised frames: each is averaged with its neighbours along the motion vectors.
 
-A denoiser that sees one frame at a time guesses anew at each, and what it guesses flickers. Where the same thing is seen in
-neighbouring frames, their guesses are several of one quantity. As in SVGF (Schied et al. 2017) and its kin, a neighbour counts as
-far as it shows the same thing: the same object and material, a normal that agrees, a vector that leads back, and light that
-is much the same, so that the edge of a moving shadow stays where it is. Light is averaged without the surface's own colour, which
-would blur with every shift by part of a pixel; that is averaged where nothing shifts. Both directions of time: a frame of a
-finished shot has successors too.
+A denoiser that sees one frame at a time estimates each anew, and its estimates flicker. Where neighbouring frames show the same
+surface point, their estimates are several of one quantity. As in SVGF (Schied et al. 2017), a neighbour is weighted by whether it
+shows the same point: equal object and material, similar normal, a motion vector that leads back, and similar light, so that the
+edge of a moving shadow is preserved. Light is averaged without the surface's albedo, which would blur with every subpixel shift;
+the albedo is averaged where nothing moves. Both directions of time are used: a frame of a finished shot has successors too.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _DARK = 0.02  # the least albedo to divide by
 
 
 class Still(NamedTuple):
-    """A denoised frame by itself, and what tells what it shows."""
+    """A denoised frame with its guides: albedo, normal, object, material and motion vectors."""
 
     clean: Clean
     object: F32  # (h, w), renderer.aovs
@@ -43,7 +42,7 @@ class Still(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Where in a neighbour the pixels of a frame are: rows and columns, and which are there."""
+    """The positions of a frame's pixels in a neighbouring frame: rows, columns, and which are valid."""
 
     rows: F64
     columns: F64
@@ -51,9 +50,9 @@ class _Places(NamedTuple):
 
 
 def steadied(frames: Mapping[float, Still], number: float) -> F32:
-    """The frame of that number, averaged with those of its neighbours that there are, at most REACH away: (h, w, 3) float32.
+    """Returns a frame averaged with its available neighbours, at most REACH away: (h, w, 3) float32.
 
-    frames: by their numbers; a neighbour counts if all between it and the frame are there. The answer depends on these alone.
+    frames: by number; a neighbour is used only if all frames in between are available. Deterministic in these arguments.
     """
     here = frames[number]
     light, surface = _light(here), _surface(here)
@@ -96,7 +95,7 @@ def _nearest(plane: npt.NDArray[np.floating], places: _Places) -> npt.NDArray[np
 
 
 def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places:
-    """The places a frame further: before (way -1) or after. Where the vector back is another, something stands before it."""
+    """Returns the positions one frame further: before (way -1) or after. Invalid where the vector back differs (occlusion)."""
     shift = _nearest(before.motion, places)
     x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
     rows, columns = places.rows - y, places.columns + x
@@ -109,7 +108,10 @@ def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places
 
 
 def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
-    """The other frame's light between four pixels, of those alone that show the same thing; and their share, 0 ... 1."""
+    """Interpolates the other frame's light from those of four pixels that show the same surface; also returns their weight, 0 ...
+
+    1.
+    """
     height, width = places.rows.shape
     light, normal = _light(there), here.clean.normal
     top, left = np.floor(places.rows).astype(np.intp), np.floor(places.columns).astype(np.intp)
@@ -128,7 +130,7 @@ def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
 
 
 def _alike(light: F64, found: F64) -> F64:
-    """How far two lights are much the same, 0 ... 1."""
+    """Returns the similarity of two light values, 0 ... 1."""
     a, b = ((each * REC_709).sum(axis=-1) for each in (light, found))
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
     alike: F64 = np.exp(-((apart / _ALIKE) ** 2))

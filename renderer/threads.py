@@ -1,4 +1,4 @@
-"""Threads that share a job's parts, for compiled code that runs without the GIL."""
+"""A thread pool for parts of a job, for compiled code that runs without the GIL."""
 
 from __future__ import annotations
 
@@ -17,24 +17,27 @@ _Result = TypeVar("_Result")
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Returns the number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def parts_of(first: int, end: int, size: int) -> list[tuple[int, int]]:
-    """first ... end - 1 in parts of `size`, the last of them smaller: how a job is cut must not depend on who does it."""
+    """Returns first ... end - 1 in parts of `size`, the last smaller. The parts must not depend on the number of threads."""
     return [(at, min(at + size, end)) for at in range(first, end, size)]
 
 
 class Team:
-    """So many threads, kept from one job to the next; None for one per core. A context manager."""
+    """A thread pool of fixed size, reused between jobs; None for one thread per core. A context manager."""
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or cores()
         self._pool: ThreadPoolExecutor | None = None
 
     def each(self, work: Callable[[_Part], _Result], parts: Iterable[_Part]) -> list[_Result]:
-        """What `work` gives for every part, in their order. The first of them are begun first; a lone one is done right here."""
+        """Returns the results of `work` for each part, in order.
+
+        Parts are started in order; a single part runs in the calling thread.
+        """
         parts = list(parts)
         if self.threads == 1 or len(parts) < 2:
             return [work(part) for part in parts]

@@ -1,8 +1,7 @@
 """Sines, cosines and angles with the same bits on every host.
 
-The C library's and numpy's depend on the processor, in the last bit; cameras, environments and what moves are prepared by many
-machines. Sines are worked out in whole numbers here, and angles by additions, products and roots of floats, each of which
-IEEE 754 rounds by itself.
+Those of the C library and numpy depend on the CPU in the last bit, while many machines prepare cameras, environments and motion.
+Here sines are computed in integers, and angles by additions, products and roots of floats, each rounded as IEEE 754 defines.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ _ARCTANGENT = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 
 def sin_cos(angle: float) -> tuple[float, float]:
-    """The floats nearest to the sine and the cosine of an angle in radians, at most 1e6 from 0."""
+    """Returns the floats nearest to the sine and the cosine of an angle in radians, at most 1e6 in size."""
     if not abs(angle) <= _MOST:
         raise ValueError(f"{angle:g} radians are too many turns to tell where they end")
     if abs(angle) < _SMALL:
@@ -37,7 +36,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 
 def _series(term: int, square: int, n: int) -> int:
-    """x^n / n! - x^(n + 2) / (n + 2)! + ..., which begins with `term`."""
+    """Returns the series x^n / n! - x^(n + 2) / (n + 2)! + ... in fixed point; `term` is its first term."""
     total = 0
     while term not in (0, -1):
         total += term
@@ -47,7 +46,7 @@ def _series(term: int, square: int, n: int) -> int:
 
 
 def angle_between(across: float, along: float) -> float:
-    """The angle in [0, pi / 2] whose tangent is across / along, both of them at least 0: to 5e-16."""
+    """Returns the angle in [0, pi / 2] whose tangent is across / along, both at least 0, to within 5e-16 rad."""
     if across > along:
         return math.pi / 2 - angle_between(along, across)
     if across == 0:

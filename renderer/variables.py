@@ -1,4 +1,4 @@
-"""Settings from the environment: $NAME, or the content of the file that $NAME_FILE names, which keeps secrets out of it."""
+"""Settings from environment variables: $NAME, or the content of the file that $NAME_FILE names, for secrets."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOST_BYTES = 1 << 16
 
 
 class VariableError(RayfarmError):
-    """A file that a variable names cannot be read."""
+    """The file named by a variable cannot be read."""
 
 
 def value_of(name: str, default: str = "") -> str:
-    """Returns the variable's value; where it is empty or not set, the content of its file without the white space around it.
+    """Returns the variable's value; if it is empty or unset, the stripped content of the file that $NAME_FILE names.
 
-    The variable counts where both are set. Raises VariableError where the file cannot be read or is empty.
+    The variable takes precedence if both are set. Raises VariableError if the file cannot be read or is empty.
     """
     if value := os.environ.get(name, ""):
         return value

@@ -1,10 +1,10 @@
-"""Motion vectors: how far what a pixel sees lies, in the picture, from where it is a frame before and a frame after.
+"""Motion vectors: the offset in the picture, in pixels, of each pixel's surface point from the previous and to the next frame.
 
-A pass of its own, one ray a pixel, and no plane of the film: a film holds means over samples, and a mean of two things' motion at
-an edge is the motion of neither. So a picture costs and is the same whether or not anybody asks for its vectors.
+A separate pass, one ray per pixel, and not a plane of the film: a film stores means over samples, and the mean of two objects'
+motion at an edge is the motion of neither. So a picture's cost and bits do not depend on whether vectors are requested.
 
-The scene is compiled as if the shutter were open from the frame before to the frame after (`renderer.scene.animation.BETWEEN`),
-which knows of everything that motion blur does, and looked at in the middle.
+The scene is compiled as if the shutter were open from the previous frame to the next (`renderer.scene.animation.BETWEEN`), which
+includes all motion that motion blur includes, and rendered at the middle.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ _FURTHEST = 1e7  # pixels
 
 
 def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
-    """(h, w, 4) float32: x and y in pixels, to the right and upwards, as Cycles has its Vector pass.
+    """Returns motion vectors, (h, w, 4) float32: x and y in pixels, to the right and upwards, as Cycles' Vector pass.
 
-    The first two lead from where the thing is at the frame to where it was a frame before, the last two from where it will be a
-    frame after to where it is: with a thing that goes on evenly both are the same. 0 where it is behind the camera then.
+    The first two lead from the point's position in this frame to that in the previous one; the last two from that in the next
+    frame to that in this one: for uniform motion both are equal. 0 where the point is behind the camera at that time.
 
-    scene: compiled of `Shot.between`, or one that stands still. settings: their view is the frame's, their views, if
-    the camera moves, those of the frame before, the frame and the frame after. threads: None for one per core.
+    scene: compiled of `Shot.between`, or a static one. settings: their view is the frame's; their views, if the camera moves, are
+    those of the previous, this and the next frame. threads: None for one per core.
     """
     sharp = [replace(view, aperture=0.0) for view in settings.views]
     settings = replace(settings, view=replace(settings.view, aperture=0.0), views=tuple(sharp))
@@ -74,7 +74,7 @@ def load_kernel() -> None:
 
 
 def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
-    """(h, w, 2) from one place of the picture to another, upwards; 0 where one of them is nowhere, or beyond all sense."""
+    """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or the offset is too large."""
     way = end - start
     if views[1].projection == "panorama":
         way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way round
@@ -85,9 +85,10 @@ def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F
 
 
 def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
-    """(h, w, 2) places in the picture, x to the right and y down from the upper left corner; NaN behind the camera.
+    """Projects points to positions in the picture, (h, w, 2), x to the right and y down from the upper left corner; NaN behind
+    the camera.
 
-    places: (h, w, 4) points and 1, or directions and 0. By products, quotients and roots one at a time.
+    places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.
     """
     right, up, back, eye = axes_of(view)
     near = places[..., 3]
@@ -110,7 +111,7 @@ def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
 
 
 def _angle(y: F64, x: F64) -> F64:
-    """As arctan2, with the same bits on every host."""
+    """Returns arctan2(y, x) in radians, with the same bits on every host."""
     low, high = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
     tangent = low / np.maximum(high, 1e-300)
     for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short

@@ -1,4 +1,4 @@
-"""From where, and through which lens, a picture is seen."""
+"""The camera's position, projection and lens."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ _lens = ("perspective",)
 class View:
     """A camera: world-space `eye` and `target`, and an `up` hint; lengths in the scene's unit.
 
-    projection: perspective, with the vertical field of view `fov` in degrees; orthographic, showing `height` units from top
-    to bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
-    aperture: radius of the thin lens of a perspective camera; 0: a pinhole, sharp everywhere.
-    focus: distance along the line of sight of the plane that is sharp; None: the target's.
-    near: distance along the line of sight where rays start, but a panorama's: what stands before is cut away.
-    shift_x, shift_y: how far the middle of the picture is to the right of the line of sight, and above it, in heights of the
-    picture; not a panorama's. Upright lines stay upright, where turning the camera would make them fall.
+    projection: perspective, with the vertical field of view `fov` in degrees; orthographic, with `height` units from top to
+    bottom; or panorama, all directions around the eye as an equirectangular picture (`fov` unused).
+    aperture: radius of the thin lens of a perspective camera; 0 for a pinhole, sharp everywhere.
+    focus: distance along the line of sight of the plane in focus; None for the target's.
+    near: distance along the line of sight where rays start (near clipping); not used by a panorama.
+    shift_x, shift_y: offset of the picture's centre to the right of the line of sight, and above it, in heights of the picture
+    (lens shift); not used by a panorama. Vertical lines stay vertical, unlike with a rotated camera.
     """
 
     eye: Annotated[
@@ -152,18 +152,21 @@ class View:
             raise SettingsError("up points along the line of sight (or is zero); give another up direction")
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
-        """Where the line of sight meets a picture of that size, in pixels from its upper left corner."""
+        """Returns where the line of sight intersects a picture of that size, in pixels from its upper left corner."""
         if self.projection == "panorama":
             return width / 2, height / 2
         return width / 2 - self.shift_x * height, height / 2 + self.shift_y * height
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict, of which `from_json` makes the same view. A lens that is not shifted is as every release has it."""
+        """Returns a JSON-ready dict, from which `from_json` restores the view.
+
+        An unshifted lens is written as older releases did.
+        """
         return {name: value for name, value in asdict(self).items() if value or not name.startswith("shift_")}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> View:
-        """The view that `to_json` made JSON of. Raises SettingsError where it cannot be."""
+        """Returns the view of a dict from `to_json`. Raises SettingsError if it is invalid."""
         try:
             return cls(**data)
         except TypeError as error:

@@ -1,4 +1,4 @@
-"""How much is rendered, and when: what a request says beside the settings."""
+"""How much is rendered and in which order: the part of a request beside the settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOISE_SPP = 16384  # where only a noise level is asked for
 
 @dataclass(frozen=True)
 class Work:
-    """How much is rendered, and in which order: no sample's colour depends on it. Whichever end comes first, ends it."""
+    """The amount of rendering and its order; affects no sample's colour. The first limit reached ends the render."""
 
     spp: Annotated[
         int | None,
@@ -86,7 +86,7 @@ ORDERS = Choices(
 
 @dataclass(frozen=True)
 class ShotWork:
-    """What a request for several frames says beside: how time runs, and which frame is rendered when."""
+    """The settings of a request for several frames beside `Work`: frame rate, turntable and the order of frames."""
 
     fps: Annotated[
         float | None,
@@ -120,7 +120,7 @@ SHOT = table(ShotWork)
 
 
 def most_samples(spp: int | None, noise: float | None, seconds: float | None, defaults: Mapping[str, Any]) -> int:
-    """How many samples a pixel gets at the most. defaults: what the scene file asks for, unless another end is asked for."""
+    """Returns the maximum spp. defaults: the scene file's, used unless the request sets another limit."""
     if spp is not None:
         return spp
     if noise is not None:

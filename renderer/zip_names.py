@@ -1,7 +1,7 @@
-"""Names of a zip's entries as text: with folders by slashes, and in the encoding of the system that packed them.
+"""Decodes the names of a zip's entries: normalises separators to slashes and detects the encoding.
 
-Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either the encoding is the packing system's,
-and nothing says which: the one is taken whose names the archive's own scene files use, else the first whose names are words.
+Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either, the encoding is the packing system's
+and is not recorded: the encoding is chosen whose names the archive's scene files refer to, else the first that yields words.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ _MOST_FILES, _MOST_BYTES = 16, 1 << 18  # of scene files that are looked into
 
 
 class EntryNames(NamedTuple):
-    """names: of the entries, in their order. guess: a sentence where the encoding of some is guessed."""
+    """names: of the entries, in order. guess: a sentence, if the encoding of some was guessed."""
 
     names: list[str]
     guess: str | None
 
 
 def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> EntryNames:
-    """The names of some entries of an archive."""
+    """Returns the decoded names of some entries of an archive."""
     found: list[str | None] = []
     unknown: list[bytes] = []
     for entry in entries:
@@ -64,7 +64,7 @@ def _raw(entry: zipfile.ZipInfo) -> bytes:
 
 
 def _declared(entry: zipfile.ZipInfo) -> str | None:
-    """The name, where the archive says how it is encoded or that does not matter."""
+    """Returns an entry's name if it is ASCII or the archive declares its encoding; else None."""
     name = entry.orig_filename
     if name.isascii() or entry.flag_bits & _UTF8_FLAG:
         return name
@@ -102,7 +102,7 @@ def _decoded(names: list[bytes], encoding: str) -> list[str] | None:
 
 
 def _are_words(names: list[str], encoding: str) -> bool:
-    """Whether all letters are such that people who use this encoding name files by."""
+    """Whether all letters are ones commonly used in file names by users of this encoding."""
     letters = [letter for name in names for letter in name if not letter.isascii()]
     if encoding in ("gb2312", "cp932", "gb18030", "big5", "cp949"):
         return all(letter.isalpha() and ord(letter) >= _FIRST_OF_EAST_ASIA for letter in letters)
@@ -110,7 +110,7 @@ def _are_words(names: list[str], encoding: str) -> bool:
 
 
 def _texts(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) -> Iterator[bytes]:
-    """What the archive's scene files and material files say, as far as that is quickly read."""
+    """Yields the contents of the archive's scene and material files, as far as they can be read quickly."""
     naming = [entry for entry in entries if entry.filename.lower().endswith(NAMING_SUFFIXES)]
     quick = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
     for entry in [each for each in naming if each.compress_type in quick and not each.flag_bits & 1][:_MOST_FILES]:

@@ -1,4 +1,4 @@
-"""Archives from strangers: the errors that Python's zipfile raises for damaged ones, and the limit on what they may unpack to."""
+"""Errors and limits for untrusted zip archives: zipfile's exceptions for damaged ones, and the maximum unpacked size."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _RATIO = 200  # as the service has it for uploads (max_unzip_ratio)
 
 
 def most_unpacked(packed: int) -> int:
-    """The most bytes that so many are unpacked to."""
+    """Returns the maximum allowed unpacked size, in bytes, of an archive of this packed size."""
     return max(_FREE, _RATIO * packed)
 
 
 def is_bomb(unpacked: int, packed: int) -> bool:
-    """Whether so many bytes are more than scenes ever unpack to."""
+    """Whether an archive's unpacked size in bytes exceeds what scenes of this packed size may have."""
     return unpacked > most_unpacked(packed)
