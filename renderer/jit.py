@@ -53,7 +53,7 @@ COMPILE_PATIENCE_S = 300.0
 
 
 def _meaning(name: str, parts: Iterable[str]) -> str:
-    """Returns the hash of these sources' meaning, cached next to Python's byte code, so that a new cache need not compute it again.
+    """Returns the hash of these sources' meaning, stored with Python's byte code, outside the kernel cache.
 
     Also read from where another user, such as an image's build, has stored it for all users.
     """

@@ -36,7 +36,7 @@ class ArtefactError(Exception):
 
 
 def name_of(folder: Path, kernel: str) -> str:
-    """Returns an artefact's name: hash of sources, compiler and target (the folder's name), Python version of its pickles, kernel."""
+    """Returns an artefact's name: the folder's name (a hash of sources, compiler, target), Python version, kernel."""
     implementation = sys.implementation
     return f"{folder.name}-{implementation.name}{implementation.version.major}{implementation.version.minor}-{kernel}"
 

@@ -65,7 +65,7 @@ class PixelPaths:
 def pixel_paths(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, asked: int | None = None
 ) -> PixelPaths:
-    """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median by luminance, the brightest.
+    """Returns paths of the pixel's first `count` samples, at most MOST_SAMPLES: the first, the median, the brightest.
 
     asked: the number of one further sample, which may be any. Raises SettingsError if the pixel or the sample is out of range.
     """

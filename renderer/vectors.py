@@ -74,7 +74,7 @@ def load_kernel() -> None:
 
 
 def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
-    """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or the offset is too large."""
+    """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or too far."""
     way = end - start
     if views[1].projection == "panorama":
         way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way round

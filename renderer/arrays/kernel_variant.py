@@ -1,6 +1,6 @@
-"""Which edition of the kernels renders a scene: a function of the scene alone, so that all its samples come from one.
+"""Selects the kernel edition that renders a scene: a function of the scene alone, so that all its samples come from one edition.
 
-Two editions may differ in the last bit of a sample, where the compiler merges other multiplications with additions.
+Two editions may differ in the last bit of a sample, where the compiler fuses different products.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 
 
 def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
-    """Returns the name of the first of EDITIONS that has all parts which the scene needs.
+    """Returns the name of the first of EDITIONS that supports all features of the scene.
 
     camera_moves: while the shutter is open. Raises ValueError for a material of a kind that `rows.KINDS` does not declare.
     """
@@ -44,7 +44,7 @@ def edition_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 
 
 def only(scene: CompiledScene, edition: str) -> CompiledScene:
-    """The scene as the kernels of that edition are given it."""
+    """Returns the scene with the arrays of features that the edition lacks replaced by None, as its kernels take it."""
     has = EDITIONS[edition]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
@@ -58,7 +58,7 @@ def only(scene: CompiledScene, edition: str) -> CompiledScene:
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:
-    """Returns the parts that the kinds of the scene's materials need."""
+    """Returns the kernel features that the kinds of the scene's materials need."""
     kinds = np.unique(scene.material_kind).tolist()
     if unknown := [kind for kind in kinds if kind not in _PART_OF]:
         raise ValueError(f"material kinds {unknown} are not declared; add them to KINDS in renderer/arrays/rows.py")

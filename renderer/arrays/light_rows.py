@@ -1,9 +1,8 @@
-"""What a node of the light tree keeps of its eight children, lane by lane, and the row of a parallelogram: where the builders
-and the kernel agree.
+"""The layout of light-tree nodes (bounds of eight children, one per lane) and of parallelogram rows, for builder and kernel.
 
-A child is bounded by a sphere around all its lights, a cone around their axes, and how far light leaves those. Infinitely far
-lights are bounded as others are, by a sphere that lies at the distance 1 from wherever one stands, in the direction they are in.
-A lane without a child sends nothing.
+A child is bounded by a sphere around all its lights, a cone around their axes, and the maximum angle of emission from those.
+Infinitely distant lights are bounded likewise, by a sphere at distance 1 from any shading point, in their direction.
+A lane without a child has no power.
 """
 
 from __future__ import annotations

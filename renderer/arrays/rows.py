@@ -1,6 +1,5 @@
-"""Where each property of a material stands in the compiled scene's rows: the columns of `material`, the slots of
-`material_texture`, the bits of `material_flags`; and what the rows of textures and media hold. Colours take three columns from
-theirs on.
+"""The columns of the compiled scene's tables: `material`, the slots of `material_texture`, the bits of `material_flags`, textures
+and media. Colours take three columns, starting at theirs.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYER
 class Kind(NamedTuple):
     """A kind of material: how it scatters, and which kernels can render it.
 
-    stage: the kernel code that scatters its vertices. "rare": one path at a time, by renderer/kernel/material/rare_materials.py;
-    "none": the kind does not scatter. part: the field of `Has` that a kernel needs for it; empty where all kernels have it.
+    stage: the kernel stage that shades its vertices. "rare": one path at a time, by renderer/kernel/material/rare_materials.py;
+    "none": the kind does not scatter. part: the field of `Has` that a kernel needs for it; empty if all kernels support it.
     """
 
     number: int

@@ -1,8 +1,8 @@
-"""The compiled scene: the flat arrays that the kernel reads. renderer/scene/compiled.py keeps them in one file.
+"""The compiled scene: the flat arrays that the kernel reads. renderer/scene/compiled.py stores them in one file.
 
-Every array is C-contiguous and read-only (Numba compiles read-only arrays as a type of their own, so that one rule keeps
-one compiled kernel for memory-mapped and freshly built scenes alike: `seal` applies it). A primitive's number is its
-triangle's index, or T + its sphere's index; lights without a body go on from there.
+Every array is C-contiguous and read-only (Numba compiles read-only arrays as a separate type, so that one compiled kernel serves
+memory-mapped and freshly built scenes alike: `seal` ensures it). A primitive's number is its triangle's index, or T + its
+sphere's index; lights without geometry are numbered after those.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Array = npt.NDArray[Any]
 
 
 class CompiledScene(NamedTuple):
-    """What the kernel reads.
+    """The arrays of a compiled scene.
 
     I instances, V vertices, T triangles in P parts, S spheres, M materials, X textures, m media, L lights, K of them
     punctual.
@@ -190,20 +190,21 @@ _NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the env
 
 
 def flat(scene: CompiledScene) -> dict[str, Array]:
-    """The arrays by name, in the layout's order."""
+    """Returns the arrays by name, in the layout's order."""
     return {name: getattr(scene.bvh, name[4:]) if name.startswith("bvh.") else getattr(scene, name) for name in LAYOUT}
 
 
 def nested(arrays: dict[str, Array]) -> CompiledScene:
-    """The scene of these arrays: the reverse of `flat`."""
+    """Returns the scene of these arrays: the inverse of `flat`."""
     bvh: dict[str, Any] = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
     rest: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
     return CompiledScene(bvh=Bvh(**bvh), **rest)
 
 
 def example() -> CompiledScene:
-    """An empty scene that `check` accepts, of the types that kernels are compiled for: one root without children, one black
-    texel around it, one medium, and no geometry, materials or lights.
+    """Returns an empty scene that passes `check`, with the types that kernels are compiled for.
+
+    It has one root without children, one black texel of the environment, one medium, and no geometry, materials or lights.
     """
     arrays = {name: np.zeros([_example_length(each) for each in shape], kind) for name, (kind, shape) in LAYOUT.items()}
     arrays["bvh.node"][:, 0:ROW_CHILD:2], arrays["bvh.node"][:, 1:ROW_CHILD:2] = np.inf, -np.inf
@@ -212,7 +213,7 @@ def example() -> CompiledScene:
 
 
 def _example_length(length: int | str) -> int:
-    """Length of an example's axis: a number of LAYOUT, or 1 for what no scene lacks, else 0; one more for "+1"."""
+    """Returns the length of an example's axis: a number in LAYOUT, 1 for what every scene has, else 0; one more for "+1"."""
     if isinstance(length, int):
         return length
     return int(length[0] in _NEVER_EMPTY) + int(length.endswith("+1"))
@@ -224,11 +225,11 @@ def _read_only(array: Array) -> Array:
 
 
 def seal(scene: CompiledScene, unchecked: dict[str, Array] | None = None) -> CompiledScene:
-    """The scene with every array C-contiguous, of its exact type and read-only, and checked. Copies only what is not so yet.
+    """Returns the scene checked, with every array C-contiguous, of its exact dtype and read-only. Copies only where necessary.
 
-    unchecked: of arrays by name, the rows of which it is not known that they are in order; of others, all.
+    unchecked: by array name, the rows whose indices have not been checked yet; None for all rows.
 
-    Raises SceneError where the arrays do not fit together, since the kernel checks no index.
+    Raises SceneError if the arrays are inconsistent, since the kernel checks no index.
     """
     arrays = {}
     for name, array in flat(scene).items():
@@ -238,7 +239,7 @@ def seal(scene: CompiledScene, unchecked: dict[str, Array] | None = None) -> Com
 
 
 def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -> None:
-    """Raises SceneError where shapes disagree or an index points outside. unchecked: see `seal`."""
+    """Raises SceneError if shapes disagree or an index is out of range. unchecked: see `seal`."""
     lengths: dict[str, int] = {}
     for name, (_, shape) in LAYOUT.items():
         actual = arrays[name].shape
@@ -318,7 +319,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
 
 
 def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
-    """Raises SceneError where what moves has too few keys."""
+    """Raises SceneError if moving geometry has too few keys."""
     first, count = arrays["bvh.instance_motion"].astype(np.int64).T
     if not ((count == 0) | ((count >= 2) & (first >= 0) & (first + count <= lengths["R"]))).all():
         raise SceneError("an instance has fewer keys than it says")

@@ -1,4 +1,4 @@
-"""What a scene needs of the kernels, and the few editions of them that there are: what a scene lacks is not compiled for it."""
+"""The features of a scene that decide its kernel edition: features that a scene lacks are not compiled for it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ __all__ = ["EDITIONS", "EVERYTHING", "Has"]
 
 
 class Has(NamedTuple):
-    """Each True, or None where the scene has none of it.
+    """The features of a scene: each True, or None if the scene lacks it.
 
-    None has a type of its own: what stands under `if scene.has.textures is not None` is left out of a kernel whose scenes have
-    none (renderer/prune_absent_features.py), and costs neither time to compile nor registers.
+    None has a type of its own: code under `if scene.has.textures is not None` is pruned from a kernel whose scenes have no
+    textures (renderer/prune_absent_features.py), which saves compile time and registers.
     """
 
     textures: Any  # and what goes with them: normal maps, vertex colours, alpha, and what not every ray meets

@@ -1,9 +1,9 @@
-"""Where a ray meets a triangle or a sphere.
+"""Builds bounding volume hierarchies and intersects rays with triangles and spheres.
 
 layout.py    the arrays of a built tree
-build.py     the builder (binned SAH in split.py, first over clusters.py); collapse.py makes its binary tree 8-wide
-instances.py trees shown many times
+build.py     the builder (binned SAH in split.py, clusters.py for the top levels); collapse.py makes its binary tree 8-wide
+instances.py trees with many instances
 traverse.py  closest hit and any hit; packet.py tests eight triangles or eight spheres at once;
-             prefetch.py asks for memory before it is read
-simd.py      eight lanes as a type for kernels: the one place with instructions for CPUs only
+             prefetch.py prefetches memory
+simd.py      eight lanes as a type for kernels: the one module with CPU-only instructions
 """

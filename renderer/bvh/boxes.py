@@ -1,8 +1,8 @@
-"""Boxes as the builder keeps them: rows of eight float32, (-lower x y z, n, upper x y z, -n).
+"""Bounding boxes in the builder's layout: rows of eight float32, (-lower x y z, n, upper x y z, -n).
 
-So one 8-lane maximum grows a box by another, and tells the greatest and the least primitive number n among what it holds,
-and with them which kinds: triangles come first, then spheres, then instances. Numbers are kept as the bits of floats from
-1 up, in whose order they are, and never as those of a denormal number, which some processors are slow to look at.
+So one 8-lane maximum extends a box by another, and updates the greatest and the least primitive number n in it, and with them
+which kinds it contains: triangles are numbered first, then spheres, then instances. Numbers are stored as the bits of floats
+from 1 up, which preserves their order and avoids denormal numbers, which are slow on some processors.
 """
 
 from __future__ import annotations
@@ -41,38 +41,38 @@ _NOTHING = np.float32(-np.inf)
 
 
 def numbered(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The boxes, (N, 8) f32, with numbers from 0 on, which are put in place of theirs."""
+    """Returns a copy of the boxes, (N, 8) f32, with numbers 0 ... N - 1."""
     number = np.arange(len(boxes), dtype=np.int32) + _ONE_BITS
     boxes.view(np.int32)[:, _NUMBER], boxes.view(np.int32)[:, _MINUS_NUMBER] = number, number | _SIGN
     return boxes
 
 
 def numbers_of(boxes: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The numbers of the boxes, (N, 8) f32: (N,) i32."""
+    """Returns the primitive numbers of the boxes, (N, 8) f32: (N,) i32."""
     return boxes.view(np.int32)[:, _NUMBER] - _ONE_BITS
 
 
 @device
 def clear(boxes, i):
-    """Makes row i the box of nothing."""
+    """Sets row i to the empty box."""
     store(boxes, np.uintp(i * 8), splat(_NOTHING))
 
 
 @device
 def grow(boxes, i, others, j):
-    """Grows box i so that it holds box j of the others."""
+    """Extends box i to contain box j of `others`."""
     raise_to(boxes, np.uintp(i * 8), load(others, np.uintp(j * 8)))
 
 
 @device
 def grow_by(boxes, i, other):
-    """Grows box i so that it holds another, an f32x8."""
+    """Extends box i to contain another box, an f32x8."""
     raise_to(boxes, np.uintp(i * 8), other)
 
 
 @device
 def exchange(boxes, i, j):
-    """Boxes i and j change places."""
+    """Swaps boxes i and j."""
     a = load(boxes, np.uintp(i * 8))
     store(boxes, np.uintp(i * 8), load(boxes, np.uintp(j * 8)))
     store(boxes, np.uintp(j * 8), a)
@@ -80,13 +80,13 @@ def exchange(boxes, i, j):
 
 @device
 def doubled_centroid(box):
-    """(-c, c) of an f32x8, c being its centroid twice over."""
+    """Returns (-c, c) of a box, an f32x8, where c is twice its centroid."""
     return box - swapped(box)
 
 
 @device
 def half_area(box):
-    """Half the surface of an f32x8."""
+    """Returns half the surface area of a box, an f32x8."""
     size = box + swapped(box)
     dx, dy, dz = extract(size, np.uint32(0)), extract(size, np.uint32(1)), extract(size, np.uint32(2))
     return dx * dy + dy * dz + dz * dx
@@ -94,14 +94,14 @@ def half_area(box):
 
 @device
 def set_number(box, i, number):
-    """Says which primitive box i is of."""
+    """Sets the primitive number of box i."""
     store_int(box, np.uintp(i * 8 + _NUMBER), np.int32(number) + _ONE_BITS)
     store_int(box, np.uintp(i * 8 + _MINUS_NUMBER), (np.int32(number) + _ONE_BITS) | _SIGN)
 
 
 @device
 def number_of(box, i):
-    """The primitive that box i is of; the greatest that it holds."""
+    """Returns the primitive number of box i; the greatest one if it contains several."""
     return load_int(box, np.uintp(i * 8 + _NUMBER)) - _ONE_BITS
 
 
@@ -112,19 +112,22 @@ def _kind(number, triangles, solids):
 
 @device
 def first_kind(box, i, triangles, solids):
-    """The least kind of what box i holds."""
+    """Returns the least primitive kind in box i."""
     return _kind((load_int(box, np.uintp(i * 8 + _MINUS_NUMBER)) ^ _SIGN) - _ONE_BITS, triangles, solids)
 
 
 @device
 def last_kind(box, i, triangles, solids):
-    """The greatest kind of what box i holds."""
+    """Returns the greatest primitive kind in box i."""
     return _kind(number_of(box, i), triangles, solids)
 
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Makes row i of `whole` the box of boxes first ... end - 1, and row j of `spread` that of their doubled centroids."""
+    """Sets row i of `whole` to the bounds of boxes first ...
+
+    end - 1, and row j of `spread` to those of their doubled centroids.
+    """
     clear(whole, i)
     clear(spread, j)
     for k in range(first, end):

@@ -1,7 +1,7 @@
-"""Builds the BVH: boxes of triangles, spheres and instances (boxes.py), a binary tree over them (top.py, split.py), folded into
-8-wide nodes (collapse.py).
+"""Builds the BVH: boxes of triangles, spheres and instances (boxes.py), a binary tree over them (top.py, split.py), collapsed
+into 8-wide nodes (collapse.py).
 
-Folding opens the largest area first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008).
+Collapsing opens the node of largest area first, as in Wald, Benthin & Boulos, "Getting rid of packets" (2008).
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def build(
     team: Team | None = None,
     first_sphere: int | None = None,
 ) -> Bvh:
-    """The tree over T triangles, S spheres and I instances.
+    """Builds the BVH over T triangles, S spheres and I instances.
 
     position: (V, 3) f32; triangle: (T, 3) i32 into it; sphere: (S, 4) f32, centre and radius. Any of them may be empty.
-    brute: every box is boundless, so that every ray meets every primitive: slow, to see and to test what a tree is good for.
-    team: whose threads build; None for one per core. first_sphere: the number of the first sphere, T unless told. Degenerate
-    triangles are kept and never hit. The same input gives the same bytes, by however many threads. Runs without the GIL.
-    Raises ValueError where a coordinate is not finite or an index is out of range.
+    brute: makes every box infinite, so that every ray tests every primitive: slow, for tests and for measuring the BVH's benefit.
+    team: the threads that build; None for one per core. first_sphere: the number of the first sphere, T by default. Degenerate
+    triangles are stored and never hit. Deterministic, whatever the number of threads. Runs without the GIL.
+    Raises ValueError if a coordinate is not finite or an index is out of range.
     """
     position = np.ascontiguousarray(position, np.float32).reshape(-1, 3)
     triangle = np.ascontiguousarray(triangle, np.int32).reshape(-1, 3)
@@ -62,9 +62,9 @@ def tree_of(
     bounds: npt.NDArray[Any] = np.zeros((0, 2, 3)),
     team: Team | None = None,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """The nodes and the packets of one tree: over triangles, as `build` takes them, or over boxes of instances, (I, 2, 3) f64.
+    """Returns the nodes and packets of one tree: over triangles, as `build` takes them, or over instance boxes, (I, 2, 3) f64.
 
-    As `build` lays them, but writable.
+    In the layout of `build`, but writable.
     """
     for array in (position, triangle):
         array.flags.writeable = False
@@ -77,9 +77,9 @@ def tree_of(
 def tree_over(
     position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], first_sphere: int, team: Team
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """As `tree_of`, over what is elsewhere at each of K keys: boxes hold all of them, packets the first.
+    """Returns the nodes and packets of a tree over primitives with K motion keys: boxes bound all keys, packets hold the first.
 
-    position: (K, V, 3) f32; sphere: (K, S, 4) f32.
+    position: (K, V, 3) f32; sphere: (K, S, 4) f32. Otherwise as `tree_of`.
     """
     nothing = np.zeros((0, 2, 3))
     arrays = [(np.ascontiguousarray(p), np.ascontiguousarray(s)) for p, s in zip(position, sphere, strict=True)]
@@ -95,7 +95,7 @@ def tree_over(
 
 
 def boundless(node: npt.NDArray[Any]) -> None:
-    """Makes every box so large that every ray meets everything."""
+    """Makes every box so large that every ray intersects it."""
     used = node[:, 0] <= node[:, 1]
     for row in range(6):
         node[:, row][used] = np.inf if row & 1 else -np.inf
@@ -109,7 +109,7 @@ def _levels(
     instances: Instances | None,
     team: Team,
 ) -> Bvh:
-    """The world's tree and, where there are instances, those that they show."""
+    """Builds the world's tree and, if there are instances, the trees that they refer to."""
     nothing = np.zeros((0, 2, 3))
     if instances is None:
         node, packet = _tree(position, triangle, sphere, first_sphere, nothing, team)
@@ -138,7 +138,7 @@ def _tree(
     bounds: npt.NDArray[Any],
     team: Team,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """One level's nodes and packets; bounds: (I, 2, 3) f64, of the instances in it."""
+    """Returns the nodes and packets of one level; bounds: (I, 2, 3) f64, of its instances."""
     solids = len(triangle) + len(sphere)
     count = solids + len(bounds)
     if count == 0:
@@ -153,7 +153,7 @@ def _tree(
 def _boxes(
     position: npt.NDArray[Any], triangle: npt.NDArray[Any], sphere: npt.NDArray[Any], bounds: npt.NDArray[Any], team: Team
 ) -> npt.NDArray[np.float32]:
-    """All primitives' boxes, see boxes.py."""
+    """Returns the boxes of all primitives, in the layout of boxes.py."""
     solids = len(triangle) + len(sphere)
     box = np.empty((solids + len(bounds), 8), np.float32)
     box[solids:, :3], box[solids:, 4:7] = -bounds[:, 0], bounds[:, 1]
@@ -172,7 +172,7 @@ def _sealed(bvh: Bvh, brute: bool) -> Bvh:
 
 @entry
 def _primitive_boxes(position, triangle, sphere, first, end, box):
-    """The boxes of primitives first ... end - 1; of instances, whose boxes are there, but their numbers."""
+    """Writes the boxes of primitives first ... end - 1; for instances, whose boxes are filled in already, only their numbers."""
     for i in range(first, min(end, len(triangle))):
         a, b, c = triangle[i, 0], triangle[i, 1], triangle[i, 2]
         for k in range(3):

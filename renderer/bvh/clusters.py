@@ -1,5 +1,6 @@
-"""Clusters of primitives: the non-empty cells of a grid. The top of a tree is built over these, a hundredth as many as the
-primitives, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011)."""
+"""Clusters of primitives: the non-empty cells of a grid. The top of a tree is built over clusters, a hundredth as many as the
+primitives, as in Garanzha, Pantaleoni & McAllister, "Simpler and Faster HLBVH with Work Queues" (2011).
+"""
 
 from __future__ import annotations
 
@@ -51,15 +52,15 @@ class Clusters(NamedTuple):
 
 
 def one_cluster(source: Integers, whole: F32) -> Clusters:
-    """All of these primitives; whole: (8,), their box."""
+    """Returns one cluster of all these primitives; whole: (8,), their bounds."""
     count = np.array([len(source)])
     return Clusters(source, numbered(whole.reshape(1, 8).copy()), np.zeros(1, np.int64), count, count)
 
 
 def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -> Clusters:
-    """These primitives by the cells of a grid over the box of their doubled centroids, `spread` (8,).
+    """Groups primitives by the cells of a grid over the bounds of their doubled centroids, `spread` (8,).
 
-    In a cell they keep their order: the clusters do not depend on how many threads gather them.
+    The order within a cell is preserved, so the clusters do not depend on the number of threads.
     """
     grid, shift, cells = _grid(spread)
     parts = parts_of(0, len(source), -(-len(source) // team.threads))
@@ -80,8 +81,11 @@ def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -
 
 
 def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
-    """A grid of nearly cubical cells: (3, 8) where its first cell begins, cells per length, the last cell, all in lanes 4 ... 6;
-    by how many bits a cell's number along y and z is shifted; how many cells there are."""
+    """Returns a grid of nearly cubical cells over the box `spread`: origin and scale, bit shifts, number of cells.
+
+    Origin, cells per length and last cell: (3, 8), in lanes 4 ... 6; the bit shifts are those of a cell's y and z index in its
+    number.
+    """
     extent = (spread[4:7] + spread[:3]).astype(np.float64)
     bits = [0, 0, 0]
     for _ in range(CELL_BITS):
@@ -96,11 +100,11 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 
 
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
-    """Splits a node over clusters, at least once if a plane divides it, until its parts have at most `least` primitives or too
-    few clusters: the parts, (J, JOB) i64.
+    """Splits a node over clusters until its parts have at most `least` primitives or too few clusters.
 
-    node: (JOB,) i64; spread: (8,), the box of the clusters' doubled centroids. Reorders the clusters' boxes, by whose numbers
-    a part's clusters are known, and writes the rows of the tree above the parts and of their boxes, but for the numbers in these.
+    Splits at least once if a plane divides the node. Returns the parts, (J, JOB) i64. node: (JOB,) i64; spread: (8,), the bounds
+    of the clusters' doubled centroids. Reorders the clusters' boxes, whose numbers identify a part's clusters, and writes the
+    tree rows above the parts and their boxes, except for the primitive numbers in these.
     """
     stack, spreads = np.empty((STACK, JOB), np.int64), np.empty((STACK, 8), np.float32)
     stack[0], spreads[0] = node, spread
@@ -110,7 +114,7 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
 
 @entry
 def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
-    """Finds the cells of primitives source[first : end], and what each cell holds of them: its box, (how many, their weight)."""
+    """Computes the cells of primitives source[first : end], and of each cell the bounds and (count, weight) of its primitives."""
     for c in range(len(whole)):
         clear(whole, c)
         tally[c, 0] = 0
@@ -132,7 +136,7 @@ def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole,
 
 @entry
 def _sort(source, cell, first, end, at, target):
-    """Puts primitives source[first : end] where the next of their cell belongs, which `at` tells."""
+    """Writes primitives source[first : end] to the next free place of their cell, given by `at` (counting sort)."""
     for k in range(first, end):
         c = np.uintp(cell[k])
         target[np.uintp(at[c])] = source[k]
@@ -141,7 +145,7 @@ def _sort(source, cell, first, end, at, target):
 
 @entry
 def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
-    """See `split_clusters`: how many parts there are."""
+    """Implements `split_clusters`; returns the number of parts."""
     box = clusters.box
     top, found = 1, 0
     is_first = True

@@ -1,4 +1,4 @@
-"""Folds the binary tree into 8-wide nodes and its leaves into packets."""
+"""Collapses the binary tree into 8-wide nodes and its leaves into packets."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 
 class Shapes(NamedTuple):
-    """What packets are filled from."""
+    """The geometry that packets are filled from."""
 
     position: Array  # (V, 3) f32
     triangle: Array  # (T, 3) i32
@@ -48,9 +48,9 @@ class Shapes(NamedTuple):
 
 
 def fold_all(binary: Binary, shapes: Shapes, team: Team) -> tuple[Array, Array]:
-    """The wide nodes and the packets of a binary tree.
+    """Returns the wide nodes and the packets of a binary tree.
 
-    Nodes over more primitives than a part come first; then, by all threads, what is below each of their smaller children.
+    Nodes over more primitives than a part come first; then, by all threads, the subtrees of their smaller children.
     """
     solids = len(shapes.triangle) + len(shapes.sphere)
     part = part_size(len(binary.order))
@@ -72,13 +72,13 @@ def fold_all(binary: Binary, shapes: Shapes, team: Team) -> tuple[Array, Array]:
 
 
 def _scratch() -> tuple[Array, Array]:
-    """One walk's room: a wide node's members, and a stack of binary nodes with the wide nodes that they become."""
+    """Returns one thread's scratch space: a wide node's members, and a stack of binary nodes with their wide nodes."""
     return np.empty(WIDTH, np.int64), np.empty((STACK_SIZE, 2), np.int64)
 
 
 @device
 def _open(binary, root, members):
-    """The up to eight binary nodes that become the children of one wide node; opens the largest first. Returns how many."""
+    """Collects the up to eight binary nodes that become the children of one wide node, largest first; returns how many."""
     members[0] = root
     count = 1
     while count < WIDTH:
@@ -100,10 +100,10 @@ def _open(binary, root, members):
 
 @entry
 def _count(binary, solids, root, least, aside, members, stack):
-    """What folding from a binary node on makes: (wide nodes, its own among them, packets, how many are put aside).
+    """Counts what collapsing a binary subtree produces: (wide nodes including the root, packets, deferred children).
 
-    Children over at most `least` primitives are put aside: listed in `aside` with the number of the wide node that each
-    becomes, and not looked into.
+    Children over at most `least` primitives are deferred: listed in `aside` with the number of the wide node that each becomes,
+    and not counted.
     """
     stack[0, 0] = root
     top = 1
@@ -130,7 +130,7 @@ def _count(binary, solids, root, least, aside, members, stack):
 def _fill_packet(packet, p, order, first, count, shapes):
     """Writes the primitives order[first : first + count], all of one kind, into packet p, by ascending number.
 
-    The first of several lanes at equal distance then has the lowest number.
+    So the first of several lanes at equal distance has the lowest number.
     """
     triangles = len(shapes.triangle)
     for end in range(first + 1, first + count):
@@ -158,9 +158,9 @@ def _fill_packet(packet, p, order, first, count, shapes):
 
 @entry
 def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
-    """Fills wide node `wide_root` from the binary node `root`, and what is below it into nodes and packets from these on.
+    """Fills wide node `wide_root` from the binary node `root`, and its subtree into nodes and packets from the given indices on.
 
-    Goes the way that `_count` went, and leaves out what it put aside.
+    Traverses as `_count` does, and skips what it deferred.
     """
     triangles = len(shapes.triangle)
     solids = triangles + len(shapes.sphere)

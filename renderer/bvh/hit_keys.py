@@ -1,4 +1,4 @@
-"""Keys: distances whose last bits tell the lane, in an f32x8, so that the nearest is the least of eight integers."""
+"""Sort keys of hits: distances whose last bits hold the lane, so that the nearest is the minimum of eight integers."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _DONE = 2**31 - 1
 
 @intrinsic
 def ranked(typingctx, mask, distance):
-    """f32x8 of keys, one a lane: the bits of a distance not below 0, its last three the lane's number.
+    """Returns an f32x8 of keys: the bits of non-negative distances with the lane number in the last three bits.
 
-    As signed integers, they are in the distances' order. `NO_KEY` in lanes that the mask leaves out.
+    As signed integers, they sort by distance. The greatest int32 in lanes that the mask excludes.
     """
 
     def codegen(context, builder, sig, args):
@@ -41,7 +41,7 @@ def _least(builder, values):
 
 
 def _all(builder, value):
-    """An integer in all lanes."""
+    """Returns an integer broadcast to all lanes."""
     nothing = ir.Constant(_KEYS, ir.Undefined)
     return builder.shuffle_vector(
         builder.insert_element(nothing, value, ir.Constant(_I32, 0)), nothing, ir.Constant(_KEYS, [0] * LANES)
@@ -50,13 +50,13 @@ def _all(builder, value):
 
 @intrinsic
 def least(typingctx, keys):
-    """The least of the keys, an int32."""
+    """Returns the minimum of the keys, an int32."""
     return types.int32(keys), lambda context, builder, sig, args: _least(builder, builder.bitcast(args[0], _KEYS))
 
 
 @intrinsic
 def beyond(typingctx, keys, key):
-    """The keys without those up to `key`."""
+    """Returns the keys greater than `key`; the other lanes are set to the greatest key."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -69,7 +69,7 @@ def beyond(typingctx, keys, key):
 
 @intrinsic
 def exceeding(typingctx, numbers, number):
-    """Where one of the int32 whose bits an f32x8 keeps is greater than an int32."""
+    """Returns a mask of the lanes whose int32 (stored as bits in an f32x8) is greater than `number`."""
 
     def codegen(context, builder, sig, args):
         return builder.icmp_signed(">", builder.bitcast(args[0], _KEYS), _all(builder, args[1]))
@@ -79,7 +79,7 @@ def exceeding(typingctx, numbers, number):
 
 @intrinsic
 def key_limit(typingctx, distance):
-    """The greatest key of a distance not below 0, a float32: keys above it are farther."""
+    """Returns the greatest key of a non-negative distance, a float32: greater keys are farther."""
 
     def codegen(context, builder, sig, args):
         return builder.or_(builder.bitcast(args[0], _I32), _I32(_LANE))
@@ -89,7 +89,7 @@ def key_limit(typingctx, distance):
 
 @intrinsic
 def masked(typingctx, mask, distance):
-    """The f32x8 of distances, and what is beyond all of them, NaN, in the lanes that the mask leaves out."""
+    """Returns the f32x8 of distances, with a NaN that sorts above all of them in the lanes that the mask excludes."""
 
     def codegen(context, builder, sig, args):
         none = ir.Constant(_KEYS, [_DONE] * LANES)
@@ -100,7 +100,7 @@ def masked(typingctx, mask, distance):
 
 @intrinsic
 def nearest_of(typingctx, distances):
-    """(distance, lane): the least of what `masked` gives of positive distances; the first lane of equal ones."""
+    """Returns (distance, lane): the minimum of `masked` positive distances; the first lane of equal ones."""
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
@@ -114,5 +114,5 @@ def nearest_of(typingctx, distances):
 
 @device
 def nearest(mask, distance):
-    """(distance, lane): the least of the f32x8 of positive distances in the mask's lanes; the first lane of equal ones."""
+    """Returns (distance, lane): the minimum of positive distances in the mask's lanes; the first lane of equal ones."""
     return nearest_of(masked(mask, distance))

@@ -1,4 +1,4 @@
-"""Rays taken into the space of an instance."""
+"""Transforms rays into the space of an instance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["into", "to_local"]
 
 @device
 def into(bvh, number, o, d, time):
-    """As `to_local`, of an instance that may move, at a time of the shutter; None: where nothing does."""
+    """Returns the ray in the space of an instance at a shutter time 0 ... 1, or None if nothing moves."""
     if time is not None and len(bvh.instance_motion) > 0:
         first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
         if keys > 0:
@@ -42,10 +42,10 @@ def _to_moving(motion, first, keys, time, o, d):
 
 @device
 def to_local(transform, number, o, d):
-    """A ray in an instance's space. Its direction keeps the transform's scale, so that t stays the world's.
+    """Returns the ray in a static instance's space. Its direction is not normalised, so that t is the same as in world space.
 
-    In double precision, rounded once: then a ray that starts beside the instance's surface is off it by no more than it
-    would be beside the same triangles in the world.
+    Computed in double precision and rounded once: the error of a ray's origin next to the instance's surface is then no larger
+    than with the same triangles in world space.
     """
     ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
     dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])

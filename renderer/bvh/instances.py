@@ -1,4 +1,4 @@
-"""The upper level of the BVH: trees that are shown somewhere, and what becomes of them in the arrays of the whole."""
+"""The upper level of the BVH: instances of trees, and the relocation of their trees into shared arrays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _INSTANCE_SLACK = 2.0**-20
 
 
 class Instances(NamedTuple):
-    """Where trees are shown. Tree g is over the triangles first[g] ... first[g + 1] - 1, in a space of its own."""
+    """Instances of trees. Tree g is over the triangles first[g] ... first[g + 1] - 1, in its own space."""
 
     first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; before first[0] they are the world's own
     tree: npt.NDArray[Any]  # (I,) which tree each instance shows
@@ -24,7 +24,7 @@ class Instances(NamedTuple):
 
 
 def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """(I, 2, 3) lower and upper corners in the world: of each tree's topmost eight boxes, which together fit closer than one."""
+    """Returns world-space bounds (I, 2, 3): of each tree's topmost eight boxes, which together fit tighter than one."""
     boxes = [root_boxes(node) for node, _ in trees]
     first = np.cumsum([0, *map(len, boxes)])
     placed = np.empty((len(shown), 2, 3))
@@ -41,7 +41,7 @@ def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDAr
 
 
 def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
-    """(n, 2, 3) f64: the lower and upper corners of a tree's topmost boxes."""
+    """Returns (n, 2, 3) f64: the lower and upper corners of a tree's topmost boxes."""
     if not len(node):
         return np.zeros((0, 2, 3))
     lanes = node[0, 0] <= node[0, 1]
@@ -49,7 +49,7 @@ def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
-    """Makes a tree of triangles, built by itself, part of larger arrays."""
+    """Offsets the indices of a separately built triangle tree, in place, so that it can be part of larger arrays."""
     child = node[:, ROW_CHILD].view(np.int32)
     child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)
     number = packet[:, ROW_PRIMITIVE].view(np.int32)

@@ -1,4 +1,4 @@
-"""Sums over the lanes of an f32x8, to choose a lane in proportion to what it holds."""
+"""Sums over the lanes of an f32x8, for choosing a lane with probability proportional to its value."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PARTNER = ([1, 0, 3, 2, 5, 4, 7, 6], [2, 3, 0, 1, 6, 7, 4, 5], [4, 5, 6, 7, 0, 
 
 
 def _added(builder, value, steps):
-    """The vector to which at each step its own lanes are added, from the places named."""
+    """Adds to a vector, at each step, a permutation of its own lanes."""
     zeros = ir.Constant(value.type, [0.0] * LANES)
     for places in steps:
         value = builder.fadd(value, builder.shuffle_vector(value, zeros, ir.Constant(_PLACES, places)))
@@ -29,14 +29,14 @@ def _added(builder, value, steps):
 
 @intrinsic
 def running_sum(typingctx, a):
-    """f32x8: in each lane the sum of the lanes up to it.
+    """Returns the prefix sums of the lanes, an f32x8; each includes its own lane.
 
-    Of lanes that are not negative, the sums do not fall, and rise only where a lane is above 0, however they are rounded.
+    For non-negative lanes the rounded sums never decrease, and increase only at lanes above 0.
     """
     return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _BEFORE)
 
 
 @intrinsic
 def whole_sum(typingctx, a):
-    """f32x8: in each lane the sum of all lanes; to the bit that which `running_sum` has in the last one."""
+    """Returns the sum of all lanes, in each lane; equal to the last lane of `running_sum` to the bit."""
     return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _PARTNER)

@@ -1,29 +1,28 @@
-"""The arrays of a built BVH: where the builder and the traversal agree.
+"""The arrays of a built BVH, shared by the builder and the traversal.
 
-An 8-wide tree. A node keeps its eight children's boxes lane by lane, so that one ray meets all eight in a few instructions;
-a leaf is one packet of up to eight triangles, or of up to eight spheres, kept lane by lane likewise, or one instance.
-Nodes that no child names, and packets that no leaf does, may lie between the others.
+An 8-wide tree. A node stores its eight children's boxes lane by lane, so that a ray is tested against all eight in a few
+instructions; a leaf is one packet of up to eight triangles, or of up to eight spheres, stored lane by lane likewise, or one
+instance. Unreferenced nodes and packets may lie between the others.
 
     node           (N, 7, 8) f32   rows: x lower, x upper, y lower, y upper, z lower, z upper, child
     packet         (P, 10, 8) f32  triangles, rows: a.x a.y a.z  b.x b.y b.z  c.x c.y c.z  primitive
                                    spheres, rows:   x y z radius, five rows unused,        primitive
-    instance_root  (I,) i32        the node at which each instance's own tree begins
-    to_local       (I, 3, 4) f64   from the world into the instance's space: a matrix and, last column, a translation
-    motion           (R, 18) f64   of instances that move while the shutter is open, their keys (motion.py), which count instead:
-    instance_motion  (I, 2) i32    the first of each instance's and how many, 0 of one that stands still; no rows where all do
-    keyed            (2,) i32      the first packet of those whose vertices or spheres move meanwhile, and how many keys it has
-    begin            (2,) i32      the nodes at which the camera's rays begin, and shadow rays (ray_masks.py); all others do at 0
+    instance_root  (I,) i32        the root node of each instance's tree
+    to_local       (I, 3, 4) f64   from world space to the instance's space: a matrix and, last column, a translation
+    motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py), in place of to_local
+    instance_motion  (I, 2) i32    first key and number of keys of each instance, 0 if static; no rows if all are
+    keyed            (2,) i32      the first packet with moving vertices or spheres, and the number of its keys
+    begin            (2,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0
 
-`child` and `primitive` are int32, kept bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
+`child` and `primitive` are int32, stored bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
 triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
-without a child has a box that nothing hits (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
+without a child has an empty box (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
 primitive's number is its triangle's index, or the number of triangles + its sphere's index.
 
-A packet that has keys is as many packets, one behind the other, and its leaf names the first; what lies between two keys is
-straight. Packets with keys are the world's, and the last of all. Boxes hold all of a motion.
+A packet with K keys is stored as K consecutive packets, and its leaf refers to the first; between two keys vertices are
+interpolated linearly. Packets with keys belong to the world's tree, and come last. Boxes bound the whole motion.
 
-An instance is a tree shown somewhere: two levels and no more. Many instances share one tree, which lies in its own space;
-it holds triangles only.
+Instances form two levels and no more. Many instances share one tree, which is in its own space and contains triangles only.
 """
 
 from __future__ import annotations
@@ -72,7 +71,7 @@ STACK_SIZE = 512
 
 
 class Bvh(NamedTuple):
-    """A bounding volume hierarchy: see the module's docstring."""
+    """A bounding volume hierarchy; the module's docstring describes the arrays."""
 
     node: npt.NDArray[Any]  # (N, 7, 8) f32
     packet: npt.NDArray[Any]  # (P, 10, 8) f32

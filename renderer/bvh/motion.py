@@ -1,11 +1,11 @@
-"""Where a body is while the shutter is open: keys at equal steps, and what lies between two of them.
+"""Rigid motion while the shutter is open: keys at equal time steps, and interpolation between them.
 
-A key takes a point x of the body's own space to place + turn * stretch * (x - point): `stretch` is symmetric, `turn` a unit
-quaternion x y z w, and `point` the point of the body that moves in a straight line from key to key. What turns about an axis
-turns exactly, wherever the axis lies. Between keys turns are slerped (Shoemake 1985), all else is straight. The split of a
-matrix in turn and stretch is its polar one: Shoemake & Duff, "Matrix Animation and Polar Decomposition" (1992).
+A key maps a point x of the body's space to place + turn * stretch * (x - point): `stretch` is a symmetric matrix, `turn` a unit
+quaternion x y z w, and `point` the point of the body that moves in a straight line from key to key. Rotations about an axis are
+exact, wherever the axis is. Between keys rotations are slerped (Shoemake 1985), everything else is linear. Matrices are split
+into rotation and stretch by polar decomposition: Shoemake & Duff, "Matrix Animation and Polar Decomposition" (1992).
 
-In double precision, by additions, products and quotients alone: every host has the same bits.
+In double precision, by additions, products and quotients only: the same bits on every host.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INVERSE_SINE = 17  # and 1 over its sine; 0 where turns are so near that they ar
 
 @device
 def step_at(time, keys):
-    """(the key before a time 0 ... 1, the share of the way to the next one); keys: 2 at least."""
+    """Returns (the index of the key before a time 0 ... 1, the fraction of the step to the next); keys: at least 2."""
     passed = np.float32(time) * np.float32(keys - 1)
     step = min(np.int64(passed), np.int64(keys - 2))
     return step, passed - np.float32(step)
@@ -35,7 +35,7 @@ def step_at(time, keys):
 
 @device
 def _sine(x):
-    """Of 0 ... pi / 2, to 6e-12: its series."""
+    """Returns the sine of an angle in 0 ... pi / 2 to within 6e-12, by its series."""
     y = x * x
     rest = 1.0 - y * (1.0 / 210.0)
     rest = 1.0 - y * (1.0 / 156.0) * rest
@@ -55,7 +55,7 @@ def _mixed(keys, k, column, share):
 
 @device
 def placed_at(keys, first, count, time):
-    """Three rows of the matrix and, last in each, of the translation from a body's space at a time of the shutter, 0 ... 1.
+    """Returns the matrix from a body's space to world space at a shutter time 0 ... 1: three rows, the translation last in each.
 
     keys: (R, KEY_COLUMNS) f64, this body's from `first` on, `count` of them.
     """
@@ -87,7 +87,7 @@ def placed_at(keys, first, count, time):
 
 @device
 def inverse_of(m):
-    """The rows that lead back from where `placed_at` leads to."""
+    """Returns the rows of the inverse of a transform from `placed_at`."""
     a, b, c = m
     ax, ay, az = b[1] * c[2] - b[2] * c[1], a[2] * c[1] - a[1] * c[2], a[1] * b[2] - a[2] * b[1]
     bx, by, bz = b[2] * c[0] - b[0] * c[2], a[0] * c[2] - a[2] * c[0], a[2] * b[0] - a[0] * b[2]

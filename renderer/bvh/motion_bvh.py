@@ -1,4 +1,4 @@
-"""Trees over what changes its shape while the shutter is open, and boxes around bodies that move meanwhile."""
+"""Trees over geometry that deforms while the shutter is open, and bounds of moving bodies."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SYMMETRIC = STRETCH + np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
 def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: int, team: Team) -> tuple[Array, Array]:
-    """The nodes and the packets of one tree over what moves straight from key to key: each packet once for each of K keys.
+    """Returns the nodes and packets of a tree over vertices that move linearly between K keys, each packet stored per key.
 
     position: (K, V, 3) f32, triangle: (T, 3) i32 into V, sphere: (K, S, 4) f32. Numbers are as in `renderer.bvh.build.build`.
     """
@@ -49,10 +49,10 @@ def keyed_tree(position: Array, triangle: Array, sphere: Array, first_sphere: in
 
 
 def motion_boxes(box: Array, keys: Array) -> Array:
-    """(2, 3) f64 lower and upper corner of what holds boxes all the way that a body takes them.
+    """Returns (2, 3) f64 lower and upper corners of the bounds of boxes over the whole motion of a body.
 
-    box: (n, 2, 3) f64 in the body's space; keys: (K, KEY_COLUMNS), see motion.py. Between two looks a point is no further from
-    the line between where it is at them than an arc's middle is from its chord.
+    box: (n, 2, 3) f64 in the body's space; keys: (K, KEY_COLUMNS), see motion.py. Between two sampled times a point deviates from
+    the straight line by at most the sagitta of its arc, which is added.
     """
     corners = np.array([np.where(which, box[:, 1], box[:, 0]) for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -74,14 +74,14 @@ def motion_boxes(box: Array, keys: Array) -> Array:
 
 
 def _through(matrix: Array, points: Array) -> Array:
-    """(n, 3) points through nine numbers; not by a BLAS, whose last bits depend on the processor."""
+    """Transforms (n, 3) points by nine matrix elements; without BLAS, whose last bits depend on the processor."""
     m = np.asarray(matrix).reshape(3, 3)
     x, y, z = points.T
     return np.stack([m[k, 0] * x + m[k, 1] * y + m[k, 2] * z for k in range(3)], axis=1)
 
 
 def _turns(before: Array, after: Array, half_angle: float) -> list[Array]:
-    """Turns from one to the other by equal steps, each in the middle of its neighbours."""
+    """Returns rotations from one to the other in equal steps, each found as the midpoint of its neighbours."""
     found = [before, after]
     while half_angle > _STEP:
         half_angle *= 0.5

@@ -1,4 +1,4 @@
-"""One ray against eight triangles, or against eight spheres, at once."""
+"""Intersects one ray with eight triangles, or with eight spheres, at once."""
 
 from __future__ import annotations
 
@@ -38,17 +38,18 @@ _CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 
 @device
 def meet_triangles(base, axes, shear, origin, margin, t_max):
-    """The triangles of a packet that the ray meets: (mask8, and, still to be divided by the f32x8 determinant that comes
-    last, f32x8 distance, barycentric of b, of c).
+    """Intersects a ray with the triangles of a packet: (mask8, f32x8 distance, barycentric of b, of c, determinant).
+
+    Distance and barycentrics are still to be divided by the determinant.
 
     Watertight: Woop, Benthin & Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Two triangles compute the
     same edge function of a shared edge, but for its exact sign, so a ray cannot pass between them; edges belong to both.
     The products must be rounded before the difference (no fma), or the sign would not be exact.
 
-    Of two faces back to back at one place, rounding would decide which is nearer. Distances of front faces are reduced, and
-    those of back faces enlarged, by `_FACING` times the sum of distance and `margin`: the face towards the ray's origin is the
-    nearer one, whatever the order, the tessellation and the space of the two. With margin None, for shadow rays, distances stay
-    as they are.
+    For two coincident faces back to back, rounding would decide which is nearer. So distances of front faces are reduced, and
+    those of back faces increased, by `_FACING` times the sum of distance and `margin`: the face towards the ray's origin is
+    nearer, whatever the order, the tessellation and the space of the two. With margin None, for shadow rays, distances are
+    unchanged.
 
     axes: row offsets (kx, ky, kz), kz of the direction's largest component; shear: (d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]);
     origin: permuted alike; base: the packet's address.
@@ -87,7 +88,7 @@ def meet_triangles(base, axes, shear, origin, margin, t_max):
 
 @device
 def is_beyond(after, limit, t, numbers):
-    """mask8 of the primitives beyond a hit: farther than `after[0]`, or as far and of a higher number than `limit`.
+    """Returns a mask8 of the primitives beyond a hit: farther than `after[0]`, or equally far with a number above `limit`.
 
     numbers: the bits of the primitives' numbers, f32x8.
     """
@@ -97,9 +98,9 @@ def is_beyond(after, limit, t, numbers):
 
 @subroutine
 def meet_spheres(base, origin, direction, t_max, after, limit, numbers):
-    """Where the ray first meets the spheres of a packet ahead of its origin: (mask8, f32x8 distance).
+    """Intersects a ray with the spheres of a packet, ahead of its origin: (mask8, f32x8 distance of the first hit).
 
-    after, limit, numbers: as for `is_beyond`, to which the hits are then limited; None: they are not.
+    after, limit, numbers: as for `is_beyond`, which then filters the hits; None: unfiltered.
 
     In double precision: in single, the distance to a sphere of radius 1e5 would be wrong by its third decimal, and the
     sphere would shadow itself in rings.

@@ -1,4 +1,4 @@
-"""Memory asked for before it is read."""
+"""Prefetches tree nodes and packets."""
 
 from __future__ import annotations
 
@@ -16,9 +16,7 @@ _LINES = 5  # of the cache: a node has four, a packet five
 
 @device
 def ask_for(bvh, child, nearby):
-    """Asks for what the child of a node leads to, a node or a packet, to be in the cache when a ray looks into it; not in a tree
-    of `nearby` nodes or fewer, which is there anyway.
-    """
+    """Prefetches the node or packet of a child reference; not in trees of `nearby` nodes or fewer, which stay in the cache."""
     if len(bvh.node) > nearby:
         node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)
         packet = address(bvh.packet, np.uintp(~child >> 2) * _PACKET)

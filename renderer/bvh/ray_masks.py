@@ -1,7 +1,7 @@
-"""Trees for rays that do not meet everything: the camera's, and shadow rays.
+"""Trees for rays that do not intersect everything: camera rays and shadow rays.
 
-Nodes on the way to what such rays do not meet are copied without it; all others are shared. So these rays only start at another
-node, and nothing has to be tested on their way.
+Nodes above primitives that such rays ignore are copied without them; all other nodes are shared. So these rays only start at
+another root node, and the traversal has no further test.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _CAMERA, _SHADOW = 0, 1  # whose rays begin there: places of Bvh.begin
 
 
 def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> Laid:
-    """The tree, with nodes at which the camera's rays and shadow rays begin.
+    """Returns the tree with separate root nodes for camera rays and shadow rays.
 
-    unseen, shadeless: of each primitive, whether the camera's rays, or shadow rays, do not meet it. All of these are in the
-    world's own tree, none in an instance's.
+    unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All of these are in the world's own tree,
+    none in an instance's.
     """
     if not (unseen.any() or shadeless.any()):
         return laid
@@ -42,14 +42,14 @@ def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[
 
 
 class _Rows:
-    """Rows that are put behind those of an array."""
+    """Rows appended to an array."""
 
     def __init__(self, first: int) -> None:
         self.first = first
         self.rows: list[Array] = []
 
     def put(self, *rows: Array) -> int:
-        """The number of the first of them."""
+        """Appends rows; returns the index of the first."""
         self.rows += rows
         return self.first + len(self.rows) - len(rows)
 
@@ -63,13 +63,16 @@ def _longer(array: Array, more: _Rows) -> Array:
 
 
 def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
-    """Where parts begin, after what is new was put behind the last of them. What is empty and followed it begins there."""
+    """Returns the start indices of the sections after rows were appended to the last one.
+
+    Empty sections at the end move with it.
+    """
     end = places[-1]
     return (*(first if place == end and number else place for number, place in enumerate(places[:-1])), len(array))
 
 
 def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
-    """Puts a tree's changed nodes and packets behind the others: its root."""
+    """Appends the changed nodes and packets of a tree without some primitives; returns its root node."""
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     there = bvh.node[:, 0] <= bvh.node[:, 1]
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
@@ -120,7 +123,7 @@ def _with_gaps(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
 
 
 def _above(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """(N,) the node above each of the world's own tree, the root above itself; -1 of all others."""
+    """Returns the parent of each node of the world's own tree, (N,); the root's is itself; -1 for all other nodes."""
     above = np.full(len(child), -1, np.int64)
     above[0] = 0
     level = np.zeros(1, np.int64)

@@ -1,6 +1,6 @@
-"""The keys of bodies that move while the shutter is open, for renderer/bvh/motion.py.
+"""Computes the keys of moving bodies for renderer/bvh/motion.py.
 
-By additions, products, quotients and roots one at a time, of all bodies at once: the same bits on every host.
+By separate additions, products, quotients and roots, for all bodies at once: the same bits on every host.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ _NEAR = 1e-9
 
 
 def motion_keys(places: F64) -> F64:
-    """(N, K, KEY_COLUMNS) of N bodies' places at K keys, (N, K, 3, 4): an invertible matrix and a translation."""
+    """Returns the motion keys (N, K, KEY_COLUMNS) of N bodies' transforms at K keys, (N, K, 3, 4): an invertible matrix, a
+    translation.
+    """
     turn, stretch = polar(places[:, :, :, :3])
     rotation = _quaternions(turn)
     angle, inverse = _ways(rotation)
@@ -37,15 +39,15 @@ def motion_keys(places: F64) -> F64:
 
 
 def turned_by(keys: F64) -> float:
-    """The greatest angle, in radians, by which any body turns from a key to the next; keys: as `motion_keys` gives them."""
+    """Returns the greatest rotation angle, in radians, of any body between two consecutive keys; keys: from `motion_keys`."""
     return 2.0 * float(keys[:, :, ANGLE].max(initial=0.0))
 
 
 def polar(matrix: F64) -> tuple[F64, F64]:
-    """Rotations and symmetric matrices, (..., 3, 3) each, whose products the invertible matrices are.
+    """Returns the polar decomposition of invertible matrices: rotations and symmetric matrices, (..., 3, 3) each.
 
-    Newton's iteration, scaled: Higham, "Computing the Polar Decomposition with Applications" (1986). What mirrors has a
-    stretch that does.
+    Newton's iteration, scaled: Higham, "Computing the Polar Decomposition with Applications" (1986). Reflections are part of the
+    symmetric matrix.
     """
     turn = matrix / _size(matrix)[..., None, None]
     for _ in range(_ROUNDS):
@@ -91,7 +93,7 @@ def _inverse_transposed(m: F64) -> F64:
 
 
 def _quaternions(turn: F64) -> F64:
-    """(N, K, 4) unit x y z w of rotations, each on the side of the one before."""
+    """Returns unit quaternions x y z w (N, K, 4) of rotations, with signs on the shorter arc from the previous key."""
     m = [[turn[..., i, j] for j in range(3)] for i in range(3)]
     # Four ways to the same up to a factor; the longest has the most digits (Shepperd 1978).
     ways = np.stack(
@@ -120,7 +122,7 @@ def _dot(a: F64, b: F64) -> F64:
 
 
 def _ways(rotation: F64) -> tuple[F64, F64]:
-    """(N, K - 1) half the angle from each key's rotation to the next's, and 1 over its sine; 0 where there is next to none."""
+    """Returns half the angle from each key's rotation to the next's, (N, K - 1), and 1 / its sine; 0 if almost none."""
     before, after = rotation[:, :-1], rotation[:, 1:]
     across, along = after - before, after + before  # by both chords, as an arc cosine has no digits for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
@@ -131,7 +133,7 @@ def _ways(rotation: F64) -> tuple[F64, F64]:
 
 
 def _arctangent(tangent: F64) -> F64:
-    """Of 0 ... 1."""
+    """Returns the arctangent of 0 ... 1, in radians."""
     for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short
         tangent = tangent / (1.0 + np.sqrt(1.0 + tangent * tangent))
     square, total = tangent * tangent, np.zeros_like(tangent)
@@ -141,9 +143,9 @@ def _arctangent(tangent: F64) -> F64:
 
 
 def _straight(places: F64) -> F64:
-    """(N, 3) the point of each body's own space that comes nearest to moving by equal steps from key to key.
+    """Returns the point of each body's space, (N, 3), whose motion is closest to linear in equal steps from key to key.
 
-    Of what turns about an axis, a point of that axis; of what turns while it flies, the middle that it turns about.
+    For rotation about an axis it is a point of that axis; for rotation with translation, the centre of rotation.
     """
     if places.shape[1] < 3:
         return np.zeros((len(places), 3))

@@ -1,8 +1,8 @@
-"""Eight lanes at once: the types f32x8, f64x8 and mask8 for kernels, and what can be done with them.
+"""The eight-lane types f32x8, f64x8 and mask8 for kernels, and their operations.
 
-LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are spelled out
-here as LLVM IR. The operators + - * / work on vectors of one type; comparisons give a mask8, which & and | combine.
-The compiler keeps their order, and fuses a * b + c as renderer/fused_multiply_add.py says; `product` is not fused.
+LLVM does not turn a plain loop over eight lanes into min, max and fused multiply-adds, so the instructions are emitted here as
+LLVM IR. The operators + - * / work on vectors of one type; comparisons return a mask8, which & and | combine.
+The compiler preserves their order, and fuses a * b + c as described in renderer/fused_multiply_add.py; `product` is not fused.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _DOUBLE = ir.DoubleType()
 
 
 def _operator(symbol: Any, lower: Callable[[Any, Any, Any], Any], *kinds: Lanes) -> None:
-    """Gives `symbol` a meaning between two vectors of each of the types."""
+    """Defines the operator `symbol` between two vectors of each of the types."""
 
     class Template(ConcreteTemplate):
         key = symbol
@@ -77,14 +77,14 @@ _operator(operator.or_, lambda builder, a, b: builder.or_(a, b), mask8)
 
 
 def row_at(context: Any, builder: Any, array_type: Any, array: Any, index: Any, element: ir.Type) -> Any:
-    """A pointer to the array's element at a flat index, as one to `element`."""
+    """Returns a pointer to the array's element at a flat index, as a pointer to type `element`."""
     data = context.make_array(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), element.as_pointer())
 
 
 @intrinsic
 def address(typingctx, array, index):
-    """Where a float32 array keeps its flat element `index`. What follows it is read with `load_from`. Unchecked."""
+    """Returns the address of a float32 array's flat element `index`, for `load_from`. Unchecked."""
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -95,7 +95,7 @@ def address(typingctx, array, index):
 
 @intrinsic
 def fetch(typingctx, address):
-    """Asks for the cache's line at an address, without waiting for it."""
+    """Prefetches the cache line at an address."""
 
     def codegen(context, builder, sig, args):
         byte = ir.IntType(8).as_pointer()
@@ -109,7 +109,7 @@ def fetch(typingctx, address):
 
 @intrinsic
 def load_from(typingctx, address, offset):
-    """Eight float32, from `offset` float32 after the address on."""
+    """Loads eight float32, from `offset` float32 after the address."""
 
     def codegen(context, builder, sig, args):
         first = builder.gep(builder.inttoptr(args[0], _FLOAT.as_pointer()), [args[1]])
@@ -122,7 +122,7 @@ def load_from(typingctx, address, offset):
 
 @intrinsic
 def load(typingctx, array, index):
-    """Eight float32 from a C-contiguous array, from its flat element `index` on. Unchecked."""
+    """Loads eight float32 of a C-contiguous array, from its flat element `index` on. Unchecked."""
 
     def codegen(context, builder, sig, args):
         pointer = row_at(context, builder, sig.args[0], *args, ir.VectorType(_FLOAT, LANES))
@@ -135,7 +135,7 @@ def load(typingctx, array, index):
 
 @intrinsic
 def store(typingctx, array, index, value):
-    """Eight float32 into a C-contiguous array, from its flat element `index` on. Unchecked."""
+    """Stores eight float32 into a C-contiguous array, from its flat element `index` on. Unchecked."""
 
     def codegen(context, builder, sig, args):
         pointer = row_at(context, builder, sig.args[0], args[0], args[1], ir.VectorType(_FLOAT, LANES))
@@ -147,7 +147,7 @@ def store(typingctx, array, index, value):
 
 @intrinsic
 def load_int(typingctx, array, index):
-    """The int32 whose bits a float32 array keeps at its flat element `index`. Unchecked."""
+    """Loads an int32 stored as bits in a float32 array, at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
         return builder.load(row_at(context, builder, sig.args[0], *args, _I32))
@@ -157,7 +157,7 @@ def load_int(typingctx, array, index):
 
 @intrinsic
 def store_int(typingctx, array, index, value):
-    """Keeps an int32's bits in a float32 array at its flat element `index`. Unchecked."""
+    """Stores an int32 as bits in a float32 array, at its flat element `index`. Unchecked."""
 
     def codegen(context, builder, sig, args):
         builder.store(args[2], row_at(context, builder, sig.args[0], args[0], args[1], _I32))
@@ -168,7 +168,7 @@ def store_int(typingctx, array, index, value):
 
 @intrinsic
 def splat(typingctx, value):
-    """A float32 in all lanes."""
+    """Broadcasts a float32 to all lanes."""
 
     def codegen(context, builder, sig, args):
         vector = ir.VectorType(_FLOAT, LANES)
@@ -181,25 +181,25 @@ def splat(typingctx, value):
 
 @intrinsic
 def fma(typingctx, a, b, c):
-    """a * b + c, rounded once."""
+    """Returns a * b + c, rounded once (fused multiply-add)."""
     return a(a, b, c), lambda context, builder, sig, args: called(builder, "fma", *args)
 
 
 @intrinsic
 def product(typingctx, a, b):
-    """a * b, rounded also where it stands in a sum, which fuses a plain product (renderer/fused_multiply_add.py)."""
+    """Returns a * b, rounded even as an operand of a sum, which would fuse a plain product (renderer/fused_multiply_add.py)."""
     return a(a, b), lambda context, builder, sig, args: builder.fmul(*args)
 
 
 @intrinsic
 def sqrt(typingctx, a):
-    """The square root, correctly rounded; NaN of negative numbers."""
+    """Returns the square root, correctly rounded; NaN for negative numbers."""
     return a(a), lambda context, builder, sig, args: called(builder, "sqrt", *args)
 
 
 @intrinsic
 def minimum(typingctx, a, b):
-    """The lesser of each pair; `b` where one is NaN (one vminps)."""
+    """Returns the lesser of each pair; `b` if one is NaN (one vminps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered("<", *args), *args)
@@ -209,7 +209,7 @@ def minimum(typingctx, a, b):
 
 @intrinsic
 def maximum(typingctx, a, b):
-    """The greater of each pair; `b` where one is NaN (one vmaxps)."""
+    """Returns the greater of each pair; `b` if one is NaN (one vmaxps)."""
 
     def codegen(context, builder, sig, args):
         return builder.select(builder.fcmp_ordered(">", *args), *args)
@@ -219,19 +219,19 @@ def maximum(typingctx, a, b):
 
 @intrinsic
 def less(typingctx, a, b):
-    """Where a < b; False with NaN."""
+    """Returns the mask of a < b; False for NaN."""
     return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<", *args)
 
 
 @intrinsic
 def less_equal(typingctx, a, b):
-    """Where a <= b; False with NaN."""
+    """Returns the mask of a <= b; False for NaN."""
     return mask8(a, b), lambda context, builder, sig, args: builder.fcmp_ordered("<=", *args)
 
 
 @intrinsic
 def flip(typingctx, a, b):
-    """f32x8: a with its sign turned where b is negative (or -0)."""
+    """Returns a, f32x8, with its sign flipped where b is negative (or -0)."""
 
     def codegen(context, builder, sig, args):
         integers = ir.VectorType(_I32, LANES)
@@ -243,7 +243,7 @@ def flip(typingctx, a, b):
 
 @intrinsic
 def select(typingctx, mask, a, b):
-    """`a` where the mask is set, else `b`; of plain values too, where it is a choice of values that must not become a branch."""
+    """Returns `a` where the mask is set, else `b`; also for scalars, as a selection without a branch."""
 
     def codegen(context, builder, sig, args):
         value = builder.select(*args)
@@ -255,7 +255,7 @@ def select(typingctx, mask, a, b):
 
 @intrinsic
 def bits(typingctx, mask):
-    """The mask as a number: bit i is lane i."""
+    """Returns the mask as an integer: bit i is lane i."""
 
     def codegen(context, builder, sig, args):
         return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _I32)
@@ -265,7 +265,7 @@ def bits(typingctx, mask):
 
 @intrinsic
 def lowest_bit(typingctx, number):
-    """The place of the lowest bit set in a number other than 0."""
+    """Returns the index of the lowest set bit of a non-zero integer."""
 
     def codegen(context, builder, sig, args):
         return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
@@ -275,14 +275,14 @@ def lowest_bit(typingctx, number):
 
 @intrinsic
 def extract(typingctx, vector, lane):
-    """One lane's value."""
+    """Returns one lane's value."""
     element = types.float32 if vector.element == _FLOAT else types.float64
     return element(vector, types.uint32), lambda context, builder, sig, args: builder.extract_element(*args)
 
 
 @intrinsic
 def to_double(typingctx, a):
-    """An f32x8 as f64x8."""
+    """Converts an f32x8 to f64x8."""
 
     def codegen(context, builder, sig, args):
         return builder.fpext(args[0], ir.VectorType(_DOUBLE, LANES))
@@ -292,7 +292,7 @@ def to_double(typingctx, a):
 
 @intrinsic
 def to_single(typingctx, a):
-    """An f64x8 rounded to f32x8."""
+    """Rounds an f64x8 to f32x8."""
 
     def codegen(context, builder, sig, args):
         return builder.fptrunc(args[0], ir.VectorType(_FLOAT, LANES))

@@ -1,4 +1,4 @@
-"""Eight lanes at once, as only the builder needs them (see simd.py): rows that grow, halves that change places."""
+"""Eight-lane operations for the builder (see simd.py): in-place maximum of rows, and swapped halves."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["raise_to", "swapped"]
 
 @intrinsic
 def raise_to(typingctx, array, index, value):
-    """Raises eight float32 of a C-contiguous array, from its flat element `index` on, to those of an f32x8 that are greater.
+    """Replaces eight float32 of a C-contiguous array, from its flat element `index` on, by their maximum with an f32x8.
 
-    Unchecked. Left to itself, LLVM makes one masked store of this, which takes AMD's processors twenty times as long.
+    Unchecked. LLVM would turn the plain form into one masked store, which takes AMD's processors twenty times as long.
     """
 
     def codegen(context, builder, sig, args):
@@ -32,7 +32,7 @@ def raise_to(typingctx, array, index, value):
 
 @intrinsic
 def swapped(typingctx, vector):
-    """f32x8: the last four lanes first."""
+    """Returns the f32x8 with its two halves of four lanes swapped."""
 
     def codegen(context, builder, sig, args):
         order = [*range(LANES // 2, LANES), *range(LANES // 2)]

@@ -1,8 +1,8 @@
-"""Constants of a ray for its tests against boxes and triangles; for one ray or for eight lanes.
+"""Per-ray constants for tests against boxes and triangles; for one ray or for eight lanes.
 
-Distances of triangles are biased by the side that they show (`meet_triangles` in renderer/bvh/packet.py), and rounded. Boxes must
-not be left out for that, or the nearest hit would depend on the order in which boxes are visited. So all distances of boxes are
-reduced by a share, `NEARER`, and by a multiple of `margin_of`: both exceed the bias.
+Hit distances on triangles are rounded, and biased by the side that the ray hits (`meet_triangles` in renderer/bvh/packet.py).
+Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are visited. So all distances
+of boxes are reduced by a factor, `NEARER`, and by a multiple of `margin_of`: both exceed the bias.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _EARLIER = np.float32(1 - 2.0**-16)
 
 @device
 def margin_of(o, scale):
-    """Returns the distance that is added to a hit's own for the bound of its error: for the rounding of coordinates.
+    """Returns the distance added to a hit's own in the bound of its error, for the rounding of coordinates.
 
     Two tessellations of one plane differ by the rounding of their vertices, some ulps of their coordinates, however short the ray
-    is. scale: 1 / the direction's component of largest size.
+    is. scale: 1 / the direction's component of largest magnitude.
     """
     return max(abs(o[0]), max(abs(o[1]), abs(o[2]))) * abs(scale) * _OF_ORIGIN
 
 
 @device
 def planes_of(o, inverse, margin):
-    """Returns the constants (of the near plane, of the far plane) of one axis: a plane at x is met at x * inverse + constant.
+    """Returns the constants (near plane, far plane) of one axis: a ray hits a plane at x at distance x * inverse + constant.
 
     inverse: reciprocal of the direction's component, times `NEARER`.
     """
@@ -45,5 +45,5 @@ def planes_of(o, inverse, margin):
 
 @device
 def begins_at(t, margin):
-    """Returns the distance, at least 0, below which a box holds no hit at distance t or beyond."""
+    """Returns the distance, at least 0, such that boxes ending before it contain no hit at distance t or beyond."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)

@@ -1,10 +1,10 @@
-"""The binary tree under the BVH: primitives split by the surface area heuristic, in bins.
+"""Builds the binary tree under the BVH: binned splits by the surface area heuristic (SAH).
 
 After Wald, "On fast construction of SAH-based bounding volume hierarchies" (2007). A node's primitives are put into bins by their
 centroids along each axis; a sweep over the bins finds the cheapest plane between two; the primitives are partitioned by it.
 
-A node of n primitives has 2 n - 2 rows of the tree for what is below it, and fills them from the front. So threads that split
-several parts of one tree (top.py) need not agree on anything.
+The descendants of a node of n primitives have 2 n - 2 reserved rows of the tree, filled from the front. So threads that split
+different parts of one tree (top.py) need no synchronisation.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _BELOW_ONE = np.float32(1.0 - 1e-6)  # the greatest centroid still falls into th
 
 
 class Bins(NamedTuple):
-    """One node's bins, those of an axis after those of another; its arrays are used again for every node."""
+    """The bins of one node, axis after axis; the arrays are reused for every node."""
 
     box: Any  # (3 * BINS, 8) f32; where fewer are in use, those of the next axis follow at once
     count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
@@ -71,7 +71,7 @@ class Bins(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """What divides a node: below `bin` along `axis`. axis -1: nothing does."""
+    """The split plane of a node: before bin `bin` along `axis`. axis -1: no split."""
 
     axis: int
     bin: int
@@ -79,7 +79,7 @@ class Plane(NamedTuple):
 
 
 def new_bins() -> Bins:
-    """Room for one thread's bins."""
+    """Allocates one thread's bins."""
     return Bins(
         np.empty((3 * BINS, 8), np.float32),
         np.empty(3 * BINS, np.int64),
@@ -90,7 +90,9 @@ def new_bins() -> Bins:
 
 @device
 def lay_grid(grid, spread, i, bins):
-    """Lays so many bins along each axis from the least centroid to the greatest: row i of `spread` is their box."""
+    """Sets up equal bins along each axis from the least centroid to the greatest; row i of `spread` holds the bounds of the
+    centroids.
+    """
     for k in range(4, 7):
         grid[0, k] = -spread[i, k - 4]
         scale = np.float32(bins) * _BELOW_ONE / (spread[i, k] + spread[i, k - 4])
@@ -100,16 +102,16 @@ def lay_grid(grid, spread, i, bins):
 
 @device
 def _place(row, grid, last):
-    """The bins of a box (an f32x8 of a row) along the axes, in lanes 4 ... 6, as floats yet to be cut."""
+    """Returns the bin coordinates of a box (an f32x8) along the axes, in lanes 4 ... 6, as floats not yet truncated."""
     place = (doubled_centroid(row) - load(grid, np.uintp(0))) * load(grid, np.uintp(8))
     return maximum(minimum(place, last), splat(_ZERO))
 
 
 @device
 def fill_bins(bins, box, first, end, used, solids, weights):
-    """Puts boxes first ... end - 1 into so many bins of each of the three axes.
+    """Adds boxes first ... end - 1 to the `used` bins of each of the three axes.
 
-    weights: for how many primitives each counts, by its number; None: for 1, or for 8 where its number is not below `solids`.
+    weights: by box number, for how many primitives each counts; None: for 1, or for 8 if its number is not below `solids`.
     """
     for b in range(3 * used):
         clear(bins.box, b)
@@ -136,13 +138,13 @@ def fill_bins(bins, box, first, end, used, solids, weights):
 
 @device
 def _cost(box, count):
-    """Of testing the packets that `count` primitives in a box fill; infinite for none."""
+    """Returns the SAH cost of the packets that `count` primitives in a box fill; infinite for none."""
     return half_area(box) * np.float32((count + 7) >> 3) if count > 0 else _INF
 
 
 @device
 def cheapest_plane(bins, used):
-    """The Plane between two of the bins, of which `used` are in use, for which the heuristic expects the least work."""
+    """Returns the Plane of least expected cost by the SAH, between two of the `used` bins."""
     best_axis, best_bin, best_cost = -1, 0, _INF
     for axis in range(3):
         if bins.grid[1, 4 + axis] == _ZERO:
@@ -174,10 +176,10 @@ def bound_sides(bins, axis, bin, used, tree_box, rows):
 
 @device
 def partition(box, first, end, grid, axis, bin, spread, left, right):
-    """Sorts boxes first ... end - 1 to both sides of a plane: where the right side begins.
+    """Partitions boxes first ... end - 1 by a plane; returns where the right side begins.
 
-    Rows left and right of `spread` are the boxes of the doubled centroids of either side. Every box is exchanged with the first
-    one of the right side, whether it needs to be or not: a branch that is guessed wrong half of the time costs more.
+    Rows left and right of `spread` receive the bounds of the doubled centroids of either side. Every box is swapped with the
+    first one of the right side, even if unnecessary: a branch mispredicted half of the time would cost more.
     """
     lower, scale = grid[0, 4 + axis], grid[1, 4 + axis]
     limit = np.float32(bin)
@@ -200,7 +202,7 @@ def partition(box, first, end, grid, axis, bin, spread, left, right):
 
 @device
 def _partition_by_kind(box, first, end, kind, triangles, solids):
-    """Sorts those of the kind to the left: where the others begin."""
+    """Partitions boxes by kind: the given kind to the left; returns where the others begin."""
     middle = first
     for i in range(first, end):
         if last_kind(box, i, triangles, solids) == kind:
@@ -211,7 +213,7 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
 
 @device
 def _gather(box, clusters, begin, end, local, spread, tree_box, node):
-    """Puts the boxes of these clusters' primitives into `local`, and that of them all where the node's is, for its numbers."""
+    """Copies the boxes of these clusters' primitives to `local`, and the numbers of their bounds to the node's box."""
     nothing = splat(_NOTHING)
     whole, centroids = nothing, nothing
     at = np.uintp(0)
@@ -230,11 +232,11 @@ def _gather(box, clusters, begin, end, local, spread, tree_box, node):
 
 @entry
 def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, order, tree_box, tree):
-    """Splits parts of a tree (of clusters.py) until every leaf is a packet's worth of one kind, or one instance.
+    """Splits parts of a tree (from clusters.py) until every leaf is a packet of one kind, or one instance.
 
     tree: left child (the right one is the next) or -1, first in `order`, count; tree_box: the nodes' boxes.
-    stack: (STACK, 4) i64, of nodes that wait, their first box, end and depth; spread: (STACK, 8) f32, beside it, the boxes of
-    their doubled centroids. local: room for the boxes of any of the parts.
+    stack: (STACK, 4) i64, pending nodes: node, first box, end and depth; spread: (STACK, 8) f32, with the bounds of their doubled
+    centroids. local: scratch for the boxes of the largest part.
     """
     for p in range(len(parts)):
         root, base, length, rows = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]

@@ -1,8 +1,9 @@
-"""The world's tree out of trees that were built by themselves: what stands still, what is kept in a space of its own and moves,
-and what is placed in the world anew at each moment. Above them is a top, and it alone is new where only transforms are.
+"""Assembles the world's tree from separately built subtrees: static geometry, moving bodies, and geometry rebuilt for each frame.
 
-In the arrays the top comes first, with room to spare, so that where the others lie does not depend on how it turned out. Each
-part begins at a multiple of a page: files of parts can be mapped one behind the other (renderer/scene/compiled_parts.py).
+A top-level tree is built above them; it alone is rebuilt if only transforms change.
+
+In the arrays the top comes first, with spare room, so that the offsets of the others do not depend on its size. Each part begins
+at a page boundary: files of parts can be mapped consecutively (renderer/scene/compiled_parts.py).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ Room = Callable[
 
 
 def padded(count: int, row_bytes: int) -> int:
-    """So many rows, or as many more as end at a page's end."""
+    """Returns the count of rows, rounded up so that they end at a page boundary."""
     whole = PAGE // math.gcd(PAGE, row_bytes)
     return -(-count // whole) * whole
 
@@ -44,7 +45,7 @@ NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
 class Laid(NamedTuple):
-    """The arrays of the whole, and where in them each of top, still, bodies and loose begins; the last number is the end."""
+    """The assembled arrays, and the offsets in them of top, static, bodies and loose parts; the last number is the end."""
 
     bvh: Bvh
     node: tuple[int, ...]
@@ -66,13 +67,14 @@ def lay(
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
 ) -> Laid:
-    """The whole tree. still: a whole tree itself, perhaps with instances; `loose`: of the world, without.
+    """Assembles the whole tree. still: a complete tree, perhaps with instances; loose: one of world-space geometry, without
+    instances.
 
-    first_triangle: at which number the triangles of each body begin, and first_loose: those of what is loose, both numbered from
-    0 in their trees. shown: (J,) which body each further instance shows; to_world: (I, 3, 4) of all, the J of the bodies last.
-    room: gives arrays, perhaps those of another moment with what is kept in them.
-    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none of one that stands still, or nothing where all do;
-    loose_keys: how often a packet of `loose` is there.
+    first_triangle: the number of the first triangle of each body, and first_loose: of the loose geometry; both are numbered from
+    0 in their trees. shown: (J,) the body of each further instance; to_world: (I, 3, 4) of all, the J of the bodies last.
+    room: returns the arrays to fill, perhaps those of another frame with their content.
+    While the shutter is open: keys of each of the J, (K, KEY_COLUMNS), none for a static one, or None if all are static;
+    loose_keys: the number of keys of a packet of `loose`.
     """
     moving = to_world[len(to_world) - len(shown) :]
     boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
@@ -112,7 +114,7 @@ def lay(
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
-    """Where parts of so many rows begin, each at a page that nothing else is in; and where the last one ends."""
+    """Returns the offsets of parts with these row counts, each at a page boundary, and the end of the last."""
     starts = [0]
     for i, length in enumerate(lengths):
         follows = any(lengths[i + 1 :])
@@ -129,7 +131,7 @@ def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: 
 def _below_top(
     still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """(n, 2, 3) boxes of what hangs below the top, and what each is: 0 the still tree, 1 the loose one, else an instance + 2."""
+    """Returns the boxes under the top, (n, 2, 3), and what each is: 0 the static tree, 1 the loose one, else an instance + 2."""
     placed = instance_boxes(list(bodies), shown, moving)
     for number, each in enumerate(keys):
         if len(each):
@@ -144,7 +146,7 @@ def _below_top(
 
 
 def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
-    """Puts the top in its place, of so much room; number: the child that stands for each of what hangs below it."""
+    """Writes the top into its reserved rows; number: the child reference of each subtree under it."""
     node[: len(top)] = top
     node[len(top) : room] = 0
     child = node[: len(top), ROW_CHILD].view(np.int32)

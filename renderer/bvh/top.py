@@ -1,8 +1,6 @@
-"""Builds the binary tree with all threads: its top over clusters of primitives (clusters.py), and what is below them part by
-part.
+"""Builds the binary tree with all threads: its top over clusters of primitives (clusters.py), and the subtrees part by part.
 
-How a tree is cut into parts follows from its primitives, not from who builds them, so every number of threads builds the same
-tree.
+The division into parts depends on the primitives only, so the tree does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -32,12 +30,12 @@ Integers = npt.NDArray[Any]
 
 
 def part_size(count: int) -> int:
-    """Into parts of how many primitives a tree over so many is cut."""
+    """Returns the number of primitives of the parts that a tree over `count` is divided into."""
     return max(LEAST_PART, -(-count // MOST_PARTS))
 
 
 class Binary(NamedTuple):
-    """The binary tree: see `split`."""
+    """A binary tree over all boxes; see `split` for its arrays."""
 
     box: F32  # (2 N, 8)
     tree: npt.NDArray[np.int32]  # (2 N, 3)
@@ -45,7 +43,7 @@ class Binary(NamedTuple):
 
 
 def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
-    """The binary tree over all boxes."""
+    """Builds the binary tree over all boxes."""
     count, part = len(box), part_size(len(box))
     binary = Binary(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
 
@@ -64,16 +62,16 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> Binary:
 
 
 def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
-    """Room of which only what is written to takes memory: leaves of several primitives leave most of their rows unused.
+    """Allocates an array whose pages take memory only once written: leaves of several primitives leave most rows unused.
 
-    NumPy's own would be in huge pages, each of them there as a whole.
+    NumPy's own allocation would use huge pages, each resident as a whole.
     """
     size = np.dtype(item).itemsize
     return np.frombuffer(mmap.mmap(-1, shape[0] * shape[1] * size), item).reshape(shape)
 
 
 def _top(box: F32, solids: int, part: int, binary: Binary, team: Team) -> Iterator[tuple[Clusters, Integers]]:
-    """Splits the top of the tree: what is left to split, (J, JOB) nodes over these clusters."""
+    """Splits the top of the tree; yields clusters and the (J, JOB) nodes over them that remain to be split."""
     count = len(box)
     waiting = [(np.array([0, 0, count, 1, 0]), np.arange(count, dtype=np.int32))]
     while waiting:
@@ -94,19 +92,19 @@ def _top(box: F32, solids: int, part: int, binary: Binary, team: Team) -> Iterat
 
 
 def _sources(clusters: Clusters, part: Integers) -> Integers:
-    """The primitives of a part."""
+    """Returns the primitives of a part."""
     number = numbers_of(clusters.box[part[5] : part[6]])
     return np.concatenate([clusters.source[clusters.first[c] : clusters.first[c] + clusters.count[c]] for c in number])
 
 
 def _shared_out(parts: Integers, size: int) -> Iterator[Integers]:
-    """The parts, as many together as hold about so many primitives."""
+    """Groups parts so that each group has about `size` primitives."""
     share = (np.cumsum(parts[:, 2]) - parts[:, 2]) // size
     return iter(np.split(parts, np.flatnonzero(np.diff(share)) + 1))
 
 
 def _bounded(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F32]:
-    """The box of these primitives' boxes, and that of their doubled centroids; (8,) each."""
+    """Returns the bounds of these primitives' boxes, and those of their doubled centroids; (8,) each."""
     found = np.empty((-(-len(source) // part), 2, 8), np.float32)
     team.each(lambda job: _bound(box, source, *job[0], job[1]), zip(parts_of(0, len(source), part), found, strict=True))
     whole, spread = found.max(axis=0)
@@ -115,7 +113,7 @@ def _bounded(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F3
 
 @entry
 def _bound(box, source, first, end, found):
-    """Rows 0 and 1 of `found`: the box of boxes source[first : end], and that of their doubled centroids."""
+    """Writes the bounds of boxes source[first : end] to row 0 of `found`, and those of their doubled centroids to row 1."""
     whole, spread = splat(_NOTHING), splat(_NOTHING)
     for k in range(first, end):
         row = load(box, np.uintp(source[k]) * np.uintp(8))

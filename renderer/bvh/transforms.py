@@ -1,4 +1,4 @@
-"""Transforms of instances with the same bits on every host: no LAPACK inverts them, whose last ones depend on the processor."""
+"""Transforms of instances with the same bits on every host, without LAPACK, whose last bits depend on the processor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SWEEPS = 12  # of Jacobi's rotations: three columns are at right angles to the 
 
 
 def inverted(transform: F64) -> F64:
-    """The inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
+    """Returns the inverses of (I, 3, 4) transforms: a matrix and, last column, a translation."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     inverse = np.empty_like(transform)
     _invert(transform, inverse)
@@ -23,7 +23,7 @@ def inverted(transform: F64) -> F64:
 
 
 def stretches(transform: F64) -> F64:
-    """(I, 2): the most and the least that (I, 3, 4) transforms make of a length of 1; NaN of what is not finite."""
+    """Returns the greatest and least scale of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     found = np.empty((len(transform), 2))
     _stretch(transform, np.empty((3, 3)), found)
@@ -32,7 +32,7 @@ def stretches(transform: F64) -> F64:
 
 @device
 def _cofactor(m, i, row, column):
-    """That of an element of the transform's matrix."""
+    """Returns a cofactor of the transform's matrix."""
     a, b = (row + 1) % 3, (row + 2) % 3
     c, d = (column + 1) % 3, (column + 2) % 3
     return m[i, a, c] * m[i, b, d] - m[i, a, d] * m[i, b, c]
@@ -40,7 +40,7 @@ def _cofactor(m, i, row, column):
 
 @entry
 def _invert(transform, inverse):
-    """Cramer's rule: transforms that squeeze too much are none of an instance (renderer/scene/instances.py)."""
+    """Inverts transforms by Cramer's rule; nearly singular ones are rejected earlier (renderer/scene/instances.py)."""
     for i in range(len(transform)):
         determinant = 0.0
         for k in range(3):
@@ -57,7 +57,7 @@ def _invert(transform, inverse):
 
 @entry
 def _stretch(transform, column, found):
-    """The greatest and the least singular value: the lengths of the columns when rotations have made them square.
+    """Computes the greatest and least singular value: the column lengths after rotations have made the columns orthogonal.
 
     One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3).
     """
@@ -104,10 +104,10 @@ def _stretch(transform, column, found):
 
 @entry
 def place_boxes(box, first, shown, to_world, slack, placed):
-    """Fills placed (I, 2, 3): the lower and upper corners in the world of what holds all of a tree's boxes.
+    """Fills placed (I, 2, 3): lower and upper corners of the world-space bounds of all boxes of each instance's tree.
 
-    box: (B, 2, 3) f64, of all trees, those of tree g from first[g] on; shown: (I,) which tree each instance shows. slack: by how
-    much of its size and place a box is made larger. A tree without a box is a point.
+    box: (B, 2, 3) f64, of all trees, those of tree g from first[g] on; shown: (I,) the tree of each instance. slack: the relative
+    enlargement of a box by its size and position. A tree without boxes becomes a point.
     """
     for i in range(len(shown)):
         tree = shown[i]

@@ -1,14 +1,14 @@
-"""Rays through the tree: the closest hit, and whether there is any.
+"""Traversal of the tree by single rays: closest hit and any hit.
 
-The boxes' slabs are met by one fused multiply-add a plane. Its rounding is made good by a slack that each ray adds to its
-own constants (and that the builder adds to the boxes), so that no box is missed that holds a hit: flat boxes and boxes that
-touch along an edge included. A node's children are visited from the nearest to the farthest that is not farther than the
-hit so far: a vector of keys, distances whose last bits tell the lane, is all that there is to keep of a node, and the next
-key is found while the leaf of the last one is looked at. Shadow rays take them as they come, leaves first.
+Ray-box slab tests use one fused multiply-add per plane. Its rounding is covered by a slack that each ray adds to its constants
+(and the builder to the boxes), so that no box with a hit is missed, including flat boxes and boxes that touch along an edge. A
+node's children are visited from the nearest to the farthest that is not farther than the hit so far: a vector of keys (distances
+whose last bits hold the lane) is all the state of a node, and the next key is found while the last leaf is tested. Shadow rays
+visit children in any order, leaves first.
 
 Hits are ordered by (distance, instance, primitive), the world's before those of instances: of hits at equal distance the one
 with the lower number is the nearest. A ray that passes through a surface continues from the same origin, beyond that hit
-(`after`): it misses no surface and meets none twice, however close they lie.
+(`after`): it misses no surface and hits none twice, however close they are.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ _BETWEEN = np.uintp(2 * MAX_LEVELS * (WIDTH + 2))  # where on it a packet betwee
 
 
 class Hit(NamedTuple):
-    """What a ray meets first."""
+    """The closest hit of a ray."""
 
     t: float  # along the ray, in lengths of its direction
     primitive: int  # triangles first, then spheres; NO_PRIMITIVE where nothing is met
@@ -101,7 +101,7 @@ class Hit(NamedTuple):
 
 
 def new_stack() -> npt.NDArray[np.float32]:
-    """The scratch space of one thread's traversals, for the kernel that it calls."""
+    """Allocates the scratch stack of one thread's traversals."""
     # For the world's tree, and an instance's; then for a packet between two keys.
     return np.empty(2 * MAX_LEVELS * int(_ENTRY) + PACKET_SIZE, np.float32)
 
@@ -115,9 +115,7 @@ def _inverse(d):
 
 @device
 def _slab(o, inverse, margin):
-    """Returns a ray's constants for one axis: (f32x8 of 1/d, of the near plane's constant, of the far plane's, the near row's
-    offset, the far row's).
-    """
+    """Returns a ray's constants for one axis: (f32x8 of 1/d, near and far planes' constants, near and far row offsets)."""
     inverse = inverse * NEARER
     nearer, farther = planes_of(o, inverse, margin)
     near = np.uintp(0) if inverse > _ZERO else _W
@@ -126,7 +124,7 @@ def _slab(o, inverse, margin):
 
 @device
 def _boxes(node, base, x, y, z, t_min, t_max):
-    """The ray against a node's eight boxes between two distances: (mask of those met, f32x8 distances)."""
+    """Tests a ray against a node's eight boxes between two distances: (mask of boxes hit, f32x8 distances)."""
     two = _W + _W
     four = two + two
     x_near = fma(load(node, base + x[3]), x[0], x[1])
@@ -144,9 +142,10 @@ def _boxes(node, base, x, y, z, t_min, t_max):
 
 @device
 def _axes(o, d, inverse):
-    """The watertight test's frame, axes permuted so that the last is the direction's largest: row offsets, shear, origin.
+    """Returns the watertight test's frame, with axes permuted so that the last is the direction's largest: row offsets, shear,
+    origin.
 
-    Choices of values, not branches: which axis it is cannot be predicted.
+    By selections, not branches: the axis cannot be predicted.
     """
     ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
     first = ax > max(ay, az)
@@ -177,13 +176,13 @@ def _prepared(o, d):
 
 @device
 def _place(packet, leaf):
-    """The address of a leaf's packet."""
+    """Returns the address of a leaf's packet."""
     return address(packet, np.uintp(leaf >> 2) * _PACKET)
 
 
 @subroutine
 def _put_between(packet, leaf, keys, time, stack):
-    """Puts a leaf's packet on the stack as it is at a time of the shutter. keys: how often it is there."""
+    """Interpolates a leaf's packet at a shutter time and writes it to the stack. keys: the number of the packet's keys."""
     out_of_line()
     step, share = step_at(time, keys)
     first = (np.uintp(leaf >> 2) + np.uintp(step)) * _PACKET
@@ -196,7 +195,7 @@ def _put_between(packet, leaf, keys, time, stack):
 
 @device
 def place_at(bvh, leaf, stack, time):
-    """As `_place`, at a time of the shutter; the stack holds one packet that is none of the tree's."""
+    """Returns the address of a leaf's packet at a shutter time; an interpolated packet is on the stack."""
     if time is not None and (leaf >> 2) >= bvh.keyed[0]:
         _put_between(bvh.packet, leaf, bvh.keyed[1], time, stack)
         return address(stack, _BETWEEN)
@@ -214,7 +213,7 @@ def _blocks(place, leaf, o, d, constants, t_max):
 
 @device
 def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
-    """Returns (mask8, distance, u, v, determinant that the three are still to be divided by) of a leaf's packet."""
+    """Intersects a ray with a leaf's packet: (mask8, distance, u, v, determinant), still to be divided."""
     axes, shear, permuted, margin = constants
     if leaf & SPHERES:
         hit, t = meet_spheres(place, o, d, t_max, after, limit, numbers)
@@ -263,7 +262,7 @@ def _begins(after, margin):
 
 @device
 def _enter(node, base, slabs, t_min, best):
-    """The children of a node that the ray meets nearer than `best`: their keys, and the least of them."""
+    """Returns the keys of the children of a node that the ray hits nearer than `best`, and the least of them."""
     met, distance = _boxes(node, base, slabs[0], slabs[1], slabs[2], t_min, best)
     keys = ranked(met, distance)
     return keys, least(keys)
@@ -276,7 +275,7 @@ def _child(node, base, lane):
 
 @device
 def _push(stack, top, base, keys, key):
-    """Puts a node's other children on the stack: its new top."""
+    """Pushes a node's other children on the stack; returns the new top."""
     store(stack, top, keys)
     store_int(stack, top + _W, key)
     store_int(stack, top + _W + np.uintp(1), np.int32(base // _NODE))
@@ -285,7 +284,7 @@ def _push(stack, top, base, keys, key):
 
 @device
 def _pop(stack, top):
-    """The (node, keys, least key) on top of the stack."""
+    """Pops (node, keys, least key) from the stack."""
     key = load_int(stack, top + _W)
     base = np.uintp(np.uint32(load_int(stack, top + _W + np.uintp(1)))) * _NODE
     return base, load(stack, top), key
@@ -293,10 +292,9 @@ def _pop(stack, top):
 
 @subroutine
 def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, after):
-    """The hit in an instance's tree that is nearer than one at distance `best`: (distance, primitive, u, v); NO_PRIMITIVE where
-    there is none.
+    """Finds the hit in an instance's tree that is nearer than `best`: (distance, primitive, u, v); NO_PRIMITIVE if there is none.
 
-    holder: the instance of that hit, -1 for the world; after: as of `closest_hit`.
+    holder: the instance of the hit at distance `best`, -1 for the world; after: as of `closest_hit`.
     """
     out_of_line()
     number = np.int32(number)
@@ -331,7 +329,7 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
 
 @device
 def camera_root(bvh):
-    """The node at which the camera's rays begin."""
+    """Returns the root node for camera rays."""
     if bvh.begin is not None:
         return bvh.begin[0]
     return _ROOT
@@ -339,7 +337,7 @@ def camera_root(bvh):
 
 @device
 def shadow_root(bvh):
-    """The node at which shadow rays begin."""
+    """Returns the root node for shadow rays."""
     if bvh.begin is not None:
         return bvh.begin[1]
     return _ROOT
@@ -347,9 +345,9 @@ def shadow_root(bvh):
 
 @device
 def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
-    """The nearest primitive along o + t d with 0 < t < t_max: a Hit. stack: from `new_stack`.
+    """Returns the closest Hit along o + t d with 0 < t < t_max. stack: from `new_stack`.
 
-    time: of the shutter, 0 ... 1; None where nothing moves, or in the middle. root: the node to begin at. after: only hits beyond
+    time: of the shutter, 0 ... 1; None if nothing moves, or for its middle. root: the node to start at. after: only hits beyond
     this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all.
     """
     slabs, constants = _prepared(o, d)
@@ -394,7 +392,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
 
 @subroutine
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
-    """`any_hit` in an instance's tree."""
+    """Whether a ray hits anything in an instance's tree; as `any_hit`."""
     out_of_line()
     o, d = into(bvh, number, o, d, time)
     slabs, constants = _prepared(o, d)
@@ -419,7 +417,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
-    """Whether anything lies along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
+    """Whether anything is hit along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
     slabs, constants = _prepared(o, d)
     top = np.uintp(0)
     child = np.int32(root)

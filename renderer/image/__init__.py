@@ -1,11 +1,11 @@
-"""Picture files and tone curves. Plain numpy: the service uses all of this without the kernel.
+"""Image files and tone curves. Plain numpy: the service uses all of this without the kernel.
 
-tonemap.py   scene-linear radiance -> what a screen shows: exposure, tone curves, sRGB
+tonemap.py   scene-linear radiance -> display values: exposure, tone curves, sRGB
 encode.py    a picture -> png, jpg, exr or hdr bytes
-read.py      the bytes of any texture or HDR image -> pixels, within bounds
-kinds.py       the format of an image, by its bytes
-channels.py    which channels of an image are its colours, by their names
-unread.py      notes of what a file says of its colours that is not taken over
+read.py      the bytes of any texture or HDR image -> pixels, with size limits
+kinds.py       detects the format of an image from its bytes
+channels.py    finds the colour channels of an image by their names
+unread.py      notes on colour metadata of a file that is ignored
 openimageio.py floats, 16 bits, layers and compressed blocks, by OpenImageIO
-rgbe9995.py  radiance in 4 bytes a pixel, as the live view gets it
+rgbe9995.py  radiance in 4 bytes a pixel, the format of the live view
 """

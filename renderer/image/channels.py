@@ -1,6 +1,6 @@
-"""The colour channels of an image, by their names.
+"""Finds the colour channels of an image by their names.
 
-OpenEXR names a channel `layer.channel`; only the part behind the last dot says what it holds, and only channels of one layer
+OpenEXR names a channel `layer.channel`; only the part after the last dot names its content, and only channels of one layer
 belong together. Source: "Technical Introduction to OpenEXR", Channel Names and Layers.
 """
 
@@ -24,9 +24,9 @@ _NO_PICTURES = ("crypto", "depth", "normal", "vector", "position", "mist", "uv",
 
 
 class Colour(NamedTuple):
-    """Where the colours of an image are: the part of a file, the numbers of its channels there, and what else could be meant.
+    """The colour channels of an image: the part of the file, the channels' indices in it, and ambiguous alternatives.
 
-    kind: "rgb", "y" or "chroma" (Y, RY, BY). channels: by their short names r, g, b, a, y, ry, by; those that lack are 0.
+    kind: "rgb", "y" or "chroma" (Y, RY, BY). channels: by their short names r, g, b, a, y, ry, by; missing ones are 0.
     """
 
     part: int
@@ -53,7 +53,7 @@ class _Layer(NamedTuple):
         return "y" if "y" in names or len(names - {"a"}) == 1 else None
 
     def rank(self) -> tuple[int, int]:
-        """Sorts layers: pictures before data, complete ones first."""
+        """Returns a sort key for layers: pictures before data, complete ones first."""
         kind = self.kind
         complete = (
             0
@@ -71,7 +71,7 @@ class _Layer(NamedTuple):
 
 
 def colour_of(parts: Sequence[tuple[str, Sequence[str]]]) -> Colour | None:
-    """The channels that are an image's colour; None where no name says which. parts: of a file, their names and channels."""
+    """Returns an image's colour channels; None if no channel name identifies them. parts: of a file, their names and channels."""
     layers = [layer for part, (title, names) in enumerate(parts) for layer in _layers(part, title, names)]
     usable = sorted((layer for layer in layers if layer.kind is not None), key=_Layer.rank)
     if not usable:

@@ -1,7 +1,7 @@
-"""A picture as the bytes of a file.
+"""Encodes a picture as the bytes of an image file.
 
-png, jpg: what a screen shows, after exposure and tone curve. exr, hdr: scene-linear Rec.709, untouched by both. EXR keeps
-float32 and can carry further channels.
+png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
+can hold further channels.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 
 def format_of(path: str | Path) -> str:
-    """The format that a file's name asks for. Raises SettingsError for one that is not written."""
+    """Returns the image format of a file name's suffix. Raises SettingsError for an unsupported one."""
     suffix = Path(path).suffix.lower().lstrip(".")
     suffix = {"jpeg": "jpg"}.get(suffix, suffix)
     if suffix not in FORMATS:
@@ -42,10 +42,10 @@ def format_of(path: str | Path) -> str:
 def encode(
     rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", channels: Mapping[str, F32] | None = None
 ) -> bytes:
-    """The bytes of a picture file of scene-linear (h, w, 3) float32 radiance.
+    """Returns the bytes of an image file of scene-linear (h, w, 3) float32 radiance.
 
-    format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) act on png and jpg alone.
-    channels: for exr, further (h, w) planes by the channel's name. Raises SettingsError for an unknown format or curve.
+    format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
+    channels: for exr, further (h, w) planes by channel name. Raises SettingsError for an unknown format or curve.
     """
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
@@ -63,7 +63,7 @@ def encode(
 
 
 def encode_shown(shown: npt.NDArray[np.uint8], format: str) -> bytes:
-    """The bytes of a png or jpg of what a screen shows, (h, w, 3) uint8 sRGB."""
+    """Returns the bytes of a png or jpg of display values, (h, w, 3) uint8 sRGB."""
     out = io.BytesIO()
     picture = Image.fromarray(np.ascontiguousarray(shown))
     if format == "png":
@@ -81,7 +81,7 @@ def write(
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
 ) -> None:
-    """Writes the file of `encode` at once or not at all; the format is that of the name unless given."""
+    """Writes the file of `encode` atomically; the format is that of the name's suffix unless given."""
     path = Path(path)
     data = encode(rgb, format or format_of(path), exposure, curve, channels)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -98,10 +98,9 @@ def write(
 
 
 def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int, names: Sequence[str] = RGB) -> None:
-    """Write an exr or hdr file, as its name ends, of bands from the top, (rows, width, channels) each: the whole picture is
-    never in memory.
+    """Writes an exr or hdr file, by the name's suffix, from bands of rows, so that the picture is never in memory as a whole.
 
-    names: the channels'. Raises OSError.
+    bands: from the top, (rows, width, channels) each. names: the channels'. Raises OSError.
     """
     spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)

@@ -1,4 +1,4 @@
-"""The format of an image, by its first bytes: names of files lie."""
+"""Detects the format of an image from its first bytes, since file names may be wrong."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _IGNORED, _PREMULTIPLIED = 1, 4  # attributes types of TGA 2.0's extension area
 
 
 def suffix_of(data: bytes) -> str | None:
-    """The suffix of the format that the bytes are in; None for no known format."""
+    """Returns the suffix of the image format of these bytes; None for an unknown format."""
     for magic, suffix in _MAGIC:
         if data.startswith(magic):
             return suffix
@@ -61,7 +61,7 @@ def suffix_of(data: bytes) -> str | None:
 
 
 def _is_targa(data: bytes) -> bool:
-    """Whether the header can be that of a TGA file, which begins with no magic number."""
+    """Whether the header can be that of a TGA file, which has no magic number."""
     if len(data) < 18:
         return False
     mapped, kind, _, _, map_depth = struct.unpack_from("<xBBHHB", data)
@@ -75,12 +75,12 @@ def _is_targa(data: bytes) -> bool:
 
 
 def is_deep_png(data: bytes) -> bool:
-    """Whether a PNG has 16 bits a channel, by its IHDR chunk."""
+    """Whether a PNG has 16 bits per channel, by its IHDR chunk."""
     return data[12:16] == b"IHDR" and data[24:25] == b"\x10"
 
 
 def targa_alpha(data: bytes) -> str:
-    """The meaning of a TGA file's fourth channel: "none", "straight" or "premultiplied".
+    """Returns the meaning of a TGA file's fourth channel: "none", "straight" or "premultiplied".
 
     Source: Truevision, "TGA file format specification", 2.0: image descriptor (field 5.6), attributes type (field 24).
     """

@@ -1,4 +1,4 @@
-"""Images decoded by OpenImageIO: floats, 16 bits, layers, compressed blocks."""
+"""Decodes images with OpenImageIO: floats, 16 bits, layers, compressed blocks."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ _YR, _YG, _YB = 0.2126, 0.7152, 0.0722
 
 
 class Decoded(NamedTuple):
-    """Pixels, rows from the top, and what was guessed or changed."""
+    """A decoded image: pixels, rows from the top, and notes on guesses and changes."""
 
     pixels: npt.NDArray[Any]
     notes: list[str]
 
 
 class Limits(NamedTuple):
-    """Of pixels: how many an image may have, and from how many on it is made smaller."""
+    """Pixel limits: the most that an image may have, and the number above which it is scaled down."""
 
     most: int
     kept: int
 
     def factor(self, name: str, width: int, height: int) -> int:
-        """How many pixels each way become one. Raises SceneError where the image is too large, or empty."""
+        """Returns by how much each side is divided to scale the image down. Raises SceneError if it is too large or empty."""
         if width < 1 or height < 1 or width * height > self.most:
             raise SceneError(f"{name}: is {width} x {height} pixels; at most {self.most >> 20} million fit. Give a smaller image")
         factor = 1
@@ -109,7 +109,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
 
 
 def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
-    """The channels that are read, and the part of the file which has them, to which the source is set."""
+    """Returns the channels to read, and the part of the file that contains them; selects that part in `source`."""
     parts: list[tuple[str, list[str]]] = []
     count = 0
     while source.seek_subimage(len(parts), 0):
@@ -132,14 +132,14 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
 
 
 def _by_place(count: int) -> tuple[str, dict[str, int]]:
-    """Channels of formats that do not name them."""
+    """Returns the colour channels by position, for formats that do not name them."""
     if count < 3:
         return "y", {"y": 0, "a": 1} if count == 2 else {"y": 0}
     return "rgb", dict(zip("rgba", range(count), strict=False))
 
 
 def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> npt.NDArray[Any]:
-    """(h, w, 4), or (h, w, 3) of floats without alpha."""
+    """Returns pixels (h, w, 4), or (h, w, 3) for floats without alpha."""
     some = next(iter(planes.values()))
     if colour.kind == "y":
         rgb = [planes["y"]] * 3
@@ -159,7 +159,7 @@ def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> n
 
 
 def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The third coordinate of unit normals that are stored as codes from -1 to 1, as blocks of two channels (BC5) have them."""
+    """Returns the z coordinate of unit normals stored as x and y, codes from -1 to 1 as in two-channel blocks (BC5)."""
     most = 1.0 if x.dtype == np.float32 else float(np.iinfo(x.dtype).max)
     squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
     z = 0.5 + 0.5 * np.sqrt(np.maximum(1 - squares, 0))
@@ -167,7 +167,7 @@ def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
-    """(h, w, channels), made smaller by a factor; None where the file is damaged."""
+    """Returns pixels (h, w, channels), scaled down by `factor`; None if the file is damaged."""
     if factor > 1:
         return _smaller(source, spec, channels, kind, factor)
     found = source.read_image(part, 0, *channels, kind)
@@ -175,7 +175,7 @@ def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: 
 
 
 def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
-    """The means of squares of pixels, read in bands of rows; None where the file is damaged."""
+    """Returns the means of squares of pixels, read in bands of rows; None if the file is damaged."""
     tile = spec.tile_height or 1
     step = np.lcm(factor, tile)
     step = int(step * max(1, _BAND // (spec.width * step)))
@@ -194,7 +194,7 @@ def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, facto
 
 
 def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
-    """Means of squares of `factor` pixels each way, fewer at the right and lower edge."""
+    """Returns the means of squares of `factor` x `factor` pixels, fewer at the right and lower edge."""
     rows, columns = (np.arange(0, length, factor) for length in pixels.shape[:2])
     total = np.add.reduceat(pixels.astype(np.float32), rows, axis=0)
     total = np.add.reduceat(total, columns, axis=1)
@@ -204,7 +204,7 @@ def _means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
 
 
 def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
-    """The display window of an image whose data window is another: black, and transparent, where there are no data."""
+    """Returns the display window of an image with a different data window: black, and transparent, outside the data."""
     window = spec.full_x, spec.full_y, spec.full_width, spec.full_height
     if window == (spec.x, spec.y, spec.width, spec.height) or spec.full_width < 1 or spec.full_height < 1:
         return pixels
@@ -219,7 +219,7 @@ def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDA
 
 
 def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
-    """The pixels of a Radiance file in one of eight orientations, with the first row at the top and the first column at the left.
+    """Reorders the pixels of a Radiance file, stored in one of eight orientations, so that row 0 is the top, column 0 the left.
 
     Source: "Radiance file formats", Picture File Format: the resolution string names the axis of scanlines first.
     """
@@ -234,7 +234,7 @@ def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
 
 
 def straightened(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Pixels whose colours were multiplied by alpha, without that; where alpha is 0 they stay."""
+    """Returns pixels with premultiplied colours divided by alpha; unchanged where alpha is 0."""
     if pixels.shape[2] < 4:
         return np.ascontiguousarray(pixels)
     most = np.float32(1.0 if pixels.dtype == np.float32 else np.iinfo(pixels.dtype).max)

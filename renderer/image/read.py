@@ -1,4 +1,4 @@
-"""The bytes of a texture or an HDR image as pixels. The bytes are untrusted: sizes are judged before anything is decoded."""
+"""Decodes a texture or an HDR image into pixels. The bytes are untrusted: sizes are checked before anything is decoded."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _LARGER = 8  # times MAX_PIXELS: environments up to this are averaged to fewer p
 
 
 def read(data: bytes, name: str) -> npt.NDArray[Any]:
-    """The pixels of an image, as `decode` gives them."""
+    """Returns only the pixels of `decode`."""
     return decode(data, name).pixels
 
 
 def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
-    """The pixels of an image, rows from the top, and what was guessed or changed.
+    """Returns the pixels of an image, rows from the top, and notes on guesses and changes.
 
-    (h, w, 4) uint8; (h, w, 4) uint16 where the format has more bits and they are used; (h, w, 3) float32, linear, where it holds
-    floats, or (h, w, 4) with alpha. Alpha is straight: colours are not multiplied by it.
-    `name` is said in errors. The format is found from the bytes alone.
-    is_environment: floats have no alpha, colours stay multiplied by it, and what has more than MAX_PIXELS becomes smaller.
-    Raises SceneError where the bytes are no image of a known format, are damaged, or hold too many pixels.
+    (h, w, 4) uint8; (h, w, 4) uint16 if the format has more bits and they are used; (h, w, 3) float32, linear, for floats, or
+    (h, w, 4) with alpha. Alpha is straight (not premultiplied).
+    name: for error messages. The format is detected from the bytes alone.
+    is_environment: floats have no alpha, colours stay premultiplied, and images of more than MAX_PIXELS are scaled down.
+    Raises SceneError if the bytes are no image of a known format, are damaged, or hold too many pixels.
     """
     suffix = suffix_of(data)
     if suffix is None:
@@ -59,7 +59,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
 
 
 def _in_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Pixels of 16 bits as ones of 8, where these say the same."""
+    """Converts 16-bit pixels to 8 bits if that is lossless; else returns them unchanged."""
     codes = (pixels >> 8).astype(np.uint8)
     return codes if (pixels == codes.astype(np.uint16) * 257).all() else pixels
 
@@ -91,7 +91,7 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
 
 
 def _through_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
-    """A KTX 2 file of Basis Universal (ETC1S or UASTC), as KHR_texture_basisu has them."""
+    """Decodes a KTX 2 file of Basis Universal (ETC1S or UASTC), as used by KHR_texture_basisu."""
     try:
         basisu = import_module("opengl_basisu")  # an extra
     except ImportError as error:

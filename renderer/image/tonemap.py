@@ -1,7 +1,7 @@
-"""From scene-linear radiance to what a screen shows: exposure, a tone curve, the sRGB encoding.
+"""Converts scene-linear radiance to display values: exposure, a tone curve, the sRGB encoding.
 
-Every curve takes scene-linear Rec.709 radiance, (..., 3) float32, not negative, and gives display-linear Rec.709 in 0..1.
-The live view's shader (web/) has the same formulas: change both, or what is seen is not what is downloaded.
+Every curve takes scene-linear Rec.709 radiance, (..., 3) float32, not negative, and returns display-linear Rec.709 in 0..1.
+The live view's shader (web/) has the same formulas: change both, so that the view matches the downloaded picture.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LUMINANCE = REC_709.astype(np.float32)
 
 
 def neutral(rgb: F32) -> F32:
-    """Khronos PBR Neutral: base colours stay true, only highlights are compressed and desaturated.
+    """Khronos PBR Neutral tone curve: preserves base colours; only highlights are compressed and desaturated.
 
     Source: KhronosGroup/ToneMapping, PBR_Neutral/README.md.
     """
@@ -39,23 +39,23 @@ def neutral(rgb: F32) -> F32:
 
 
 def srgb(rgb: F32) -> F32:
-    """No curve: clipped at 1."""
+    """Clips at 1, without a tone curve."""
     return np.minimum(rgb, np.float32(1))
 
 
 def hue(rgb: F32) -> F32:
-    """A clip that keeps the hue: a pixel above 1 is scaled by its greatest channel, where `srgb` turns orange into yellow."""
+    """Clips at 1 and preserves the hue: divides a pixel above 1 by its greatest channel; `srgb` turns orange yellow."""
     peak = np.maximum(np.maximum(rgb[..., 0], rgb[..., 1]), rgb[..., 2])[..., None]
     return np.divide(rgb, np.maximum(peak, 1), dtype=np.float32)
 
 
 def reinhard(rgb: F32) -> F32:
-    """x / (1 + luminance). Source: Reinhard et al., Photographic Tone Reproduction, 2002, equation 3."""
+    """Reinhard tone curve, x / (1 + luminance). Source: Reinhard et al., Photographic Tone Reproduction, 2002, equation 3."""
     return rgb / (1 + rgb @ _LUMINANCE)[..., None]
 
 
 def filmic(rgb: F32) -> F32:
-    """A fit of the ACES reference curve. Source: K. Narkowicz, ACES Filmic Tone Mapping Curve, 2015."""
+    """Fitted ACES reference tone curve. Source: K. Narkowicz, ACES Filmic Tone Mapping Curve, 2015."""
     x = np.minimum(rgb, np.float32(1e6))
     return np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1)
 
@@ -81,7 +81,10 @@ _AGX_MIN_EV, _AGX_MAX_EV = np.float32(-12.47393), np.float32(4.026069)
 
 
 def agx(rgb: F32) -> F32:
-    """AgX: bright hues turn white as on film. Sources: T. Sobotka, AgX; its polynomial by B. Wrensch, Minimal AgX, 2023."""
+    """AgX tone curve: bright saturated colours turn white, as on film.
+
+    Sources: T. Sobotka, AgX; polynomial by B. Wrensch, Minimal AgX, 2023.
+    """
     x = np.log2(np.maximum(rgb @ _AGX_INSET.T, np.float32(1e-10)))
     x = (np.clip(x, _AGX_MIN_EV, _AGX_MAX_EV) - _AGX_MIN_EV) / (_AGX_MAX_EV - _AGX_MIN_EV)
     x2 = x * x
@@ -102,19 +105,19 @@ CURVES: tuple[str, ...] = tuple(_FUNCTIONS)
 
 
 def encode_srgb(linear: F32) -> F32:
-    """Display-linear 0..1 to the sRGB encoding's 0..1. Source: IEC 61966-2-1."""
+    """Converts display-linear 0..1 to sRGB-encoded 0..1. Source: IEC 61966-2-1."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-10) ** np.float32(1 / 2.4) - 0.055)
 
 
 def decode_srgb(encoded: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The sRGB encoding's 0..1 to linear 0..1, of the same type. Source: IEC 61966-2-1."""
+    """Converts sRGB-encoded 0..1 to linear 0..1, of the same dtype. Source: IEC 61966-2-1."""
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
-    """The picture a screen shows, (h, w, 3) uint8 sRGB, of scene-linear (h, w, 3) float32 radiance.
+    """Returns display values, (h, w, 3) uint8 sRGB, of scene-linear (h, w, 3) float32 radiance.
 
-    exposure: stops; +1 doubles the radiance. NaN and negative values show as black. Raises SettingsError for an unknown curve.
+    exposure: stops; +1 doubles the radiance. NaN and negative values become black. Raises SettingsError for an unknown curve.
     """
     if curve not in _FUNCTIONS:
         raise SettingsError(f"tone curve is {curve!r}; known are {', '.join(CURVES)}")

@@ -1,4 +1,4 @@
-"""What image files say of their colours and the decoders do not take over, as notes that name the file."""
+"""Notes on colour metadata of image files that the decoders ignore; each note names the file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ORIENTATION = 0x0112  # of Exif
 
 
 def of_pillow(source: Image.Image, name: str) -> list[str]:
-    """Notes of an image that Pillow has opened."""
+    """Returns the notes for an image opened by Pillow."""
     notes = of_profile(source.info.get("icc_profile"), name)
     gamma = source.info.get("gamma")
     if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
@@ -40,7 +40,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
 
 
 def of_profile(profile: Any, name: str) -> list[str]:
-    """A note of a colour profile (ICC) other than sRGB's."""
+    """Returns a note if the colour profile (ICC) is not sRGB."""
     if not profile:
         return []
     try:
@@ -54,7 +54,7 @@ def of_profile(profile: Any, name: str) -> list[str]:
 
 
 def of_primaries(chromaticities: Any, name: str) -> list[str]:
-    """A note of chromaticities (red, green, blue, white, x and y each) other than Rec.709's."""
+    """Returns a note if the chromaticities (x and y of red, green, blue, white) are not those of Rec.709."""
     if chromaticities is None or np.shape(chromaticities) != (8,):
         return []
     if any(np.allclose(chromaticities, known, atol=_TOLERANCE) for known in (_REC709, _EQUAL_ENERGY)):
@@ -66,7 +66,7 @@ def of_primaries(chromaticities: Any, name: str) -> list[str]:
 
 
 def of_header(data: bytes, name: str) -> list[str]:
-    """Notes of a Radiance file's header: what it multiplies radiance by, and its primaries."""
+    """Returns the notes for a Radiance file's header: its exposure factor and its primaries."""
     head = data[: max(data.find(b"\n\n"), 0)].decode("latin-1")
     said: Mapping[str, list[str]] = {
         key: re.findall(rf"(?m)^{key}\s*=\s*(.+)$", head) for key in ("EXPOSURE", "COLORCORR", "PRIMARIES")

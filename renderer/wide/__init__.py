@@ -1,2 +1,1 @@
-"""Eight values at once: formulas of plain numbers that may as well be f32x8; rows of memory, read and written eight at a time;
-and what is called for one lane after the other."""
+"""Eight-lane values: operators for formulas that take float32 or f32x8, gathers and scatters of rows, and per-lane calls."""

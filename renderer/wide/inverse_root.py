@@ -1,5 +1,6 @@
-"""1 / sqrt(x), nearly, for what is weighed and not seen: by whole numbers and products alone, with the same bits on every
-processor, which rsqrtps has not; a root and a division take seven times as long.
+"""An approximate 1 / sqrt(x) for weights that need no precision: integer operations and products only.
+
+It has the same bits on every processor, unlike rsqrtps; a root and a division take seven times as long.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ _LIMIT = np.float32(2.38924456)
 
 @device
 def inverse_root(x):
-    """Within 0.07 % of 1 / sqrt(x) in each lane of an f32x8, for 2e-38 < x < 2e38. Nothing is left to the compiler to fuse."""
+    """Returns 1 / sqrt(x) to within 0.07 % in each lane of an f32x8, for 2e-38 < x < 2e38.
+
+    No product is left for the compiler to fuse.
+    """
     y = as_floats(_START - (as_ints(x) >> _HALVED))
     return y * splat(_SCALE) * fma(nil(x) - x * y, y, splat(_LIMIT))

@@ -1,4 +1,4 @@
-"""What is not worth eight lanes: scalar functions called lane by lane."""
+"""Calls of scalar functions lane by lane, for code that is not worth vectorising."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _NUMBERS: dict[types.Type, types.Type] = {f32x8: types.float32, u32x8: types.uin
 
 @intrinsic
 def each_lane(typingctx, function, wanted, arguments):
-    """function(*arguments), called for each lane that is `wanted`, with that lane's numbers; 0 and False in the other lanes.
+    """Calls function(*arguments) for each lane in the mask `wanted`, with that lane's values; other lanes get 0 and False.
 
-    What the function returns, a number or tuples of numbers, becomes eight of each, integers a u32x8. For one path `wanted` is a
-    bool, and what it returns is returned.
+    The function's result, a number or nested tuples of numbers, becomes one of eight lanes each, with integers as u32x8. For a
+    single path `wanted` is a bool, and the function's result is returned unchanged.
     """
     wide = is_wide(wanted)
     plain = tuple(_mapped(kind, _of_lane) if wide else kind for kind in arguments)
@@ -78,7 +78,7 @@ def _of_lanes(kind: types.Type) -> types.Type:
 
 
 def _mapped(kind: Any, change: Any) -> Any:
-    """The type, with each number in its tuples changed."""
+    """Returns the type with `change` applied to each number in its tuples."""
     return types.BaseTuple.from_types([_mapped(part, change) for part in kind]) if _is_tuple(kind) else change(kind)
 
 
@@ -87,21 +87,21 @@ def _kinds(kind: Any) -> list[types.Type]:
 
 
 def _leaves(builder: Any, kind: Any, value: Any) -> list[Any]:
-    """The numbers in a value's tuples, in order."""
+    """Returns the numbers in a value's nested tuples, in order."""
     if not _is_tuple(kind):
         return [value]
     return [leaf for k, part in enumerate(kind) for leaf in _leaves(builder, part, builder.extract_value(value, k))]
 
 
 def _tuple(context: Any, builder: Any, kind: Any, leaves: Iterator[Any]) -> Any:
-    """The reverse."""
+    """Returns the nested tuples of these numbers: the inverse of `_leaves`."""
     if not _is_tuple(kind):
         return next(leaves)
     return context.make_tuple(builder, kind, [_tuple(context, builder, part, leaves) for part in kind])
 
 
 def _each_bit(builder: Any, mask: Any, at: Any) -> None:
-    """Calls at(lane) in a loop over the lanes where the mask is set."""
+    """Emits a loop that calls at(lane) for each lane set in the mask."""
     bits = builder.zext(builder.bitcast(mask, _I8), _I32)
     left = cgutils.alloca_once_value(builder, bits)
     test, body, end = (builder.append_basic_block(f"lanes.{name}") for name in ("test", "body", "end"))
@@ -117,7 +117,7 @@ def _each_bit(builder: Any, mask: Any, at: Any) -> None:
 
 
 def _extracted(builder: Any, leaf: Any, lane: Any) -> Any:
-    """What is this lane's: an element of a vector, or what all lanes have in common."""
+    """Returns a lane's value: an element of a vector, or a scalar that is the same in all lanes."""
     return builder.extract_element(leaf, lane) if isinstance(leaf.type, ir.VectorType) else leaf
 
 
@@ -126,7 +126,7 @@ def _element(kind: Any) -> ir.Type:
 
 
 def _memory(builder: Any, kind: types.Type) -> Any:
-    """Eight numbers of the stack, zeroed: in registers, each lane's would be merged with all that are there."""
+    """Allocates eight zeroed numbers on the stack: in registers, each lane's result would have to be blended with all others."""
     return cgutils.alloca_once_value(builder, ir.Constant(ir.VectorType(_element(kind), LANES), None))
 
 

@@ -1,7 +1,7 @@
-"""What Python's operators mean for eight values at once, so that a formula is written once, for a float32 and for an f32x8.
+"""Python's operators for eight-lane values, so that a formula is written once for float32 and f32x8.
 
-f32x8, mask8 and what the BVH does with them are in renderer/bvh/simd.py; here is what formulas need beyond: numbers beside
-vectors, comparisons, roots, and u32x8. Where one side is a plain number it stands for all lanes.
+f32x8, mask8 and the BVH's operations are in renderer/bvh/simd.py; this module adds operators between scalars and vectors,
+comparisons, roots, and u32x8. A scalar operand is broadcast to all lanes.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ INTS = ir.VectorType(_I32, LANES)
 def _binary(
     symbol: Any, lower: Callable[[Any, Any, Any], Any], result: Lanes, wide: Lanes, plain: Any, known: bool = False
 ) -> None:
-    """Gives `symbol` a meaning between a vector and a number, either way round, and (unless it is known) between two vectors."""
+    """Defines operator `symbol` between a vector and a scalar, in either order, and (unless it is known) between two vectors."""
     pairs = [(wide, plain), (plain, wide)] + ([] if known else [(wide, wide)])
 
     class Template(ConcreteTemplate):
@@ -60,7 +60,7 @@ def _compared(sign: str) -> Callable[[Any, Any, Any], Any]:
 
 
 def _chosen(sign: str) -> Callable[[Any, Any, Any], Any]:
-    """As Numba has min and max of two floats: the second only where it is strictly beyond the first."""
+    """Returns a min or max like Numba's scalar one: the second operand only if it is strictly beyond the first."""
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, b, a), b, a)
 
 

@@ -1,7 +1,7 @@
-"""Rows of memory, eight at a time: columns of eight rows that lie anywhere become vectors, and vectors go back into rows.
+"""Gathers and scatters of table rows, eight at a time: columns of eight arbitrary rows become vectors, and vectors become rows.
 
-A row is read in one piece and the eight pieces are transposed in registers, which costs half an instruction a number; AVX2's
-gathers cost three times that on processors of today.
+A row is read contiguously and the eight rows are transposed in registers, at half an instruction per number; AVX2's gathers cost
+three times that on current processors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def _shuffled(builder: Any, a: Any, b: Any, mask: list[int]) -> Any:
 
 
 def _quarters(builder: Any, rows: list[Any]) -> list[Any]:
-    """Four vectors of eight, the columns of four pairs of quartets: rows[k] has row k in its lower half and row k + 4 above."""
+    """Returns four vectors of eight, columns of four pairs of quartets; rows[k] has row k in its lower half, row k + 4 above."""
     a, b = _shuffled(builder, rows[0], rows[1], _LOW), _shuffled(builder, rows[0], rows[1], _HIGH)
     c, d = _shuffled(builder, rows[2], rows[3], _LOW), _shuffled(builder, rows[2], rows[3], _HIGH)
     pairs = ((a, c, _FIRST), (a, c, _SECOND), (b, d, _FIRST), (b, d, _SECOND))
@@ -39,14 +39,14 @@ def _quarters(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """An 8x8 matrix by its columns, from its rows."""
+    """Returns the columns of an 8x8 matrix given by its rows."""
     lower = [_shuffled(builder, rows[k], rows[k + 4], _LOWER) for k in range(4)]
     upper = [_shuffled(builder, rows[k], rows[k + 4], _UPPER) for k in range(4)]
     return _quarters(builder, lower) + _quarters(builder, upper)
 
 
 def _pointers(builder: Any, data: Any, index: Any, width: Any, first: Any) -> list[Any]:
-    """Where the columns from `first` on of each of the eight rows lie."""
+    """Returns pointers to column `first` of each of the eight rows."""
     data = builder.bitcast(data, _FLOAT.as_pointer())
     offsets = []
     for lane in range(LANES):
@@ -62,7 +62,7 @@ def _piece(builder: Any, pointer: Any, kind: ir.Type) -> Any:
 
 
 def _quartet(builder: Any, pointer: Any, count: int) -> Any:
-    """The first `count` of four float32, without touching what lies behind them."""
+    """Loads the first `count` of four float32, without accessing the memory after them."""
     if count == 4:
         return _piece(builder, pointer, _QUARTET)
     undefined = ir.Constant(_PAIR, ir.Undefined)
@@ -75,7 +75,7 @@ def _quartet(builder: Any, pointer: Any, count: int) -> Any:
 
 
 def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count: int) -> list[Any]:
-    """`count` vectors of eight: the columns from `first` on of the rows `index` of what `data` points to, 32 bits a number."""
+    """Returns `count` vectors of eight: columns from `first` on of the rows `index` of a table of 32-bit numbers at `data`."""
     if count == 1:
         undefined = ir.Constant(FLOATS, ir.Undefined)
         vector = undefined
@@ -96,8 +96,10 @@ def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count:
 
 @intrinsic(prefer_literal=True)
 def gather(typingctx, table, index, width, first, count):
-    """Columns first ... first + count - 1 of the rows `index` (u32x8) of a C-contiguous float32 or int32 table of that width:
-    a tuple of f32x8, the bits of integers among them. count: a literal; width, first: uintp. Unchecked.
+    """Gathers columns first ... first + count - 1 of the rows `index` (u32x8) of a C-contiguous float32 or int32 table.
+
+    Returns a tuple of f32x8; integers are returned as their bits. width: the table's columns. count: a literal; width, first:
+    uintp. Bounds are not checked.
     """
     columns = count.literal_value
 
@@ -110,7 +112,10 @@ def gather(typingctx, table, index, width, first, count):
 
 @intrinsic
 def scatter(typingctx, table, index, width, first, values):
-    """The reverse: eight f32x8 into columns first ... first + 7 of the rows `index`. Of two lanes with one row the last stays."""
+    """Scatters eight f32x8 into columns first ... first + 7 of the rows `index`.
+
+    If lanes share a row, the last lane is stored.
+    """
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -124,7 +129,7 @@ def scatter(typingctx, table, index, width, first, values):
 
 @intrinsic
 def load_ints(typingctx, array, index):
-    """Eight whole numbers from a C-contiguous array of 32-bit integers, from its flat element `index` on: u32x8. Unchecked."""
+    """Loads eight integers of a C-contiguous array of 32-bit integers, from its flat element `index` on: u32x8. Unchecked."""
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
@@ -135,7 +140,7 @@ def load_ints(typingctx, array, index):
 
 @intrinsic
 def words(typingctx, table, index):
-    """The rows `index` (u32x8) of a C-contiguous (N, 4) uint8 table, four bytes each, the first one lowest: u32x8. Unchecked."""
+    """Gathers the rows `index` (u32x8) of a C-contiguous (N, 4) uint8 table as words, first byte lowest: u32x8. Unchecked."""
 
     def codegen(context, builder, sig, args):
         data = builder.bitcast(context.make_array(sig.args[0])(context, builder, args[0]).data, _I32.as_pointer())

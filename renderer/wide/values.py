@@ -1,6 +1,6 @@
-"""What formulas call where a plain number has a statement of its own: choices, whole numbers, tables. Of a float32 or an f32x8.
+"""Functions for selections, integers and tables in formulas that take float32 or f32x8.
 
-A whole number is an intp where the formula is one path's, a u32x8 where it is eight's; a choice is a bool or a mask8.
+An integer is an intp for one path and a u32x8 for eight; a condition is a bool or a mask8.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _I32 = ir.IntType(32)
 
 @intrinsic
 def where(typingctx, mask, a, b):
-    """a where the mask is set, else b: both are computed, and nothing becomes a branch."""
+    """Returns a where the mask is set, else b: both are evaluated, without a branch."""
     wide = next((kind for kind in (a, b) if is_wide(kind)), None)
     if wide is None:
         wide = a if not is_wide(mask) else {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[a]
@@ -56,13 +56,13 @@ def where(typingctx, mask, a, b):
 
 @device
 def where3(mask, a, b):
-    """`where` of vectors."""
+    """Returns `where` of 3-vectors."""
     return where(mask, a[0], b[0]), where(mask, a[1], b[1]), where(mask, a[2], b[2])
 
 
 @intrinsic
 def any_of(typingctx, mask):
-    """Whether the mask is set in any lane: a bool, to branch by."""
+    """Whether the mask is set in any lane: a bool, to branch on."""
 
     def codegen(context, builder, sig, args):
         if not is_wide(sig.args[0]):
@@ -75,19 +75,19 @@ def any_of(typingctx, mask):
 
 @intrinsic
 def not_(typingctx, mask):
-    """The opposite choice."""
+    """Returns the logical negation of a mask."""
     return mask(mask), lambda context, builder, sig, args: builder.not_(args[0])
 
 
 @intrinsic
 def rint(typingctx, a):
-    """The nearest whole number, as a float."""
+    """Returns the nearest integer, as a float."""
     return a(a), lambda context, builder, sig, args: called(builder, "rint", args[0])
 
 
 @intrinsic
 def to_int(typingctx, a):
-    """A float cut to a whole number. In lanes: within int32."""
+    """Converts a float to an integer by truncation. In lanes: within the range of int32."""
 
     def codegen(context, builder, sig, args):
         return builder.fptosi(args[0], INTS if is_wide(sig.args[0]) else ir.IntType(64))
@@ -97,7 +97,7 @@ def to_int(typingctx, a):
 
 @intrinsic
 def to_float(typingctx, a):
-    """A whole number as a float. In lanes: of int32; else of any integer."""
+    """Converts an integer to a float. In lanes: from int32; else from any integer."""
 
     def codegen(context, builder, sig, args):
         kind = sig.args[0]
@@ -110,7 +110,7 @@ def to_float(typingctx, a):
 
 @intrinsic
 def u32(typingctx, a):
-    """A whole number as uint32; lanes are that already."""
+    """Converts an integer to uint32; lanes are u32x8 already."""
 
     def codegen(context, builder, sig, args):
         return args[0] if is_wide(sig.args[0]) else context.cast(builder, args[0], sig.args[0], types.uint32)
@@ -120,13 +120,13 @@ def u32(typingctx, a):
 
 @intrinsic
 def nil(typingctx, a):
-    """0 of the type of a."""
+    """Returns 0 of the type of a."""
     return a(a), lambda context, builder, sig, args: ir.Constant(args[0].type, None)
 
 
 @intrinsic
 def as_wide(typingctx, number, like):
-    """The float32, uint32 or bool, in all lanes where `like` is of eight; else as it is."""
+    """Broadcasts a float32, uint32 or bool to eight lanes if `like` has eight lanes; else returns it unchanged."""
     wide = is_wide(like)
     result = {types.float32: f32x8, types.uint32: u32x8, types.boolean: mask8}[number] if wide else number
 
@@ -138,13 +138,13 @@ def as_wide(typingctx, number, like):
 
 @device
 def as_wide3(vector, like):
-    """`as_wide` of a vector."""
+    """Returns `as_wide` of a 3-vector."""
     return as_wide(vector[0], like), as_wide(vector[1], like), as_wide(vector[2], like)
 
 
 @intrinsic
 def double(typingctx, a):
-    """A float32 in double precision, or eight."""
+    """Converts a float32, or eight, to double precision."""
     wide = is_wide(a)
 
     def codegen(context, builder, sig, args):
@@ -155,7 +155,7 @@ def double(typingctx, a):
 
 @intrinsic
 def single(typingctx, a):
-    """A number of double precision rounded to float32, or eight."""
+    """Rounds a double, or eight, to float32."""
     wide = is_wide(a)
 
     def codegen(context, builder, sig, args):
@@ -166,7 +166,7 @@ def single(typingctx, a):
 
 @intrinsic
 def as_ints(typingctx, a):
-    """The bits of a float32 as uint32, of an f32x8 as u32x8."""
+    """Returns the bits of a float32 as uint32, of an f32x8 as u32x8."""
 
     def codegen(context, builder, sig, args):
         return builder.bitcast(args[0], INTS if is_wide(sig.args[0]) else _I32)
@@ -176,7 +176,7 @@ def as_ints(typingctx, a):
 
 @intrinsic
 def as_floats(typingctx, a):
-    """The float32 that has a uint32's bits; of a u32x8 the f32x8."""
+    """Returns the float32 with a uint32's bits; the f32x8 of a u32x8."""
 
     def codegen(context, builder, sig, args):
         return builder.bitcast(args[0], FLOATS if is_wide(sig.args[0]) else ir.FloatType())
@@ -186,8 +186,9 @@ def as_floats(typingctx, a):
 
 @intrinsic
 def lookup(typingctx, table, index):
-    """Elements of a C-contiguous float32 or int32 table at a flat index: float32 or int32 for a plain one; f32x8, or u32x8 with
-    their bits, for a u32x8. Unchecked.
+    """Reads elements of a C-contiguous float32 or int32 table at a flat index. Bounds are not checked.
+
+    Returns float32 or int32 for a scalar index; f32x8 of floats or u32x8 of integers' bits for a u32x8 index.
     """
     wide = is_wide(index)
     element = table.dtype
