@@ -1,16 +1,16 @@
-"""Where a scene is read: files -> description -> compiled scene.
+"""Reads and compiles scenes: files -> description -> compiled scene.
 
 load.py         a folder of untrusted files -> SceneDescription, by the reader of the format
-animation/      what moves: keys, clips, and which moment is meant
+animation/      animation: keys, clips, and the time of a frame
 files.py        the only way by which readers open files; textures.py the same for images
-readers/        one file a format
-description.py  what every reader gives: meshes, spheres, materials, textures, lights, cameras
-studio.py       the light of scenes that have none
+readers/        one file per format
+description.py  the result of every reader: meshes, spheres, materials, textures, lights, cameras
+studio.py       the lighting of scenes without lights
 compile.py      description -> compiled scene, by geometry.py, material_packing.py (materials, texels), lights.py and the BVH
 default_camera.py      a camera for scenes without one
-compiled.py     the compiled scene (renderer/arrays/scene.py: the flat arrays that the kernel reads) in one file
-scene_equality.py         whether two descriptions compile alike
-material.py     the table of a material's parameters, which readers, checks, packing and schema.json follow
+compiled.py     stores the compiled scene (renderer/arrays/scene.py: the flat arrays that the kernel reads) in one file
+scene_equality.py         whether two descriptions compile to the same scene
+material.py     the table of a material's parameters, used by readers, checks, packing and schema.json
 
 To add a format: a reader with `read(files, main, description)`, and its row in renderer/formats.py.
 """

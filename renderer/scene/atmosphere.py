@@ -1,10 +1,10 @@
-"""Sunlight in clear air: scattered by molecules and haze, absorbed by ozone, around a round earth, in 18 wavelengths.
+"""Sunlight in clear air: scattered by molecules and haze, absorbed by ozone, around a spherical earth, in 18 wavelengths.
 
-Light scattered once is integrated along each line of sight (Nishita et al., "Display of the Earth Taking into Account
+Single scattering is integrated along each line of sight (Nishita et al., "Display of the Earth Taking into Account
 Atmospheric Scattering", 1993), with an ozone layer (Bruneton, "A Qualitative and Quantitative Evaluation of 8 Clear Sky
-Models", 2017). Light scattered more often is taken as even in all directions (Hillaire, "A Scalable and Production Ready Sky
-and Atmosphere Rendering Technique", 2020, section 5.5). Lengths in metres. Irradiance is scaled so that the sun's luminance
-outside the atmosphere is pi: a white surface that faces it there has radiance 1.
+Models", 2017). Multiple scattering is approximated as isotropic (Hillaire, "A Scalable and Production Ready Sky and Atmosphere
+Rendering Technique", 2020, section 5.5). Lengths in metres. Irradiance is scaled so that the sun's luminance outside the
+atmosphere is pi: a white surface facing the sun there has radiance 1.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SUNS = np.radians([-90.0, -15, -12, -10, -8, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3
 
 
 class Air(NamedTuple):
-    """How much there is of each, relative to a clear day."""
+    """Densities of the air's components, relative to a clear day."""
 
     molecules: float
     dust: float
@@ -48,7 +48,7 @@ class Air(NamedTuple):
 
 
 def _observer_curves() -> np.ndarray:
-    """CIE 1931 x, y, z at the wavelengths, (18, 3): the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013."""
+    """Returns the CIE 1931 x, y, z at the wavelengths, (18, 3): the fit of Wyman, Sloan & Shirley, JCGT 2(2), 2013."""
 
     def bell(center: float, below: float, above: float) -> np.ndarray:
         nm = _MICRONS * 1000 - center
@@ -61,7 +61,9 @@ def _observer_curves() -> np.ndarray:
 
 
 def _to_rgb() -> np.ndarray:
-    """(18, 3): from what is left of each wavelength of the sun's light to linear Rec.709, the sun's own luminance being pi."""
+    """Returns the matrix (18, 3) from the sun's transmitted fraction per wavelength to linear Rec.709; unattenuated, its
+    luminance is pi.
+    """
     planck = _MICRONS**-5.0 / np.expm1(14_387.77 / (_MICRONS * 5_778))
     xyz = _observer_curves() * planck[:, None]
     xyz *= np.pi / xyz[:, 1].sum()
@@ -73,19 +75,21 @@ _RGB = _to_rgb()
 
 
 def _densities(height: np.ndarray) -> np.ndarray:
-    """Of molecules, dust and ozone, relative to their peaks: (..., 3)."""
+    """Returns the densities of molecules, dust and ozone at heights in metres, relative to their peaks: (..., 3)."""
     ozone = np.maximum(1 - np.abs(height - _OZONE_MIDDLE) / _OZONE_HALF, 0)
     return np.stack([np.exp(-height / _RAYLEIGH_HEIGHT), np.exp(-height / _MIE_HEIGHT), ozone], axis=-1)
 
 
 def _to_top(radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """How far it is to the top of the atmosphere."""
+    """Returns the distance to the top of the atmosphere, in metres."""
     along = radius * cosine
     return -along + np.sqrt(np.maximum(along * along + _TOP**2 - radius * radius, 0))
 
 
 def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarray:
-    """Densities integrated from a point to the top of the atmosphere, (..., 3); steps grow along the way, as air thins."""
+    """Returns densities integrated from a point to the top of the atmosphere, (..., 3); the steps grow along the ray, as air
+    thins.
+    """
     edge = np.linspace(0, 1, steps + 1) ** 2
     length = _to_top(radius, cosine)
     total = np.zeros((*radius.shape, 3))
@@ -97,24 +101,24 @@ def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarr
 
 
 def _thickness(air: Air, column: np.ndarray) -> np.ndarray:
-    """The optical thickness of such a column at each wavelength, (..., 18)."""
+    """Returns the optical thickness of such a column at each wavelength, (..., 18)."""
     molecules, dust, ozone = (column[..., k, None] for k in range(3))
     return molecules * (air.molecules * _RAYLEIGH) + dust * (air.dust * _MIE_EXTINCTION) + ozone * (air.ozone * _OZONE)
 
 
 def transmitted(air: Air, elevation: float) -> np.ndarray:
-    """What reaches the ground straight from the sun at this elevation in radians: irradiance facing it, (3,) linear Rec.709."""
+    """Returns the direct sunlight at the ground for a sun's elevation in radians: irradiance facing it, (3,) linear Rec.709."""
     column = _column(np.array(_EARTH + _EYE), np.array(np.sin(elevation)), steps=64)
     return np.asarray(np.maximum(np.exp(-_thickness(air, column)) @ _RGB, 0))
 
 
 def rayleigh_phase(cosine: np.ndarray) -> np.ndarray:
-    """Per steradian, by the cosine of the angle to the sun."""
+    """Returns the Rayleigh phase function, per steradian, of the cosine of the angle to the sun."""
     return 3 / (16 * np.pi) * (1 + cosine * cosine)
 
 
 def mie_phase(cosine: np.ndarray) -> np.ndarray:
-    """Cornette & Shanks 1992, per steradian."""
+    """Returns the phase function of dust, per steradian (Cornette & Shanks 1992), of the cosine of the angle to the sun."""
     g = _ASYMMETRY
     scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
     return scale * (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
@@ -123,10 +127,10 @@ def mie_phase(cosine: np.ndarray) -> np.ndarray:
 def scattered(
     air: Air, ground: float, sun: float, elevation: np.ndarray, azimuth: np.ndarray, steps: int = 48
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light towards an observer on the ground: scattered once by molecules, once by dust, and more often by either.
+    """Returns the light towards an observer on the ground: scattered once by molecules, once by dust, and more than once.
 
-    The first two lack their phase function. ground: its albedo; sun: its elevation; elevation (...), above 0, and azimuth (...)
-    of where to look, from the sun's: radians. Each result is (..., 3), linear Rec.709.
+    The first two are without their phase function. ground: its albedo; sun: its elevation; elevation (...), above 0, and azimuth
+    (...) of the viewing directions, relative to the sun's: radians. Each result is (..., 3), linear Rec.709.
     """
     start = _EARTH + _EYE
     up = np.sin(elevation)
@@ -143,7 +147,7 @@ def scattered(
 
 
 class _Step(NamedTuple):
-    """A piece of a ray through the air, at its middle."""
+    """One integration step of a ray through the air, evaluated at its middle."""
 
     radius: np.ndarray  # from the earth's centre
     cosine: np.ndarray  # of the sun's zenith angle
@@ -155,7 +159,10 @@ class _Step(NamedTuple):
 def _along(
     start: np.ndarray, up: np.ndarray, sun_up: np.ndarray, towards_sun: np.ndarray, length: np.ndarray, steps: int
 ) -> Iterator[_Step]:
-    """A ray in steps that grow. Cosines: of the ray's and of the sun's zenith angle at its start, and between the two."""
+    """Yields a ray's integration steps, of growing length.
+
+    Cosines: of the ray's and the sun's zenith angle at its start, and between both.
+    """
     edge = np.linspace(0, 1, steps + 1) ** 2
     passed = np.zeros((*length.shape, 3))
     for near, far in pairwise(edge):
@@ -170,22 +177,22 @@ def _along(
 
 
 def _sunlight(air: Air, radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """The share of each wavelength that arrives straight from the sun, (..., 18): none in the earth's shadow."""
+    """Returns the fraction of direct sunlight that arrives, per wavelength, (..., 18): 0 in the earth's shadow."""
     horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
     risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
     return np.asarray(np.exp(-_thickness(air, _column(radius, np.maximum(cosine, horizon)))) * risen[..., None])
 
 
 def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
-    """Per metre, at each wavelength."""
+    """Returns the scattering coefficient per metre, at each wavelength."""
     return np.asarray(density[..., 0, None] * (air.molecules * _RAYLEIGH) + density[..., 1, None] * (air.dust * _MIE_SCATTERING))
 
 
 @functools.lru_cache(maxsize=4)  # wherever the sun stands, it is the same
 def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
-    """The radiance, alike from all sides, that light scattered before has at a height and under a sun: (heights, suns, 18).
+    """Returns the isotropic radiance of multiply scattered light by height and sun elevation: (heights, suns, 18).
 
-    What arrives after one scattering, by a uniform phase function, times 1 / (1 - f), the sum of all further ones.
+    Computed from second-order scattering with a uniform phase function, times 1 / (1 - f), the sum of all further orders.
     """
     cosines, weights = np.polynomial.legendre.leggauss(8)
     azimuth = (np.arange(4) + 0.5) * np.pi / 4
@@ -210,7 +217,7 @@ def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
 
 
 def _looked_up(table: np.ndarray, height: np.ndarray, sun: np.ndarray) -> np.ndarray:
-    """`_scattered_again` between its heights and suns, bilinear."""
+    """Interpolates the table of `_scattered_again` bilinearly between heights and suns."""
     y = np.interp(height, _HEIGHTS, np.arange(len(_HEIGHTS)))
     x = np.interp(sun, _SUNS, np.arange(len(_SUNS)))
     i, j = np.minimum(y.astype(int), len(_HEIGHTS) - 2), np.minimum(x.astype(int), len(_SUNS) - 2)

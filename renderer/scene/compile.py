@@ -1,4 +1,4 @@
-"""Where a scene is compiled: a SceneDescription becomes the flat arrays that the kernel reads."""
+"""Compiles a SceneDescription into the flat arrays that the kernel reads."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def compile_scene(
     threads: int | None = None,
     kept: Kept | None = None,
 ) -> CompiledScene:
-    """The compiled scene, every array C-contiguous and read-only.
+    """Returns the compiled scene, every array C-contiguous and read-only.
 
-    progress: told each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
-    threads: None for one per core; the scene does not depend on it. kept: of the same shot at another moment, whose compiled
-    scene is not read any more; the scene does not depend on it either.
-    Raises SceneError where there is nothing to see or too much to hold.
+    progress: called with each step as a phrase and the fraction done, 0..1. brute: without a working BVH, see `build`.
+    threads: None for one per core; the scene does not depend on it. kept: cache of the same shot at another time, whose compiled
+    scene must no longer be in use; the result does not depend on it either.
+    Raises SceneError if the scene is empty or too large.
     """
     with Team(threads) as team:
         own = Kept() if kept is None or brute else kept
@@ -201,7 +201,7 @@ def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...], emission: o
 
 
 def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dict[str, np.ndarray]:
-    """Of arrays that were checked at another moment, what is new."""
+    """Returns the rows to check of arrays that were checked for another frame; those not listed in full."""
     if not kept.knows("checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])):
         return {}
     node = laid.bvh.node
@@ -213,12 +213,12 @@ def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dic
 
 
 def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[str, Any]:
-    """What a person wants to know of a scene, JSON-ready: cameras, counts, bounds, animations, variants, warnings, defaults.
+    """Returns a JSON-ready summary of a scene: cameras, counts, bounds, animations, variants, warnings, defaults.
 
     cameras: the file's own, then always one named "auto" that frames the scene; `views` of those that move while
-    the shutter is open, as RenderSettings has them. up: which way is up. fps: the file's own,
-    else 24. clips: its animations, with the seconds of their first and last key. objects, materials: their names in the order
-    of their numbers, which the film's OBJECT and MATERIAL planes hold plus 1.
+    the shutter is open, as RenderSettings has them. up: the up direction. fps: the file's own, else 24. clips: its animations,
+    with the seconds of their first and last key. objects, materials: their names by number; the film's OBJECT and MATERIAL planes
+    hold number + 1.
     """
     cameras = [
         *own_cameras(description, compiled),
@@ -251,9 +251,10 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
 
 
 def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
-    """The same for another moment of a shot in which nothing but places and shapes moves; before: what was said of one moment.
+    """Returns the summary for another frame of a shot in which only transforms and shapes change; before: the summary of one
+    frame.
 
-    The camera named "auto" frames the bounds, and does not look closer.
+    The camera named "auto" frames the bounds only, without looking at the vertices.
     """
     low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
@@ -267,13 +268,13 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
 
 
 def camera_names(description: SceneDescription) -> list[str]:
-    """What `summarise` calls the cameras."""
+    """Returns the names of the cameras in `summarise`."""
     own = [c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)" for c in description.cameras]
     return [*own, AUTO_CAMERA]
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
-    """The file's own cameras, as `summarise` gives them."""
+    """Returns the file's own cameras, as in `summarise`."""
     names = camera_names(description)
     bounds = _bounds(compiled)
     return [
@@ -283,20 +284,20 @@ def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[
 
 
 def _camera_dict(camera: Camera) -> dict[str, Any]:
-    """views: of one that moves while the shutter is open, as RenderSettings has them."""
+    """Returns a camera as JSON. views: of a camera that moves while the shutter is open, as RenderSettings has them."""
     still = {"name": camera.name, "view": _view_dict(camera.view)}
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
 def _of_kind(stood: Stood, flag: int) -> np.ndarray:
-    """(T + S,) which primitives are of materials with that flag."""
+    """Returns (T + S,) which primitives have a material with that flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
     return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
 
 
 def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
-    """The lights that are suns."""
+    """Returns the indices of the lights that are suns."""
     number = primitive.astype(np.int64) - bodies
     is_sun = np.isin(kind, (SUN, SUN_UNSEEN))
     return (
@@ -305,7 +306,7 @@ def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
 
 
 def _dark_lamps(description: SceneDescription, emitted: np.ndarray) -> int:
-    """Number of triangles of emissive meshes that have no area; those of what stands still are left out where it is placed."""
+    """Returns the number of emissive triangles without area; static ones are removed earlier, when they are placed."""
     count = 0
     for instance in description.instances:
         mesh = description.meshes[instance.mesh]
@@ -324,13 +325,13 @@ def _parts(geometry: Geometry, emitting: np.ndarray) -> I32:
 
 
 def _filling(compiled: CompiledScene) -> int:
-    """How many triangles are nowhere, and only fill a page."""
+    """Returns the number of padding triangles that only fill a page."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
     return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NOWHERE].sum())
 
 
 def _bounds(compiled: CompiledScene) -> np.ndarray:
-    """(2, 3) f64: the corners of all geometry in the world."""
+    """Returns the world-space bounds of all geometry: (2, 3) f64 corners."""
     return compiled.bounds.astype(np.float64) + compiled.origin
 
 
@@ -350,14 +351,14 @@ def _visible_points(compiled: CompiledScene) -> np.ndarray:
 
 
 def _tree_corners(compiled: CompiledScene, root: int) -> np.ndarray:
-    """The corners of the topmost eight boxes of an instance's tree, in its own space."""
+    """Returns the corners of the topmost eight boxes of an instance's tree, in its own space."""
     node = compiled.bvh.node[root]
     boxes = [node[:6, lane].reshape(3, 2) for lane in np.flatnonzero(node[0] <= node[1])]
     return np.array([np.where(which, box[:, 1], box[:, 0]) for box in boxes for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
 
 
 def _aimed(view: View, bounds: np.ndarray) -> View:
-    """The same view with its target moved along the line of sight to beside the scene's middle: who orbits, orbits that."""
+    """Returns the view with its target moved along the line of sight next to the scene's centre, as a useful orbit centre."""
     eye, target = np.array(view.eye), np.array(view.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
     distance = float((bounds.mean(axis=0) - eye) @ forward)

@@ -1,8 +1,8 @@
-"""Keeps a compiled scene in one safetensors file, and maps it into memory again without copying. One that moves is kept in
-parts (compiled_parts.py).
+"""Stores a compiled scene in one safetensors file, and maps it into memory without copying. A moving scene is stored in parts
+(compiled_parts.py).
 
 The safetensors format: u64 length of the header, the header (JSON: name -> dtype, shape, offsets), the arrays. The header is
-padded so that the arrays start at a multiple of 64 bytes, and read back as views of the mapping: all processes of a machine
+padded so that the arrays start at a multiple of 64 bytes, and are read as views of the mapping: all processes of a machine
 share one copy.
 """
 
@@ -30,7 +30,7 @@ _MAX_HEADER = 1 << 20
 
 
 def save(scene: CompiledScene, path: Path) -> None:
-    """Writes the scene to `path`, which is there whole or not at all. The same scene gives the same bytes."""
+    """Writes the scene to `path` atomically. The same scene yields the same bytes."""
     header: dict[str, Any] = {"__metadata__": _FORMAT}
     end = 0
     arrays = flat(scene)
@@ -55,11 +55,11 @@ def save(scene: CompiledScene, path: Path) -> None:
 
 
 def load(path: Path, find: Find | None = None) -> CompiledScene:
-    """The scene that `save` wrote, or renderer.scene.compiled_parts.Saver, as read-only views of the files.
+    """Loads a scene written by `save`, or by renderer.scene.compiled_parts.Saver, as read-only views of the files.
 
-    find: where a manifest's parts lie; None for beside it.
+    find: returns the path of a manifest's part; None: next to the manifest.
 
-    Raises SceneError where the file is damaged, cut short, or not a compiled scene; OSError where it cannot be opened.
+    Raises SceneError if the file is damaged, truncated, or not a compiled scene; OSError if it cannot be opened.
     """
     path = Path(path)
     with path.open("rb") as file:
@@ -84,7 +84,7 @@ def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
 
 
 def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
-    """The arrays by name, checked against the layout."""
+    """Returns the arrays by name, checked against the layout."""
     length = int.from_bytes(mapped[:8], "little")
     if not 2 <= length <= min(_MAX_HEADER, size - 8):
         raise SceneError("its header's length is wrong")

@@ -1,9 +1,9 @@
-"""A compiled scene as a manifest of parts: files by the hash of their bytes, so that what two moments of a shot share is kept,
-sent and mapped once.
+"""Stores a compiled scene as a manifest of parts: files named by the hash of their content, so that parts that frames of a shot
+share are stored, sent and mapped once.
 
-The manifest is JSON: the parts' hashes and sizes, and of each array its shape and pieces (part, offset, bytes), one behind the
-other. A part is nothing but pieces, each from a page's beginning on. An array of several pieces is mapped file by file into one
-stretch of addresses, for the kernel to see it whole: all processes of a machine share one copy of each part.
+The manifest is JSON: the parts' hashes and sizes, and for each array its shape and consecutive pieces (part, offset, bytes). A
+part consists of pieces, each starting at a page boundary. An array of several pieces is mapped file by file into one contiguous
+address range: all processes of a machine share one copy of each part.
 """
 
 from __future__ import annotations
@@ -60,22 +60,24 @@ _CUT = ("bvh.node", "bvh.packet", "triangle", *_VERTICES)
 
 
 class Part(NamedTuple):
-    """A file by its hash."""
+    """A part: a file named by its hash."""
 
     sha256: str
     size: int
 
 
 class Saver:
-    """Writes the moments of one shot into a folder: manifests, and each part once, under its hash."""
+    """Writes the frames of one shot into a folder: manifests, and each part once, under its hash."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # of a part that outlasts moments: what it was made of
 
     def save(self, scene: CompiledScene, cuts: Cuts, folder: Path | None = None) -> Path:
-        """Writes the scene's manifest, and those of its parts that are not written yet, into another folder where one is told.
-        Gives the manifest."""
+        """Writes the scene's manifest, and the parts not written yet, into another folder if one is given.
+
+        Returns the manifest's path.
+        """
         folder = folder or self._folder
         arrays = flat(scene)
         parts: list[Part] = []
@@ -100,7 +102,7 @@ class Saver:
         return _manifest(arrays, parts, pieces, folder)
 
     def prune(self, manifest: Path) -> None:
-        """Removes from the folder what neither this manifest nor a later moment needs."""
+        """Removes files from the folder that neither this manifest nor a later frame needs."""
         kept = {manifest.name, *(part.sha256 for part in parts_of(manifest)), *(part.sha256 for _, part in self._known.values())}
         for path in self._folder.iterdir():
             if path.name not in kept:
@@ -108,8 +110,10 @@ class Saver:
 
 
 def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], folder: Path) -> Path:
-    """Writes the manifest of a scene that differs from another's (data) in these arrays alone, and the parts that they are in:
-    the same bytes as a Saver would write. Gives the manifest. Raises SceneError where the other's is damaged."""
+    """Writes the manifest and new parts of a scene that differs from another's (data) in these arrays only.
+
+    Writes the same bytes as a Saver would. Returns the manifest's path. Raises SceneError if the other manifest is damaged.
+    """
     parts, known = _read(data)
     arrays = flat(scene)
     pieces = {name: list(pieces) for name, (_, pieces) in known.items()}
@@ -166,7 +170,7 @@ def _are(known: tuple[object, ...], heads: tuple[object, ...]) -> bool:
 
 
 def _slices(arrays: dict[str, Array], cuts: Cuts) -> dict[str, dict[str, Array]]:
-    """The rows of each array that are in each part. Whatever has no part of its own is in the first, which every moment has."""
+    """Returns the rows of each array in each part. Arrays without a part of their own are in the first, which every frame has."""
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):
         node, packet = slice(cuts.node[i + 1], cuts.node[i + 2]), slice(cuts.packet[i + 1], cuts.packet[i + 2])
@@ -189,7 +193,7 @@ def _slices(arrays: dict[str, Array], cuts: Cuts) -> dict[str, dict[str, Array]]
 
 
 def parts_of(path: Path) -> list[Part]:
-    """The parts that a manifest names; none of a scene in one file. Raises SceneError where it is damaged."""
+    """Returns the parts that a manifest lists; none for a scene in one file. Raises SceneError if it is damaged."""
     with path.open("rb") as file:
         if file.read(1) != MANIFEST_STARTS:
             return []
@@ -198,7 +202,10 @@ def parts_of(path: Path) -> list[Part]:
 
 
 def load_parts(data: bytes, find: Find) -> CompiledScene:
-    """The scene of a manifest, as read-only views of its parts' files. Raises SceneError where any of it is damaged; OSError."""
+    """Loads the scene of a manifest, as read-only views of its parts' files.
+
+    Raises SceneError if any of it is damaged; OSError.
+    """
     parts, arrays = _read(data)
     files = [find(*part) for part in parts]
     for part, path in zip(parts, files, strict=True):
@@ -219,7 +226,7 @@ def load_parts(data: bytes, find: Find) -> CompiledScene:
 
 
 def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], list[tuple[int, int, int]]]]]:
-    """The parts, and of each array its shape and pieces."""
+    """Parses a manifest: returns the parts, and each array's shape and pieces."""
     try:
         manifest = json.loads(data)
         if manifest["format"] != _FORMAT:
@@ -244,7 +251,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
 
 
 def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[Path]) -> Any:
-    """The pieces one behind the other, as one read-only buffer."""
+    """Maps the pieces consecutively, as one read-only buffer."""
     if not pieces:
         return bytes(8)
     if len(pieces) == 1 and _maps_over is not None:
@@ -266,7 +273,7 @@ def _mapped(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[P
 
 
 def _mapper() -> Callable[[int, int, int, int], int] | None:
-    """The C library's mmap over addresses that are ours already: Python's own does not say where. None where pages are larger."""
+    """Returns the C library's mmap with a fixed address, which Python's does not offer. None where pages are larger."""
     if mmap.ALLOCATIONGRANULARITY > PAGE or not hasattr(mmap, "MAP_SHARED"):
         return None
     function = ctypes.CDLL(None, use_errno=True).mmap
@@ -281,7 +288,10 @@ _seen: dict[tuple[str, str, int, int], Array] = {}
 
 
 def _extremes_of(name: str, array: Array, parts: list[Part], pieces: list[tuple[int, int, int]]) -> Iterator[Array]:
-    """Of each piece of an array, rows that are in order if all of it are; looked for once in a process."""
+    """Yields, for each piece of an array, rows with the extreme indices: all of it is valid if they are.
+
+    Computed once per process.
+    """
     begin = 0
     row = array[:1].nbytes
     for part, at, length in pieces:

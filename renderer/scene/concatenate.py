@@ -1,7 +1,7 @@
-"""Sections of geometry one behind the other: the arrays that the kernel reads.
+"""Concatenates sections of geometry into the arrays that the kernel reads.
 
-Each section begins at a page of each array, so that a file of it can be mapped behind files of others
-(renderer/scene/compiled_parts.py); what fills the page before it is nowhere.
+Each section starts at a page boundary of each array, so that its file can be mapped after the others'
+(renderer/scene/compiled_parts.py); the padding before it holds no geometry.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ROW_BYTES = 4  # of the narrowest array of vertices or triangles: what ends at 
 
 
 class Joined(NamedTuple):
-    """The whole geometry, and where its sections begin; the last of these numbers are the ends."""
+    """The concatenated geometry and the start index of each section; the last of these numbers are the ends."""
 
     geometry: Geometry
     triangle: I32  # (T, 4): each with its part
@@ -35,7 +35,7 @@ class Joined(NamedTuple):
 
 
 def join(sections: Sequence[Section], has_uvs: bool, kept: Kept) -> Joined:
-    """The sections as one; all but the last are kept from moment to moment. has_uvs: whether anything has a texture."""
+    """Concatenates the sections; all but the last are cached from frame to frame. has_uvs: whether anything has a texture."""
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))
     parting, first_part = _parting(parts, triangle)
@@ -73,7 +73,7 @@ def _starts(lengths: Sequence[int]) -> tuple[int, ...]:
 
 
 def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
-    """The first triangle, the material and the object of each part, and the number of each section's first one."""
+    """Returns the first triangle, the material and the object of each part, and the index of each section's first part."""
     first, material, object, number = [], [], [], []
     count = 0
     for part, start, end in zip(parts, starts, starts[1:], strict=False):
@@ -90,7 +90,7 @@ def _parting(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str
 
 
 def _filled(part: Geometry, name: str) -> Array | float:
-    """An array of a section; neutral values where it has none and others do: for the second UVs, the first."""
+    """Returns an array of a section, or neutral values if it has none but others do: for the second UVs, the first."""
     found: Array = getattr(part, name)
     if len(found):
         return found

@@ -1,4 +1,4 @@
-"""Where a search for the interval of a cdf that holds a number begins: `choose_from` of renderer/kernel/light/environment.py."""
+"""Start indices for inverting a cdf (cutpoint or guide table), used by `choose_from` of renderer/kernel/light/environment.py."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _INTERVALS = 4  # of the cdf to one of the table's: with fewer more loads than o
 
 
 def cutpoints(cdf: F32) -> I32:
-    """For each of C equal parts of [0, 1), the interval of the cdf (..., N + 1) that its lower end lies in: (..., C).
+    """Returns the cdf interval that contains the lower end of each of C equal parts of [0, 1): cdf (..., N + 1), result (..., C).
 
     C is a power of two, so that a number's part is found without rounding.
     """

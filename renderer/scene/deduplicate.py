@@ -1,4 +1,4 @@
-"""Rows of a table that are the same, and corners of faces that are one vertex."""
+"""Finds equal rows of a table, and corners of faces that share a vertex."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ I32 = npt.NDArray[np.int32]
 
 
 def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """The first row of each kind, (U,), and the kind of each row, (N,), of an (N, K) table of numbers.
+    """Returns the first row of each distinct kind, (U,), and the kind of each row, (N,), of an (N, K) table of numbers.
 
-    As numpy.unique along axis 0, in the same order, and some ten times as fast: columns are sorted, not rows compared.
+    As numpy.unique along axis 0, in the same order, and about ten times as fast: it sorts columns instead of comparing rows.
     """
     if len(table) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -32,7 +32,7 @@ def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
 
 
 def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
-    """As `unique_rows`, of (N, 3) numbers of 32 bits, and far faster: by their bits, kinds in the order in which they come."""
+    """As `unique_rows`, for (N, 3) 32-bit numbers, but faster: compared by their bits, kinds in order of first occurrence."""
     bits = np.ascontiguousarray(table).view(np.uint32)
     slots = np.full(1 << max(2 * len(bits) - 1, 1).bit_length(), -1, np.int32)
     first, kind = np.empty(len(bits), np.int32), np.empty(len(bits), np.int32)
@@ -42,10 +42,11 @@ def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
 
 
 def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArray[np.float32]]) -> tuple[I32, I32]:
-    """The first corner of each vertex, (U,), and the vertex of each corner, (C,): corners that agree in point and values are one.
+    """Merges corners with equal point and values into vertices: returns each vertex's first corner, (U,), and each corner's
+    vertex, (C,).
 
-    point: (C,) numbers below `points`. values: (C, w) each. Vertices are in the order in which they come. Where very many meet in
-    one point, some of those that agree stay apart.
+    point: (C,) numbers below `points`. values: (C, w) each. Vertices are in order of first occurrence. Where very many corners
+    share a point, some equal ones are not merged.
     """
     count = len(point)
     table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1)
@@ -57,9 +58,9 @@ def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArra
 
 
 def used_among(numbers: npt.NDArray[Any], count: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
-    """Which of 0 ... count - 1 are among numbers, ascending, and the place of each of the numbers among those.
+    """Returns which of 0 ... count - 1 occur in `numbers`, ascending, and the position of each of the numbers among those.
 
-    In time that grows with the numbers alone where they are few.
+    For few numbers, takes time in proportion to them only.
     """
     if 8 * numbers.size < count:
         few, at = np.unique(numbers, return_inverse=True)

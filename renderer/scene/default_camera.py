@@ -1,4 +1,4 @@
-"""A camera for scenes without one: sees all of the scene, as large as it can, from a three-quarter angle."""
+"""A default camera for scenes without one: frames the whole scene tightly, from a three-quarter angle."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SAMPLED = 50_000
 
 
 def frame(points: npt.NDArray[np.floating], up: Vec3 = (0.0, 1.0, 0.0)) -> View:
-    """The view that frames (N, 3) points tightly, from a little above, to the right of the front.
+    """Returns the view that frames (N, 3) points tightly, from slightly above and to the right of the front.
 
     The front is +Z for Y up (glTF's convention) and -Y for Z up (Blender's and CAD's).
     """

@@ -1,7 +1,7 @@
-"""What every reader gives and the compiler takes: a scene in the terms of its author.
+"""The scene description: the output of every reader and the input of the compiler.
 
 Right-handed world space, any up direction. Colours are linear Rec.709; distances are in the file's own unit.
-Indices (`material`, `texture`, `image`, `mesh`) point into the lists of the SceneDescription.
+Indices (`material`, `texture`, `image`, `mesh`) refer to the lists of the SceneDescription.
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureLayer:
-    """A texture without layers of its own that lies on another, each looked up in its own way.
+    """A texture layer composited over another texture, with its own lookup; it has no layers itself.
 
-    `blend` is worked out in linear light (kernel/material/blend.py), and mixed with what is beneath by the layer's alpha times
-    `strength`: 0 ... 1. The colours of a surface end at 1; light does not.
+    `blend` is computed in linear light (kernel/material/blend.py), and mixed with the layers beneath by the layer's alpha times
+    `strength`: 0 ... 1. Surface colours are clamped at 1; emission is not.
     """
 
     texture: int
@@ -85,11 +85,11 @@ class TextureLayer:
 
 @dataclass(frozen=True)
 class Texture:
-    """An image, how it repeats, and how it is looked up. UV (0, 0) is the image's upper left corner, as in glTF.
+    """An image with wrap modes and a lookup. UV (0, 0) is the image's upper left corner, as in glTF.
 
-    transform: the rows of the 2x3 matrix that the UVs of set `uv_set` go through first.
-    layers: what lies on it, the lowest first; its alpha stays its own.
-    keys: the transform at equal steps while the shutter is open, first to last; none where it stays.
+    transform: the rows of the 2x3 matrix applied to the UVs of set `uv_set`.
+    layers: composited on top, the lowest first; the texture's alpha is unaffected.
+    keys: the transform at equal steps while the shutter is open, first to last; empty if constant.
     """
 
     image: int
@@ -104,7 +104,7 @@ class Texture:
 
 @dataclass
 class Mesh:
-    """Triangles in the mesh's own space. normals None: flat shading. uvs None: (0, 0). One material a mesh."""
+    """Triangles in the mesh's own space. normals None: flat shading. uvs None: (0, 0). One material per mesh."""
 
     name: str
     positions: npt.NDArray[Any]  # (V, 3) float32; float64 where that is far from the origin (renderer/scene/origin.py)
@@ -121,9 +121,9 @@ class Mesh:
 
 @dataclass
 class Instance:
-    """A mesh placed in the world by a 4x4 matrix on column vectors; `material` replaces the mesh's where given.
+    """A mesh placed in the world by a 4x4 matrix on column vectors; `material`, if given, replaces the mesh's.
 
-    keys: of what moves while the shutter is open, its transforms at equal steps from when it opens to when it closes; at least 2.
+    keys: the transforms of an instance that moves while the shutter is open, at equal steps from opening to closing; at least 2.
     `transform` is then the one in the middle.
     """
 
@@ -150,10 +150,11 @@ class Sphere:
 
 @dataclass(frozen=True, eq=False)
 class EmissionMap:
-    """What multiplies a light's intensity, direction by direction: renderer/kernel/light/emission_map.py has the coordinates.
+    """An angular map that multiplies a light's intensity by direction; renderer/kernel/light/emission_map.py defines the
+    coordinates.
 
-    edges: left, right, top, bottom, in radians of a sphere, where left and right are 2 pi apart and top is at 0 or more; of a
-    window or a screen in the plane at the distance 1, to the right and up. Beyond top and bottom, left and right it is dark.
+    edges: left, right, top, bottom; for a sphere in radians, where left and right are 2 pi apart and top is at least 0; for a
+    window or a screen in the plane at distance 1, to the right and up. The intensity is 0 outside the edges.
     """
 
     kind: EmissionKind
@@ -172,13 +173,13 @@ _DISTANT = ("directional",)
 
 @dataclass
 class Light:
-    """A light without a body: seen by what it lights, never by a ray that happens to meet it, but for a sun.
+    """A punctual light: it illuminates, but camera and scattered rays do not hit it, unless it is a sun.
 
     Parameters declared by functions of renderer/scene/parameters.py are read from scene files as declared.
 
     intensity: radiant intensity (point, spot: radiance units times area) or irradiance at normal incidence (directional).
-    radius (point, spot) and angle (directional: the degrees it spans, 0.53 for the sun) soften its shadows.
-    emission (point, spot): multiplies it; its axis is `direction`, and `up` what is up in it, as far as it is across that.
+    radius (point, spot) and angle (directional: the angular diameter in degrees, 0.53 for the sun) soften its shadows.
+    emission (point, spot): multiplies it; its axis is `direction`, and its up vector `up`, projected perpendicular to that.
     """
 
     kind: LightKind
@@ -228,9 +229,9 @@ class Sky:
 
 @dataclass
 class Environment:
-    """Light from infinitely far: `color` radiance, multiplied by an equirectangular image or a sky where one is given.
+    """Infinitely distant light: `color` radiance, multiplied by an equirectangular image or a sky if given.
 
-    The image's middle column looks along -Z and its top row up (+Y) before `rotation`, in degrees about +Y
+    The image's middle column is towards -Z and its top row is up (+Y) before `rotation`, in degrees about +Y
     (counter-clockwise seen from above). `image` indexes SceneDescription.images (float32 pixels).
     """
 
@@ -243,10 +244,10 @@ class Environment:
 
 @dataclass
 class Medium:
-    """What fills the world outside of everything: fog, haze, water. Of the inside of things their materials say the same.
+    """The medium that fills the world outside all objects: fog, haze, water. The insides of objects are given by their materials.
 
-    sigma_a, sigma_s: what it absorbs and scatters, rgb per scene unit, from 0 to MOST_DENSE. g: Henyey-Greenstein's mean cosine,
-    -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
+    sigma_a, sigma_s: absorption and scattering coefficients, rgb per scene unit, from 0 to MOST_DENSE. g: Henyey-Greenstein's
+    mean cosine, -MOST_FORWARD ... MOST_FORWARD (renderer/scene/material.py).
     """
 
     sigma_a: Vec3 = (0.0, 0.0, 0.0)
@@ -264,14 +265,14 @@ class Camera:
 
 
 class SurfaceNote(str):
-    """A warning of how a surface looks, which is idle where another material replaces it."""
+    """A warning about a surface's look, dropped if another material replaces the surface's."""
 
     __slots__ = ()
 
 
 @dataclass
 class SceneDescription:
-    """A whole scene. `defaults` holds settings the file asks for (width, height, spp, max_depth, integrator)."""
+    """A whole scene. `defaults` holds settings that the file requests (width, height, spp, max_depth, integrator)."""
 
     name: str = "scene"
     meshes: list[Mesh] = field(default_factory=list)

@@ -1,8 +1,8 @@
 """Triangulates a polygon by ear clipping.
 
 Source: Meisters 1975; only reflex corners can lie in an ear (Eberly, "Triangulation by Ear Clipping"). Polygons that touch
-themselves, as those with a bridge to a hole do, pass through a point more than once: corners at the place of an ear's own corners
-do not block it.
+themselves, such as those with a bridge to a hole, pass through a point more than once: corners coincident with an ear's own
+corners do not block it.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is judged
 
 
 class Scissors:
-    """Clips polygons within a bound of work; `are_blunt` afterwards: later polygons are to be fans."""
+    """Clips polygons within a total work limit; once `are_blunt`, later polygons are to be triangulated as fans."""
 
     def __init__(self) -> None:
         self._left = float(_MOST_WORK)
         self.are_blunt = False
 
     def cut(self, place: F64) -> npt.NDArray[np.int64]:
-        """(n - 2, 3) triangles of one polygon's (n, 3) corners."""
+        """Returns the (n - 2, 3) triangles of one polygon with (n, 3) corners."""
         flat = flattened(place)
         count = len(flat)
         noise = _NOISE * float(np.ptp(flat, axis=0).max(initial=0.0)) ** 2
@@ -70,7 +70,7 @@ class Scissors:
 
 
 def flattened(place: F64) -> F64:
-    """(n, 2) the corners in the plane of two axes that they lie in most, counter-clockwise."""
+    """Projects the corners onto the two axes in which the polygon is largest, counter-clockwise: (n, 2)."""
     ahead = np.roll(place, -1, axis=0)
     normal = np.cross(place - place[0], ahead - place[0]).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))

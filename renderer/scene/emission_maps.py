@@ -1,4 +1,4 @@
-"""What lights without a body send into each direction, as rows of numbers: renderer/kernel/light/emission_map.py reads them."""
+"""Tabulates the emission maps of punctual lights for renderer/kernel/light/emission_map.py."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NO_EDGE = 1e-9
 
 
 class EmissionTables(NamedTuple):
-    """As in CompiledScene, and what lights are chosen by."""
+    """The emission-map tables of CompiledScene, and the flux that lights are chosen by."""
 
     map: I32  # (E, 4)
     window: F32  # (E, 8)
@@ -41,12 +41,12 @@ NO_EMISSION = EmissionTables(
 
 
 def maps_of(lights: Sequence[Light]) -> list[EmissionMap]:
-    """Each map of the lights once. One that several of them have is one object."""
+    """Returns each distinct map of the lights; lights that share a map share one object."""
     return list({id(light.emission): light.emission for light in lights if light.emission is not None}.values())
 
 
 def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
-    """The maps, one behind the other. Raises SceneError where they are too large."""
+    """Concatenates the maps into tables. Raises SceneError if they are too large."""
     if not maps:
         return NO_EMISSION
     sizes = [each.values.shape[0] * each.values.shape[1] for each in maps]
@@ -64,7 +64,7 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
 
 
 def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """(n, 4) of each light the vector to the right of its axis and its map's number, or -1; no rows where there are no maps."""
+    """Returns (n, 4), for each light the vector to the right of its axis and its map's number, or -1; no rows without maps."""
     if not maps:
         return np.zeros((0, 4), np.float32)
     number = {id(each): k for k, each in enumerate(maps)}
@@ -73,7 +73,7 @@ def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32
 
 
 def flux_of(emission: EmissionMap) -> F64:
-    """(3,) the integral over all directions: of an intensity of 1, what is sent out."""
+    """Returns the integral of a map over all directions, (3,): the flux of a light of intensity 1."""
     values = emission.values.astype(np.float64)
     if emission.kind == "sphere":
         return np.asarray(2 * math.pi * _row_weights(emission) @ values.mean(axis=1))
@@ -88,7 +88,7 @@ def flux_of(emission: EmissionMap) -> F64:
 
 
 def _window(emission: EmissionMap) -> tuple[float, ...]:
-    """How coordinates become columns and lines, and where those begin and end."""
+    """Returns scale and offset from coordinates to columns and rows, and the range of valid columns and rows."""
     left, right, top, bottom = emission.edges
     height, width = emission.values.shape[:2]
     if emission.at_edges:
@@ -101,7 +101,7 @@ def _window(emission: EmissionMap) -> tuple[float, ...]:
 
 
 def _row_weights(emission: EmissionMap) -> F64:
-    """(h,) the integral of each row's share of a lookup, which is straight between rows, times the sine of the angle."""
+    """Returns each row's weight, (h,): the integral of its linear interpolation kernel times the sine of the polar angle."""
     top, bottom = emission.edges[2:]
     rows = emission.values.shape[0]
     if rows == 1:
@@ -129,7 +129,7 @@ def _middles(start: float, end: float, count: int) -> F64:
 
 
 def _right(direction: Vec3, up: Vec3) -> F64:
-    """(3,) the unit vector to the right of whoever looks along the direction and has that above."""
+    """Returns the unit vector (3,) to the right of an observer looking along `direction` with `up` above."""
     forward = np.array(direction, np.float64)
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300)
     for above in (np.array(up, np.float64), np.array((0.0, 0.0, -1.0)), np.array((0.0, 1.0, 0.0))):

@@ -1,4 +1,4 @@
-"""How much the primitives of a scene emit, textures included."""
+"""Computes how much the primitives of a scene emit, including textures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SPREAD = 0.05  # of a mesh's light is taken to leave all its triangles alike: a
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
-    """What emits in a geometry, textures included."""
+    """Returns the emitting triangles of a geometry and their emission, including textures."""
     bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NOWHERE))
     ranges = [np.arange(geometry.first[p], geometry.first[p + 1]) for p in bright]
     triangle = np.concatenate([np.zeros(0, np.int64), *ranges])
@@ -44,7 +44,7 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
 
 
 def sends_evenly(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
-    """(M,) whether every point of what is made of a material sends the same light: no texture and no alpha stands in its way."""
+    """Whether each material, (M,), emits equally at every point: it has no emission texture and no alpha."""
     if len(geometry.color):
         return np.zeros(len(packed.material_flags), bool)
     return packed.material_flags & (rows.TEXTURED | rows.TRANSPARENT) == 0

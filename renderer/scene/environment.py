@@ -1,4 +1,4 @@
-"""Light from infinitely far as tables: the radiance, and the cdfs by which the kernel samples it."""
+"""Tables of the environment: its radiance, and the cdfs by which the kernel samples it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
 class EnvironmentTables(NamedTuple):
-    """As in CompiledScene, without the probability of choosing it, and what follows from its cdfs."""
+    """The environment tables of CompiledScene, without the selection probability, and values derived from the cdfs."""
 
     radiance: F32  # (H, W, 3)
     marginal: F32  # (H + 1,)
@@ -47,24 +47,23 @@ class EnvironmentTables(NamedTuple):
     sun: np.ndarray  # (8,): direction 3, 1 - cos of the half angle, radiance 3, share of the samples; zeros without a sun
 
     def frame(self, chance: float) -> F32:
-        """CompiledScene's environment_frame, if the environment is chosen over the lights with that probability."""
+        """Returns CompiledScene's environment_frame, for a probability of choosing the environment over the lights."""
         sine, cosine = sin_cos(self.rotation)
         return np.array([cosine, sine, self.mean, chance, *self.sun], np.float32)
 
 
 @functools.lru_cache(4)
 def _solid_angles(height: int) -> F64:
-    """The solid angles of a picture's rows, over 2 pi: (height,)."""
+    """Returns the solid angle of each row of an equirectangular image, divided by 2 pi: (height,)."""
     return -np.diff([sin_cos(k * math.pi / height)[1] for k in range(height + 1)])
 
 
 def tabulate_environment(description: SceneDescription) -> EnvironmentTables:
-    """The environment's radiance and its cdfs: rows by weight times solid angle, then columns by weight.
+    """Returns the environment's radiance and its cdfs: over rows by weight times solid angle, then over columns by weight.
 
-    (1, 1, 3) where it is constant, of zeros where there is none. A texel's weight is what its luminance exceeds the mean by:
-    light below that BSDF sampling finds well by itself, and the two together have half the variance (measured on the
-    studio). Source: Karlik et al., MIS Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError where a
-    sky's numbers mean nothing.
+    (1, 1, 3) if it is constant, zeros if there is none. A texel's weight is the excess of its luminance over the mean: BSDF
+    sampling handles the rest well, and together they have half the variance (measured on the studio). Source: Karlik et al., MIS
+    Compensation, 2019; PBRT 4ed, 12.5. Raises SceneError if a sky's parameters are invalid.
     """
     source = description.environment
     no_sun = np.zeros(8)
@@ -100,7 +99,7 @@ def _radiance(description: SceneDescription, source: Environment, color: np.ndar
 
 
 def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> EnvironmentTables:
-    """The tables of the sky before whose image the sun stands."""
+    """Adds the sun to the tables of the sky whose image it shines through."""
     x, y, z = sun.direction
     sine, cosine = sin_cos(tables.rotation)
     direction = (x * cosine + z * sine, y, z * cosine - x * sine)
@@ -118,9 +117,9 @@ def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environ
 def relit(
     scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
 ) -> CompiledScene:
-    """The scene in an environment of that colour (None: its own) and strength, turned by so many degrees more.
+    """Returns the scene with its environment in another colour (None: its own) and strength, rotated by further degrees.
 
-    Its file stays as it is: only small arrays are new.
+    The scene's file is unchanged: only small arrays are replaced.
     """
     if color is None and strength == 1 and rotation == 0:
         return scene
@@ -147,9 +146,9 @@ def relit(
 
 
 def sampled_alone(scene: CompiledScene) -> CompiledScene:
-    """The scene with an environment that light sampling finds all of, with no BSDF sampling beside it.
+    """Returns the scene with an environment that light sampling covers completely, without BSDF sampling.
 
-    A texel's weight is the luminance of the brightest texel around, since lookups are bilinear, and not what exceeds the mean.
+    A texel's weight is the luminance of the brightest texel around, since lookups are bilinear, not its excess over the mean.
     """
     bright = luminance(scene.environment.astype(np.float64))
     height, width = bright.shape
@@ -161,10 +160,10 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
 
 
 def left_to_surfaces(scene: CompiledScene) -> CompiledScene:
-    """The scene without light sampling of its environment where that is the same from all around.
+    """Returns the scene without light sampling of its environment if that is constant.
 
-    What surfaces sample meets it without noise but that of what stands before it, so that another sample, spread evenly, with a
-    shadow ray of its own, adds more noise than it takes. Where shadow rays pass things that other rays meet, both are needed.
+    BSDF sampling finds a constant environment without noise except from occlusion, so a further uniform sample with its own
+    shadow ray would add more noise than it removes. If some objects are invisible to shadow rays only, both are needed.
     """
     frame = scene.environment_frame
     has_sun = frame[7] > 0
@@ -177,7 +176,7 @@ def left_to_surfaces(scene: CompiledScene) -> CompiledScene:
 
 
 def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
-    """CompiledScene's arrays that tell where to sample an environment of these cdfs, read-only."""
+    """Returns CompiledScene's search tables for sampling an environment with these cdfs, read-only."""
     tables = {
         "environment_marginal": marginal,
         "environment_conditional": conditional,
@@ -190,10 +189,10 @@ def search_tables(marginal: F32, conditional: F32) -> dict[str, Any]:
 
 
 def choose_environment(environment: EnvironmentTables, lights_power: float, bounds: F32) -> float:
-    """The probability of sampling the environment rather than a light: by power into the scene, yet neither is starved.
+    """Returns the probability of sampling the environment rather than a light: by power into the scene, with a minimum for each.
 
     A disk as large as the scene's bounding sphere receives pi * (pi R^2) * mean radiance from the environment. Of that only
-    the share counts which BSDF sampling finds badly: an even sky is better left to it, and MIS weighs both correctly.
+    the part counts that BSDF sampling finds badly: a uniform sky is better left to it, and MIS weights both correctly.
     """
     if environment.mean <= 0:
         return 0.0
@@ -204,7 +203,7 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
 
 
 def are_accents(lights_power: float, bounds: F32) -> bool:
-    """Whether lights give the scene less than a twentieth of what a sky of radiance 1 would."""
+    """Whether the lights contribute less than a twentieth of what a sky of radiance 1 would."""
     return lights_power < 0.05 * _sky_power(bounds)
 
 

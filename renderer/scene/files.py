@@ -1,7 +1,7 @@
-"""A scene's folder, and nothing outside it: the only way by which readers open files.
+"""Access to a scene's folder, and nothing outside it: the only way by which readers open files.
 
-A scene is untrusted. Every name it says is looked up below the folder; absolute paths, `..` and symbolic links that lead
-out of it never open anything.
+Scenes are untrusted. Every name in them is resolved below the folder; absolute paths, `..` and symbolic links that lead out of
+it never open anything.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Made = TypeVar("Made")
 class SceneFiles:
     """Files below one folder, by names relative to it with forward slashes.
 
-    environment: the name of one that came along to light the scene, and is no part of it.
+    environment: the name of an uploaded environment image that is not part of the scene.
     """
 
     def __init__(self, folder: Path, environment: str | None = None) -> None:
@@ -53,16 +53,16 @@ class SceneFiles:
         self.is_numbered = False  # whether any file that was asked for has the frame's number in its name
 
     def read_anew(self) -> None:
-        """Another moment is read: what the last one did not ask for is forgotten, so that numbered files do not pile up."""
+        """Begins reading another frame: drops entries that the last one did not use, so that numbered files do not accumulate."""
         self._made = {key: made for key, made in self._made.items() if key in self._used}
         self._used = set()
         self._found.clear()
         self._listed.clear()
 
     def recall(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """What was made of these files at the last moment, else `make()`: what no frame changes is read once.
+        """Returns the value cached under `key` for the last frame, else `make()`: data that no frame changes is read once.
 
-        Whoever gets it leaves it as it is. None is not kept.
+        Callers must not modify it. None is not cached.
         """
         self._used.add(key)
         if key not in self._made:
@@ -74,18 +74,18 @@ class SceneFiles:
         return found
 
     def keep(self, key: Hashable, made: Any) -> None:
-        """Keeps something for `known`."""
+        """Stores a value for `known`."""
         self._used.add(key)
         self._made[key] = made
 
     def known(self, key: Hashable) -> Any:
-        """What was kept at the last moment; None where nothing was. What it was made of stays too."""
+        """Returns the value stored for the last frame; None if there is none. Also keeps the values it was made from."""
         if key in self._made:
             self._used = set(self._made)
         return self._made.get(key)
 
     def path(self, name: str) -> Path:
-        """Where a file lies, for libraries that open it themselves. Raises SceneError as `read` does."""
+        """Returns a file's path, for libraries that open it themselves. Raises SceneError as `read` does."""
         path = self._inside(name)
         if path is None:
             raise SceneError(f"{name[:200]}: leads out of the scene's folder; put the file beside the scene and name it so")
@@ -97,7 +97,10 @@ class SceneFiles:
         return path
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file. Raises SceneError where it is missing, too large, no plain file, or outside the folder."""
+        """Returns the bytes of a file.
+
+        Raises SceneError if it is missing, too large, not a regular file, or outside the folder.
+        """
         path = self.path(name)
         try:
             return path.read_bytes()
@@ -107,24 +110,26 @@ class SceneFiles:
             raise SceneError(f"{name}: could not be read ({error.strerror})") from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
-        """The name that a pattern has at a frame: its number in place of #'s, where no file is called so itself."""
+        """Returns the file name of a pattern at a frame, with the frame number in place of #; unchanged if a file has that very
+        name.
+        """
         if "#" not in PurePosixPath(pattern).name or self.find(pattern, beside) is not None:
             return pattern
         self.is_numbered = True
         return str(PurePosixPath(pattern).with_name(frame_name(PurePosixPath(pattern).name, int(frame))))
 
     def frames_of(self, pattern: str) -> list[int]:
-        """The frames that a pattern has files for."""
+        """Returns the frames for which the pattern has files."""
         folder = self._inside(str(PurePosixPath(pattern).parent))
         if "#" not in PurePosixPath(pattern).name or folder is None or not folder.is_dir():
             return []
         return numbers_of(PurePosixPath(pattern).name, [path.name for path in folder.iterdir()])
 
     def find(self, reference: str, beside: str) -> str | None:
-        """The name of the file that a scene file `beside` means by `reference`, or None.
+        """Returns the name of the file that a scene file `beside` refers to, or None.
 
-        As authors' tools write them: backslashes, another machine's directories, the wrong case, quotes. Tried are the
-        reference's whole path below `beside`'s folder and below the root, then ever less of it, then its bare name anywhere.
+        Handles references as written by authoring tools: backslashes, another machine's directories, wrong case, quotes. Tries
+        the whole path below `beside`'s folder and below the root, then ever fewer of its folders, then its bare name anywhere.
         """
         key = (reference, str(PurePosixPath(beside).parent))
         if key not in self._found:
@@ -132,7 +137,7 @@ class SceneFiles:
         return self._found[key]
 
     def _decoded(self, reference: str, home: str) -> str | None:
-        """The file whose name a reference that is not in UTF-8 says in the first encoding that leads to one."""
+        """Returns the file of a reference that is not UTF-8, by the first encoding that yields an existing file."""
         if is_readable(reference):
             return None
         for encoding, text in readings(reference):
@@ -166,9 +171,9 @@ class SceneFiles:
         return _joined(PurePosixPath(beside).parent, parts) is None
 
     def resolve_uri(self, uri: str, beside: str) -> str | None:
-        """`find` for a URI (glTF, Collada), without file:. None for other schemes.
+        """Returns `find` of a URI (glTF, Collada), without file:. None for other schemes.
 
-        Tried are the URI as it is written, then with percent escapes undone, then both without a query and a fragment.
+        Tries the URI as written, then with percent escapes decoded, then both without query and fragment.
         """
         if uri.lower().startswith("file:"):
             uri = uri[5:]
@@ -179,7 +184,7 @@ class SceneFiles:
         return next((found for name in tried if (found := self.find(name, beside)) is not None), None)
 
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
-        """Names of the scene's plain files in the same folder that end in one of the suffixes, in order of the alphabet."""
+        """Returns the names of regular files in the same folder that end in one of the suffixes, sorted."""
         home = PurePosixPath(beside).parent
         folder = self._inside(str(home))
         if folder is None:
@@ -211,7 +216,7 @@ class SceneFiles:
         return str(here) if self._is_file(str(here)) else None
 
     def _names_in(self, name: str) -> dict[str, list[str]]:
-        """What is in a folder, by folded names: listed once, for a file may name a hundred thousand textures."""
+        """Returns a folder's content by case-folded name: listed once, since a file may refer to a hundred thousand textures."""
         if name not in self._listed:
             found: dict[str, list[str]] = {}
             folder = self._inside(name)
@@ -227,7 +232,7 @@ class SceneFiles:
 
     @functools.cached_property
     def _by_name(self) -> dict[str, str]:
-        """The first file of each bare name, folded, among the first MAX_SEARCHED."""
+        """Returns the first file of each bare name, case-folded, among the first MAX_SEARCHED."""
         found: dict[str, str] = {}
         seen = 0
         for folder, folders, files in os.walk(self._root):
@@ -248,12 +253,12 @@ class SceneFiles:
 
 
 def folded(name: str) -> str:
-    """A name as it is compared: systems write accents as one character or as two, and do not keep upper and lower case."""
+    """Returns a name normalised for comparison: Unicode normal form and case folded."""
     return name.lower() if name.isascii() else unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def _joined(home: PurePosixPath, parts: list[str]) -> list[str] | None:
-    """The parts of a path below a folder without `..`; None where they lead out of the scene."""
+    """Returns the parts of a path below a folder, with `..` resolved; None if they lead out of the scene."""
     found = list(home.parts)
     for part in parts:
         if part != "..":
@@ -266,7 +271,7 @@ def _joined(home: PurePosixPath, parts: list[str]) -> list[str] | None:
 
 
 def data_uri(uri: str, where: str) -> bytes:
-    """The bytes in a data: URI. Raises SceneError where it is damaged or absurdly large; `where` is said in errors."""
+    """Returns the bytes of a data: URI. Raises SceneError if it is damaged or too large; `where` is for error messages."""
     header, comma, body = uri.partition(",")
     if not comma:
         raise SceneError(f"{where}: its data URI has no data; export the file again")

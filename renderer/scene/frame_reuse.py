@@ -1,4 +1,4 @@
-"""What was made for one moment of a shot and is good for the next one too."""
+"""A cache of the parts of a compiled scene that are reused from one frame of a shot to the next."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class _Entry(NamedTuple):
 
 
 class Cuts(NamedTuple):
-    """Where in its arrays the parts of a compiled scene begin, and what each is made of: of the same objects, the same bytes."""
+    """The offsets of a compiled scene's parts in its arrays, and the objects that each was made from: equal objects, equal bytes."""
 
     vertex: tuple[int, ...]  # what stands still, bodies, what is loose; the last number is the end
     triangle: tuple[int, ...]
@@ -35,9 +35,9 @@ class Cuts(NamedTuple):
 
 
 class Kept:
-    """The parts of one shot's compiled scene. What it gives depends on what is asked for and never on what was asked before.
+    """The cache of one shot's compiled parts. Its results depend on the requested key only, not on the order of requests.
 
-    Arrays that were given out hold until the next moment is compiled: their changing ends are written in place.
+    Returned arrays are valid until the next frame is compiled: their changing ends are overwritten in place.
     """
 
     def __init__(self) -> None:
@@ -49,14 +49,14 @@ class Kept:
         self.lights_power = 0.0  # and what its lights send out together, the environment left out
 
     def begin(self) -> None:
-        """A moment is compiled: what the last one had no use for is forgotten."""
+        """Begins compiling a frame: drops entries that the last frame did not use."""
         self._entries = {slot: entry for slot, entry in self._entries.items() if slot in self._used}
         self._used = set()
 
     def recall(self, slot: Hashable, key: Callable[[], Any], make: Callable[[], Made], token: object | None = None) -> Made:
-        """What was made for the same key, else `make()`. token: of which the key is known to follow, without a look at it.
+        """Returns the value cached for an equal key, else `make()`. An identical `token` implies an equal key, without comparing.
 
-        Whoever gets it leaves it as it is.
+        Callers must not modify it.
         """
         self._used.add(slot)
         entry = self._entries.get(slot)
@@ -73,12 +73,12 @@ class Kept:
         return made
 
     def knows(self, what: str, heads: tuple[object, ...]) -> bool:
-        """Whether the same was said of `what` before: what is kept, and numbers."""
+        """Whether `heads` (cached objects and numbers) are the same as in the last call for `what`; stores them."""
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)
 
     def room(self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
-        """An array to fill, of rows of a shape; and whether what is made of `heads`, kept things and numbers, is in it."""
+        """Returns an array to fill, and whether it already holds the data made from `heads` (cached objects and numbers)."""
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())
         is_there = _are(known, heads)
@@ -90,7 +90,7 @@ class Kept:
 
 
 def _are(known: tuple[object, ...], wanted: tuple[object, ...]) -> bool:
-    """Whether these are the same objects and numbers."""
+    """Whether both hold the same objects (by identity) and equal numbers."""
     return len(known) == len(wanted) and all(
         a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(known, wanted, strict=True)
     )

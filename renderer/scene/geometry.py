@@ -1,4 +1,4 @@
-"""All instances' triangles as one list: in the world's space, or once in their own."""
+"""Collects all instances' triangles in one list: in world space, or once in their own space."""
 
 from __future__ import annotations
 
@@ -51,10 +51,11 @@ F64 = npt.NDArray[np.float64]
 
 
 class Geometry(NamedTuple):
-    """Triangles, as in CompiledScene: the world's that stand still, those of each tree that is kept once, in its own space (first
-    of trees that stand still, then of those that move), then the world's that are others at another moment.
+    """Triangles, as in CompiledScene, in three parts: static ones of the world, those of shared trees, and ones rebuilt per
+    frame.
 
-    Between these three may be triangles and vertices that are nowhere, so that each begins at a page (renderer/bvh/subtrees.py).
+    Shared trees are stored once, in their own space (first those of static instances, then of moving ones). Each part starts at a
+    page boundary, so padding triangles and vertices may lie in between (renderer/bvh/subtrees.py).
     """
 
     position: F32  # (V, 3)
@@ -71,12 +72,12 @@ class Geometry(NamedTuple):
 
 
 def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
-    """(T,) what is known of each part, for each of its triangles."""
+    """Returns (T,): for each triangle the value of its part."""
     return np.repeat(of_part, np.diff(geometry.first))
 
 
 class Placement(NamedTuple):
-    """Where the groups stand: first those that stand still."""
+    """The placements of groups: first the static ones."""
 
     group: I32  # (I,) of each instance
     still: int  # instances that stand still
@@ -87,7 +88,7 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Triangles of a material and object, or of several, one behind the other."""
+    """Consecutive triangles of one material and object, or of several."""
 
     placed: Placed
     material: list[int]
@@ -96,7 +97,7 @@ class _Part(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Triangles that are made together, numbered by themselves: the world's, then those of trees."""
+    """Separately built triangles with their own numbering: the world's, then those of trees."""
 
     geometry: Geometry
     world: int  # how many are the world's
@@ -105,18 +106,20 @@ class Section(NamedTuple):
 
 
 def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
-    """What stands still. Raises SceneError where a place is beyond the range of float32."""
+    """Builds the static section. Raises SceneError if a position exceeds the range of float32."""
     world = _copies(description, sharing.copied, objects, team)
     return _section(world, [_group(description, group, team) for group in sharing.groups], team, apart=True)
 
 
 def make_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
-    """What moves and stays in shape."""
+    """Builds the section of rigid moving bodies."""
     return _section([], [_group(description, group, team) for group in sharing.bodies], team, apart=True)
 
 
 def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
-    """What moves and is of the world; with its keys, if any of it moves while the shutter is open."""
+    """Builds the section of world-space geometry that is placed for each frame; with keys, if any moves while the shutter is
+    open.
+    """
     parts = [_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
     parts = _over_the_shutter(description, sharing.loose, parts, team)
     section = _section(parts, [], team)
@@ -127,7 +130,7 @@ def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequenc
 
 
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
-    """apart: whether faces that lie back to back are set apart."""
+    """Builds a section. apart: whether coincident faces back to back are separated."""
     geometry = _together(world + [part for tree in trees for part in tree])
     ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
     if apart:
@@ -140,7 +143,7 @@ def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bo
 
 
 def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) -> F64:
-    """(2 or 0, 3) the least and the greatest coordinates of triangles."""
+    """Returns the bounds of triangles: least and greatest coordinates, (2, 3); (0, 3) if there are none."""
     parts = parts_of(first, end, PART)
     corner = np.empty((len(parts), 2, 3), np.float32)
     team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
@@ -148,7 +151,7 @@ def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) 
 
 
 def placement_of(description: SceneDescription, sharing: Sharing, objects: Sequence[int]) -> Placement:
-    """Where the groups stand."""
+    """Returns the placements of all groups."""
     groups = sharing.groups + sharing.bodies
     which = [(g, n) for g, group in enumerate(groups) for n in group.instances]
     shown = [description.instances[n] for _, n in which]
@@ -163,14 +166,14 @@ def placement_of(description: SceneDescription, sharing: Sharing, objects: Seque
 
 
 def flatten(description: SceneDescription) -> Geometry:
-    """Copies every instance into the world."""
+    """Copies every instance into world space."""
     objects = number_objects(description).instance
     team = Team(1)
     return _together([_copy(description, n, number, team) for n, number in enumerate(objects)])
 
 
 def check_size(description: SceneDescription, sharing: Sharing) -> None:
-    """Raises SceneError where there are more than MAX_TRIANGLES."""
+    """Raises SceneError if there are more than MAX_TRIANGLES."""
     meshes = [description.meshes[description.instances[n].mesh] for n in sharing.copied + sharing.loose]
     meshes += [description.meshes[m] for group in sharing.groups + sharing.bodies for m in group.meshes]
     for total, limit, what in (
@@ -185,7 +188,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
 
 
 def _copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
-    """An instance in the world."""
+    """Copies an instance into world space."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
@@ -197,7 +200,7 @@ def _part(found: Placed, material: int, object: int) -> _Part:
 
 
 def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
-    """Instances in the world, small ones that follow each other at once."""
+    """Copies instances into world space; consecutive small ones in one call."""
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
@@ -207,7 +210,7 @@ def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequ
 
 
 def _is_small(description: SceneDescription, number: int) -> bool:
-    """Whether an instance can be placed with others: see `placed_together`."""
+    """Whether an instance is small enough to be placed in a batch; see `placed_together`."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
@@ -226,9 +229,9 @@ def _crowd(description: SceneDescription, numbers: list[int], objects: Sequence[
 
 
 def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
-    """What is placed at each moment, with its vertices at the keys of the shutter if any of it moves meanwhile.
+    """Places moving geometry, with vertices at the shutter's keys if any of it moves while the shutter is open.
 
-    What turns has all keys, since it goes straight from one to the next; what only bends has few.
+    Rotating geometry has all keys, since vertices move linearly between them; geometry that only deforms has few.
     """
     shown = [description.instances[n] for n in numbers]
     meshes = [description.meshes[instance.mesh] for instance in shown]
@@ -245,7 +248,7 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 
 def keys_step(description: SceneDescription) -> int:
-    """Every how many-th of the shutter's keys is one of what goes straight from key to key."""
+    """Returns the stride of the shutter's keys used for linearly interpolated vertices: every n-th is one."""
     straight = any(goes_straight(description, instance) for instance in description.instances)
     turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
@@ -253,7 +256,7 @@ def keys_step(description: SceneDescription) -> int:
 
 
 def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
-    """A group in its own space."""
+    """Builds a group in its own space."""
     parts = []
     own = [description.instances[n].material for n in group.instances]
     for m in group.meshes:
@@ -269,7 +272,7 @@ def _count(parts: Sequence[_Part]) -> int:
 
 
 def _together(parts: Sequence[_Part]) -> Geometry:
-    """The parts as one. What only some of them have the others get neutral values for; for the second UVs, the first."""
+    """Concatenates the parts. Attributes that some parts lack get neutral values; the second UVs, the first."""
     parting = (
         np.cumsum([0, *(length for part in parts for length in part.length)], dtype=np.int32),
         np.array([material for part in parts for material in part.material], np.int32),
@@ -308,7 +311,9 @@ def _together(parts: Sequence[_Part]) -> Geometry:
 
 
 def still_corners(still: Section, placement: Placement) -> list[F64]:
-    """(n, 3) points in the world whose box holds what stands still: tight, but for many instances of large groups."""
+    """Returns (n, 3) world-space points whose bounds contain all static geometry: tight except for many instances of large
+    groups.
+    """
     points = [still.corners[0]]
     for g, (a, b) in enumerate(still.trees):
         shown = placement.to_world[: placement.still][placement.group[: placement.still] == g]
@@ -318,7 +323,7 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
 
 
 def moving_corners(still: Section, bodies: Section, loose: Section, placement: Placement) -> list[F64]:
-    """The same for what moves; a body is taken for its box."""
+    """Returns the same for moving geometry; a body is replaced by its box."""
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
@@ -327,14 +332,14 @@ def moving_corners(still: Section, bodies: Section, loose: Section, placement: P
 
 
 def _box(corners: F64) -> F64:
-    """(8 or 0, 3): all corners of the box between two."""
+    """Returns all corners of the box between two points: (8, 3), or (0, 3) if empty."""
     return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
 
 
 def _carried(shape: F64, shown: F64) -> list[F64]:
-    """The least and the greatest coordinates of points where they are shown.
+    """Returns the bounds of transformed points: least and greatest coordinates.
 
-    Not by a BLAS, whose last bits depend on the processor.
+    Without BLAS, whose last bits depend on the processor.
     """
     if not len(shape) or not len(shown):
         return []

@@ -1,4 +1,4 @@
-"""What directions are aimed at by `sampling: mixture`: lights, and spheres that the scene marks."""
+"""The primitives that `sampling: mixture` aims directions at: lights, and spheres that the scene marks."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ MAX_GUIDES = 64  # each is asked for its density at each bounce
 
 
 def list_guides(marked: list[bool], light_primitive: I32, second: I32, light_cdf: F32, triangles: int) -> I32:
-    """(G,) i32, primitives: the marked spheres, then the strongest emitting primitives; MAX_GUIDES at most.
+    """Returns the target primitives, (G,) i32: the marked spheres, then the strongest emitting primitives; MAX_GUIDES at most.
 
-    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene; second: each light's second triangle, or -1. Lights
-    without a body are no targets.
+    marked: for each sphere; light_primitive, light_cdf: as in CompiledScene; second: each light's second triangle, or -1.
+    Punctual lights are no targets.
     """
     spheres = triangles + np.flatnonzero(marked).astype(np.int32)
     bodies = light_primitive < triangles + len(marked)

@@ -1,8 +1,8 @@
-"""Which meshes are kept once and shown many times, and which are copied into the world.
+"""Decides which meshes are stored once and instanced, and which are copied into world space.
 
-A copy in the world is traced faster (its boxes are tight, no ray is transformed), one that is kept once costs nothing:
-so few copies of small meshes are made, and many or large ones are not. What moves is always kept once, in a space of its own,
-so that another moment costs its transform alone; but for what deforms or shines, which is placed in the world at each moment.
+A copy in world space is traced faster (its boxes are tight, no ray is transformed); an instance costs no memory: so few instances
+of small meshes are copied, and many or large ones are not. Moving meshes are always stored once, in their own space, so that
+another frame changes their transform alone; except that deforming or emitting ones are placed in world space for each frame.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _CONDITION = 1e6  # transforms that squeeze more than this leave too few digits 
 
 
 class Group(NamedTuple):
-    """Meshes that always stand together, and so are one tree, and where they stand."""
+    """Meshes that are always placed together, and so form one tree, with their placements."""
 
     meshes: list[int]
     instances: list[int]  # of the first of the meshes; the others' differ from them in the mesh alone
 
 
 class Sharing(NamedTuple):
-    """How a scene's instances are kept. What is of the first two is the same at all moments."""
+    """How a scene's instances are stored. The first two fields are the same for all frames."""
 
     copied: list[int]  # the instances to place in the world one by one
     groups: list[Group]
@@ -41,7 +41,7 @@ class Sharing(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """How that is kept which stands still, and which instances do not."""
+    """How static instances are stored, and which instances move."""
 
     copied: list[int]
     groups: list[Group]
@@ -49,13 +49,13 @@ class Standing(NamedTuple):
 
 
 def share(description: SceneDescription) -> Sharing:
-    """Decides for every instance. What emits light is always copied, for light sampling thinks in the world's space."""
+    """Decides for every instance. Emitting ones are always copied, since light sampling works in world space."""
     standing = share_still(description)
     return Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
 
 
 def share_still(description: SceneDescription) -> Standing:
-    """Decides for what stands still; it does not matter where the others are."""
+    """Decides for static instances, independently of the moving ones."""
     instances, meshes = description.instances, description.meshes
     movers = [n for n, instance in enumerate(instances) if instance.moves or meshes[instance.mesh].deforms]
     moving = set(movers)
@@ -69,7 +69,7 @@ def share_still(description: SceneDescription) -> Standing:
 
 
 def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
-    """The bodies among what moves, and what is loose."""
+    """Divides moving instances into rigid bodies and geometry placed for each frame."""
     instances = description.instances
     sane = _are_invertible([instances[n] for n in movers])
     bodily = [
@@ -82,14 +82,14 @@ def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list
 
 
 def goes_straight(description: SceneDescription, instance: Instance) -> bool:
-    """Whether it moves while the shutter is open, and its vertices go straight from key to key: as of what bends, or shines."""
+    """Whether it moves while the shutter is open with linearly interpolated vertices: deforming or emitting geometry does."""
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
     return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or is_loose(material))
 
 
 def is_loose(material: Material) -> bool:
-    """Whether what is made of it is placed in the world, as lights are, and what is not met by every ray."""
+    """Whether instances of a material are placed in world space: emitters, and materials that some kinds of rays ignore."""
     return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
 
 
@@ -100,7 +100,7 @@ def _is_loose(description: SceneDescription, number: int) -> bool:
 
 
 def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
-    """The groups worth keeping once."""
+    """Returns the groups of static instances worth storing once."""
     placed: dict[int, list[int]] = {}
     for number in fit:
         placed.setdefault(description.instances[number].mesh, []).append(number)
@@ -125,7 +125,7 @@ def _repeated(description: SceneDescription, objects: list[int], still: list[int
 
 
 def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
-    """What moves by the meshes that it consists of: those of one name that stand in one place, as a node's primitives do."""
+    """Groups moving instances into bodies: those of one name and one transform, such as the primitives of a glTF node."""
     parts: dict[tuple[object, ...], list[int]] = {}
     for number in movers:
         instance = description.instances[number]
@@ -139,7 +139,7 @@ def _bodies(description: SceneDescription, movers: list[int]) -> list[Group]:
 
 
 def _are_invertible(instances: list[Instance]) -> npt.NDArray[np.bool_]:
-    """(I,) whether rays can be carried into an instance's space."""
+    """Whether each instance's transform, (I,), is well enough conditioned to transform rays into its space."""
     places = [each for i in instances for each in (i.transform, *i.keys)]
     most, least = stretches(np.array([np.asarray(place, np.float64)[:3] for place in places]).reshape(-1, 3, 4)).T
     first = np.cumsum([0] + [1 + len(i.keys) for i in instances])[:-1]

@@ -1,4 +1,4 @@
-"""How compiled code is handed what it reads."""
+"""Prepares arrays as kernel arguments."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["read_only"]
 
 
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """A view of the array, or a copy where it is not in order: one type for the compiler, wherever an array comes from."""
+    """Returns a read-only view of the array, or a copy if it is not C-contiguous, so that the compiler sees one type only."""
     view = np.require(array, requirements=["C", "A"]).view()
     view.flags.writeable = False
     return view

@@ -1,4 +1,4 @@
-"""The lights of a scene as a tree, for renderer/kernel/light/light_tree.py to choose from."""
+"""Builds the light tree that renderer/kernel/light/light_tree.py samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["LightBounds", "LightTree", "build_light_tree"]
 
 
 class LightBounds(NamedTuple):
-    """Where each of L lights is, where to it shines, and how much."""
+    """The bounds of L lights: position, emission directions and power."""
 
     center: np.ndarray  # (L, 3); of a distant light, its axis
     radius: np.ndarray  # (L,): it lies within that sphere; -1: infinitely far
@@ -26,14 +26,14 @@ class LightBounds(NamedTuple):
 
 
 class LightTree(NamedTuple):
-    """The order in which lights are to be numbered, and the tree's nodes."""
+    """The nodes of the light tree, and the order in which lights must be numbered."""
 
     order: np.ndarray  # (L,) int64: the light that becomes number i
     node: F32  # (Y, LIGHT_ROWS, 8): renderer/arrays/light_rows.py
 
 
 def build_light_tree(bounds: LightBounds) -> LightTree:
-    """The tree of at least one light; distant ones come first."""
+    """Builds the tree of at least one light; distant lights come first."""
     distant = bounds.radius < 0
     order = np.argsort(~distant, kind="stable").astype(np.int64)
     node = np.zeros((max(len(order) - 1, 1), LIGHT_ROWS, LIGHT_WIDTH), np.float32)

@@ -1,4 +1,4 @@
-"""What shines: the list of emitting primitives and punctual lights, and the tables by which one of them is chosen."""
+"""Lists the lights, emitting primitives and punctual ones, and tabulates the probabilities of choosing one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SPREAD = 0.01  # of the choices by power fall on all lights evenly
 
 
 class Emitters(NamedTuple):
-    """The triangles that emit."""
+    """The emitting triangles of a geometry."""
 
     triangle: npt.NDArray[np.int64]  # (n,) ascending
     material: I32  # (n,)
@@ -31,7 +31,7 @@ class Emitters(NamedTuple):
 
 
 class LightList(NamedTuple):
-    """As in CompiledScene, and the sum of all powers in units of luminance."""
+    """The light tables of CompiledScene, and the sum of all powers in units of luminance."""
 
     primitive: I32  # (L,)
     cdf: F32  # (L + 1,)
@@ -55,13 +55,14 @@ def list_lights(
     punctual: Punctual,
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> LightList:
-    """The primitives whose material emits, and the punctual lights, numbered in the order of the tree if there is one.
+    """Lists the primitives with emissive materials, and the punctual lights, numbered in the order of the light tree if there is
+    one.
 
-    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool; even: (M,) whether all points of it send
-    the same, where two triangles that are a parallelogram count as one light. By power, the chance of choosing a light
-    is its own (a primitive's: pi * area * radiance) over the sum of all, but for one choice in a hundred: else float32 would
-    never choose a candle under a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; of
-    what moves meanwhile, powers and bounds are the greatest.
+    emitted: (M,) mean luminance of all sides of each material; double_sided: (M,) bool; even: (M,) whether a material emits
+    equally at every point, where two triangles that form a parallelogram count as one light. By power, the probability of a light
+    is its own (a primitive's: pi * area * radiance) over the sum of all, except for one choice in a hundred: else float32 would
+    never choose a candle among a stadium's lamps. sphere_keys: (K or 0, Z, 4) of the last spheres while the shutter is open; for
+    moving lights, powers and bounds are the maxima.
     """
     lamps = _lamps(emitters, even, geometry)
     emitters, pairs = lamps.emitters, lamps.pairs
@@ -112,7 +113,7 @@ def list_lights(
 
 
 class _Lamps(NamedTuple):
-    """Emitting triangles, of pairs that are parallelograms the first only."""
+    """Emitting triangles; of pairs that form parallelograms only the first."""
 
     emitters: Emitters
     corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; of a triangle the last one twice
@@ -136,16 +137,16 @@ def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) 
 
 
 def with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
-    """Emitting triangles that have an area; what deforms may have others at a moment."""
+    """Returns the emitting triangles with non-zero area; deforming ones may have other areas in other frames."""
     a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
     solid = np.cross(b - a, c - a).any(axis=1)
     return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])
 
 
 def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
-    """The scene with its lights chosen as RenderSettings.light_choice says.
+    """Returns the scene with lights chosen as specified by RenderSettings.light_choice.
 
-    The environment keeps its share where lights are chosen by power, and is one light among the others where uniformly.
+    The environment keeps its probability if lights are chosen by power, and counts as one light among the others if uniformly.
     """
     if light_choice == "tree":
         return scene
@@ -162,18 +163,18 @@ def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
 
 
 def _crossed(corners: np.ndarray) -> np.ndarray:
-    """Normals of (..., 3, 3) corners, as long as twice the areas."""
+    """Returns normals of (..., 3, 3) corners, of length twice the area."""
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
 def _alike(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
-    """(n - 1,) whether an emitting triangle and the next one may be one light: both stand still, of one even material."""
+    """Returns (n - 1,) whether an emitting triangle and the next one may form one light: both static, of one uniform material."""
     still = (over == over[0]).all(axis=(0, 2, 3)) & even[emitters.material]
     return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
 
 
 def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
-    """(K, n, 3, 3) corners of triangles at all keys of the shutter; one key where no vertex moves."""
+    """Returns (K, n, 3, 3) corners of triangles at all keys of the shutter; one key if no vertex moves."""
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     if not len(geometry.keys):
         return corners[None]
@@ -185,7 +186,7 @@ def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
 
 
 def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
-    """(K, n, 4) of those spheres; one key where none moves."""
+    """Returns (K, n, 4) centres and radii of these spheres at all keys; one key if none moves."""
     found = np.repeat(sphere[None, spheres].astype(np.float64), max(len(keys), 1), axis=0)
     if len(keys):
         number = spheres - (len(sphere) - keys.shape[1])
@@ -194,7 +195,10 @@ def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np
 
 
 def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
-    """Of (K, n, 4, 3) corners, a triangle's last one twice: where they are at any key, how far normals stray from the first's."""
+    """Returns bounds of triangles or parallelograms, (K, n, 4, 3) corners (a triangle's last one twice), over all keys.
+
+    They contain all positions and the maximum deviation of normals from the first key's.
+    """
     center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
     radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
     cross = _crossed(corners)
@@ -209,7 +213,7 @@ def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarra
 
 
 def _sphere_bounds(balls: np.ndarray, intensity: np.ndarray) -> LightBounds:
-    """Of (K, n, 4) centres and radii."""
+    """Returns bounds of spheres, (K, n, 4) centres and radii, over all keys."""
     center, radius = balls[0, :, :3], balls[0, :, 3]
     if len(balls) > 1:
         center = (balls[:, :, :3].min(axis=0) + balls[:, :, :3].max(axis=0)) / 2
@@ -220,7 +224,7 @@ def _sphere_bounds(balls: np.ndarray, intensity: np.ndarray) -> LightBounds:
 
 
 def cumulative(weights: np.ndarray) -> F32:
-    """The cdf over the last axis, with a 0 in front and exactly 1 at the end; uniform where all weights are 0."""
+    """Returns the cdf over the last axis, starting with 0 and ending with exactly 1; uniform if all weights are 0."""
     count = weights.shape[-1]
     total = weights.sum(axis=-1, keepdims=True)
     weights = np.where(total > 0, weights, 1.0)

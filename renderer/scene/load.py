@@ -1,4 +1,4 @@
-"""Where a scene is read: from a folder of untrusted files to a SceneDescription."""
+"""Loads a scene: from a folder of untrusted files to a SceneDescription."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
-    """A scene over time: what no frame changes is read from its files once. For the arguments, see `read`.
+    """An animated scene: data that no frame changes is read from its files once. For the arguments, see `read`.
 
-    main may be a pattern as smoke.####.obj: then there is a file for each frame.
+    main may be a pattern such as smoke.####.obj, with one file per frame.
     """
 
     def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
@@ -43,11 +43,11 @@ class Shot:
 
     @property
     def start(self) -> float:
-        """The frame at which it begins: 0, or of numbered files the first that is there."""
+        """Returns the first frame: 0, or for numbered files the first that exists."""
         return float(next(iter(self._files.frames_of(self._main)), 0))
 
     def at(self, moment: Moment = _START) -> SceneDescription:
-        """The scene as it is at a moment, whichever were asked for before. Raises SceneError, as `read` does."""
+        """Returns the scene at a moment, independently of earlier calls. Raises SceneError, as `read` does."""
         self._files.read_anew()
         main, environment = self._files.at_frame(self._main, moment.frame, "."), self._environment
         description = SceneDescription(name=PurePosixPath(main).stem, moves=main != self._main)
@@ -79,7 +79,7 @@ class Shot:
         self._check_attributes(main, description, known)
 
     def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
-        """Leaves out attributes of meshes that hold values which are not finite, with a count."""
+        """Removes mesh attributes with non-finite values, and warns with their count."""
         left_out: dict[str, list[str]] = {}
         for mesh in description.meshes:
             for name in _ATTRIBUTES:
@@ -97,8 +97,10 @@ class Shot:
             description.warnings.append(words)
 
     def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
-        """The scene while the shutter is open: what moves has keys. asked: the settings of a shutter, as far as they are asked
-        for; of the others, the file's count. Without one, it is the scene at the moment. Raises SceneError.
+        """Returns the scene while the shutter is open, with keys for moving objects.
+
+        asked: the requested shutter settings; missing ones are the file's. Without a shutter, the scene at the moment. Raises
+        SceneError.
         """
         if asked.get("shutter") == 0:
             return self.at(moment)
@@ -112,9 +114,9 @@ class Shot:
         return moving
 
     def between(self, moment: Moment = _START) -> SceneDescription:
-        """The scene from the frame before to the frame after, what moves with three keys: what motion vectors are made of.
+        """Returns the scene from the previous frame to the next, with three keys for moving objects: the input of motion vectors.
 
-        Where a frame beside shows nothing, or cannot be read, it is the scene at the moment. Raises SceneError.
+        If a neighbouring frame is empty or cannot be read, the scene at the moment. Raises SceneError.
         """
         try:
             return self.over(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
@@ -122,7 +124,7 @@ class Shot:
             return self.at(moment)
 
     def _beside(self, moment: Moment, frames: float) -> SceneDescription | None:
-        """The scene at that moment, but by another frame's numbered files; None where these are not there."""
+        """Returns the scene at the moment with another frame's numbered files; None if these do not exist."""
         if moment.frame + frames < 0:
             return None
         try:
@@ -134,22 +136,21 @@ class Shot:
 def read(
     folder: Path, main: str, environment: str | None = None, variant: str | None = None, moment: Moment = _START
 ) -> SceneDescription:
-    """The scene in file `main` of a folder; names are relative to the folder, with forward slashes.
+    """Reads the scene in file `main` of a folder; names are relative to the folder, with forward slashes.
 
-    environment: what lights the scene in place of its own environment: an HDR image of the folder, a sky's
-    "sky:ELEVATION[,AZIMUTH]" (renderer/scene/sky.py), or a preset's name (renderer/presets.py). variant: of a glTF file's
-    materials, by name or number from 0.
-    moment: which one is shown of a scene that moves; its beginning unless told.
+    environment: replaces the scene's own environment: an HDR image of the folder, a sky's "sky:ELEVATION[,AZIMUTH]"
+    (renderer/scene/sky.py), or a preset's name (renderer/presets.py). variant: of a glTF file's materials, by name or index from
+    0. moment: the time of an animated scene; by default its beginning.
 
-    A scene without any light is lit as in a studio, and a warning says so; so is, when it is compiled, a model whose lights
-    are but accents (a car's tail lights), unless it is a scene file of ours, whose author says what is lit. Nothing outside
-    the folder is opened. Raises SceneError with a sentence that names the file and says what to do.
+    A scene without any light gets studio lighting, with a warning; so does, when compiled, a model whose lights are only accents
+    (a car's tail lights), unless it is one of our own scene files, whose author specifies the lighting. Nothing outside the
+    folder is opened. Raises SceneError with a sentence that names the file and says what to do.
     """
     return Shot(folder, main, environment, variant).at(moment)
 
 
 def light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
-    """Puts light from all around in place of a scene's own. name: as `read` has it. Raises SceneError."""
+    """Replaces a scene's environment. name: as for `read`. Raises SceneError."""
     if is_named(name):
         light_by_name(name, description)
         return

@@ -1,6 +1,6 @@
-"""A material, and all of its parameters: each is declared here, and nowhere else.
+"""The material and all of its parameters: each is declared here only.
 
-The words beneath a parameter are what the scene file's schema says of it.
+The strings below a parameter are its description in the scene file's schema.
 """
 
 from __future__ import annotations
@@ -60,18 +60,18 @@ ALL_REFLECTING_IOR = 1000.0  # by which normal incidence reflects 0.996
 class Material:
     """A surface. `base_color` is reflectance (diffuse, mirror), tint (glass), kd (blinn_phong) or glTF's base colour.
 
-    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use what they know:
+    Textures multiply their factors, in glTF's packing; the channel is named beside each. The kinds use these parameters:
 
     diffuse: base_color, subsurface. mirror: base_color. glass: base_color, ior, roughness, dispersion, attenuation, sigma_a,
     sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
-    base_color is what is seen. metallic_roughness: all from metallic to subsurface_anisotropy, as glTF 2.0 and its KHR_materials
-    extensions say where they do. plastic, paint under a rough coat: base_color, ior, roughness, specular, specular_color,
-    nonlinear. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g. distribution: of the
-    kinds that have a roughness.
+    base_color is shown unshaded. metallic_roughness: all from metallic to subsurface_anisotropy, as defined by glTF 2.0 and its
+    KHR_materials extensions where they define it. plastic, paint under a rough coat: base_color, ior, roughness, specular,
+    specular_color, nonlinear. interface: no surface at all, but the boundary of a medium: attenuation, sigma_a, sigma_s, g.
+    distribution: for kinds with a roughness.
 
-    emission: radiance; emission_texture multiplies it. It leaves the front face (counter-clockwise side, or a sphere's
-    outside), and the back face too where `double_sided`. Scattering is the same from both sides in any case.
-    thin: transmits without refraction, as a pane or a soap film does; else the inside of the mesh is filled with it.
+    emission: radiance; emission_texture multiplies it. Emitted from the front face (counter-clockwise side, or a sphere's
+    outside), and from the back face too if `double_sided`. Scattering is the same from both sides in any case. thin: transmits
+    without refraction, as a pane or a soap film does; otherwise the inside of the mesh is filled with the material.
     """
 
     name: str = "default"
@@ -200,7 +200,7 @@ PARAMETERS = parameters_of(Material)
 
 
 def check(material: Material) -> None:
-    """Raises SceneError where a parameter is not what the table says it may be: a reader let it through."""
+    """Raises SceneError if a parameter is outside the table's range, which the reader should have ensured."""
     for parameter in PARAMETERS:
         value = getattr(material, parameter.name)
         fault = None if value is parameter.default else parameter.fault(value)

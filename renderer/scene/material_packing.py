@@ -1,4 +1,4 @@
-"""Materials as rows of numbers: what renderer/arrays/rows.py names, filled in from the description."""
+"""Packs materials into table rows: the columns of renderer/arrays/rows.py, filled from the description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN
 
 
 class Packed(NamedTuple):
-    """As in CompiledScene, and each material's mean emitted luminance, texture included, of both sides where both shine."""
+    """The material tables of CompiledScene, and each material's mean emitted luminance, including texture and both sides if both
+    emit.
+    """
 
     material_kind: I32
     material_flags: I32
@@ -42,10 +44,10 @@ class Packed(NamedTuple):
 
 
 def pack(description: SceneDescription) -> Packed:
-    """The materials and the textures that they use.
+    """Packs the materials and the textures that they use.
 
-    Raises SceneError where the texels are too many, a parameter is out of its range, or a slot that takes one texture is given
-    a stack.
+    Raises SceneError if there are too many texels, a parameter is out of range, or a slot for one texture is given a stack of
+    layers.
     """
     texels = Texels(description)
     count = len(description.materials)
@@ -91,9 +93,10 @@ def _roughness(m: Material) -> float:
 
 
 def _own_roughness(m: Material) -> float:
-    """As kernels read it: brushed metal is rough along its scratches, so no mirror, however smooth across.
+    """Returns a material's roughness for kernels: brushed metal is rough along its scratches, so never a mirror, however smooth
+    across.
 
-    Its lobe is the same: below this both are as smooth as a lobe can be (`MIN_ALPHA`).
+    The lobe is unchanged: both are below the smoothest possible (`MIN_ALPHA`).
     """
     brushed = m.kind == "conductor" and m.anisotropy != 0
     return max(_roughness(m), _LEAST_BRUSHED) if brushed else _roughness(m)
@@ -139,7 +142,7 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
 
 
 def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndarray) -> F32:
-    """(M, COLUMNS), a column of all materials after the other: files have a hundred thousand of them."""
+    """Returns the table (M, COLUMNS), filled column by column: files have a hundred thousand materials."""
     found = np.zeros((len(materials), rows.COLUMNS), np.float32)
 
     def put(column: int, values: list[Any] | np.ndarray) -> None:
@@ -169,7 +172,7 @@ def _at_normal_incidence(m: Material) -> list[float]:
 
 
 def _fill(row: F32, m: Material) -> None:
-    """What kinds have that are kept as others are."""
+    """Fills the columns of parameters that some kinds store in columns of others."""
 
     def put(column: int, *values: float) -> None:
         row[column : column + len(values)] = values
@@ -191,7 +194,7 @@ def _fill(row: F32, m: Material) -> None:
 
 
 def conductor_reflectance(cosine: np.ndarray, eta: float, k: float) -> np.ndarray:
-    """Fresnel reflectance of unpolarised light at a conductor eta + i k, in float64 (Born & Wolf, 14.4)."""
+    """Returns the Fresnel reflectance of unpolarised light at a conductor eta + i k, in float64 (Born & Wolf, 14.4)."""
     sine2 = 1 - cosine**2
     root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)
     s = (cosine - root) / (cosine + root)

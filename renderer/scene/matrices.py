@@ -1,4 +1,4 @@
-"""Products of transforms with the same bits on every host: a BLAS has other last ones on another processor."""
+"""Products of transforms with the same bits on every host; those of a BLAS depend on the processor."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 def product(outer: Matrix, inner: Matrix) -> Matrix:
-    """(..., m, n) of (..., m, k) and (..., k, n), broadcast against each other: what is `inner`, then `outer`."""
+    """Returns the product (..., m, n) of (..., m, k) and (..., k, n), broadcast: applies `inner` first, then `outer`."""
     found: Matrix = outer[..., :, 0, None] * inner[..., None, 0, :]
     for k in range(1, outer.shape[-1]):
         found = found + outer[..., :, k, None] * inner[..., None, k, :]

@@ -1,4 +1,4 @@
-"""What fills the insides of things and the world around them, as rows of numbers: renderer/arrays/rows.py names their columns."""
+"""Packs the media inside objects and around them into table rows: renderer/arrays/rows.py names their columns."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ _LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption 
 
 
 class Media(NamedTuple):
-    """As in CompiledScene. Where nothing scatters, and nothing absorbs but what glass is made of, there is the world's row alone:
-    kernels without media do the rest.
+    """The media tables of CompiledScene. If nothing scatters, and only glass absorbs, they hold the world's row only.
+
+    Kernels without media then compute the absorption.
     """
 
     medium: F32  # (m, MEDIUM_COLUMNS): the world's first, each other one once
@@ -26,7 +27,7 @@ class Media(NamedTuple):
 
 
 def list_media(description: SceneDescription) -> Media:
-    """The scene's media. Raises SceneError where they are too many."""
+    """Returns the scene's media. Raises SceneError if there are too many."""
     materials = description.materials
     own = np.zeros((len(materials), rows.MEDIUM_COLUMNS), np.float32)
     own[:, rows.SIGMA_A : rows.SIGMA_A + 3] = absorption(materials)
@@ -67,7 +68,10 @@ def _check(world: Medium) -> None:
 
 
 def absorption(materials: list[Material]) -> np.ndarray:
-    """(M, 3) per unit length, of the inside: sigma_a, and what leaves attenuation_color of white after attenuation_distance."""
+    """Returns the absorption coefficients of the inside, (M, 3) per unit length, from sigma_a and attenuation.
+
+    White light is attenuated to attenuation_color after attenuation_distance.
+    """
     color = np.array([m.attenuation_color for m in materials], np.float64).reshape(-1, 3)
     distance = np.array([m.attenuation_distance for m in materials], np.float64)
     own = np.array([m.sigma_a for m in materials], np.float64).reshape(-1, 3)
@@ -75,12 +79,12 @@ def absorption(materials: list[Material]) -> np.ndarray:
 
 
 def _key(row: np.ndarray) -> bytes:
-    """By which media are the same: what only absorbs has no use for its g."""
+    """Returns a key that is equal for equal media: g is ignored without scattering."""
     return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
 
 
 def _has_inside(m: Material) -> bool:
-    """Whether light that passes the surface is elsewhere than before."""
+    """Whether a surface bounds an interior, which transmitted light enters."""
     if m.kind == "interface":
         return True
     if m.thin or m.kind not in ("glass", "metallic_roughness"):

@@ -1,4 +1,4 @@
-"""One description put into another: its lists appended, its indices moved on."""
+"""Merges one description into another: appends its lists, offsets its indices."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ __all__ = ["merge"]
 
 
 def merge(part: SceneDescription, whole: SceneDescription, material: int | None = None) -> list[Instance]:
-    """Adds `part`'s meshes to `whole`; `material`, of the whole, replaces their own.
+    """Adds `part`'s meshes to `whole`; `material`, an index into the whole's, replaces their own.
 
-    Returns what shows them as the part does, not yet in the whole's list. The part's lights, cameras and environment stay out.
+    Returns instances that place them as in the part, not yet in the whole's list. Ignores the part's lights, cameras and
+    environment.
     """
     images, textures, materials, meshes = (len(x) for x in (whole.images, whole.textures, whole.materials, whole.meshes))
     idle = SurfaceNote if material is not None else ()

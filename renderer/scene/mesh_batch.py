@@ -1,4 +1,4 @@
-"""Many small meshes placed at once: what is called for each of them by itself takes far longer than the work."""
+"""Places many small meshes at once, since separate calls would take far longer than the work."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ MOST_VERTICES = 2000  # of a mesh that is small
 def placed_together(
     meshes: Sequence[Mesh], transforms: Sequence[npt.NDArray[np.float64]]
 ) -> tuple[Placed, npt.NDArray[np.int64]] | None:
-    """Meshes where their transforms carry them, one behind the other, each as `placed` gives it; and how many triangles of each.
+    """Transforms and concatenates meshes, each as `placed` does; also returns the number of triangles of each.
 
-    All have normals, vertices and triangles, and no material that needs tangents. None where one of them needs a closer look: it
-    lies beyond what numbers hold, or has a normal without a direction.
+    All must have normals, vertices and triangles, and no material that needs tangents. Returns None if one of them needs
+    `placed`: its positions exceed float32, or a normal has no direction.
     """
     matrix = np.array([np.asarray(each, np.float64) for each in transforms])
     start = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
@@ -60,7 +60,7 @@ def placed_together(
 
 
 def _together(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
-    """(V, w) the values of the meshes that have such, in the place of those that are there."""
+    """Returns the attribute values (V, w) of the meshes that have them, written over the given defaults."""
     for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
         values = getattr(mesh, name)
         if values is not None:

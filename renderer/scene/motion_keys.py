@@ -1,4 +1,4 @@
-"""What moves while the shutter is open, as the kernel reads it: keys of instances, of spheres and of lights without a body."""
+"""Motion while the shutter is open, as the kernel reads it: keys of instances, spheres and punctual lights."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STANDS_STILL = np.zeros((0, KEY_COLUMNS))
 
 
 def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
-    """Of each instance of what may move, its (K, KEY_COLUMNS) keys; none of one that stands still. Nothing where all do."""
+    """Returns each moving group instance's keys, (K, KEY_COLUMNS), none for a static one; empty if all are static."""
     shown = [description.instances[n] for n in placement.number[placement.still :]]
     moving = [i for i, instance in enumerate(shown) if instance.keys]
     if not moving:
@@ -38,7 +38,7 @@ def instance_keys(description: SceneDescription, placement: Placement) -> list[F
 
 
 def stretches_of(description: SceneDescription, placement: Placement) -> F64:
-    """(I, 2) the most and the least that an instance's transform makes of a length of 1, at any time of the shutter."""
+    """Returns the greatest and least scale, (I, 2), of each instance's transform at any time of the shutter."""
     found = stretches(placement.to_world)
     for i, number in enumerate(placement.number):
         if keys := description.instances[number].keys:
@@ -48,7 +48,7 @@ def stretches_of(description: SceneDescription, placement: Placement) -> F64:
 
 
 def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
-    """(K, Z, 4) centres and radii of the spheres of those numbers; no keys where nothing moves straight from key to key."""
+    """Returns centres and radii (K, Z, 4) of these spheres; no keys if none moves."""
     balls = [description.spheres[n] for n in numbers]
     loose = [mesh for mesh in description.meshes if mesh.keys]
     if not any(ball.keys for ball in balls) and not (balls and loose):
@@ -59,17 +59,17 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
-    """(J, 12) the rows of the lights that shine, those of each at all keys one behind the other; none where all stand still."""
+    """Returns the rows (J, 12) of the lights with non-zero intensity, all keys of a light consecutive; empty if all are static."""
     return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
 
 
 def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """(J, 4) their rows of `emission_frames` likewise; none where there are no maps."""
+    """Returns the lights' rows of `emission_frames`, (J, 4), in the same order; empty without maps."""
     return emission_frames([each for over in _over_keys(lights) for each in over], maps)
 
 
 def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
-    """Each light that shines, at all keys; its map is that of the middle."""
+    """Returns each light with non-zero intensity at all keys, with the map of the middle one."""
     lights = [light for light in lights if shines(light)]
     keys = max((len(light.keys) for light in lights), default=0)
     return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

@@ -1,4 +1,4 @@
-"""Names of a description that are not in UTF-8, as text."""
+"""Decodes names of a description that are not UTF-8."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["make_readable"]
 
 
 def make_readable(description: SceneDescription, files: SceneFiles, main: str) -> None:
-    """Turns bytes that are not UTF-8 in a description's names and warnings into text, and warns with their count.
+    """Decodes bytes that are not UTF-8 in a description's names and warnings, and warns with their count.
 
-    By the encoding in which such names led to files, else as Latin-1.
+    Uses the encoding in which such names led to existing files, else Latin-1.
     """
     common = files.encodings.most_common(1)
     encoding = common[0][0] if common else None

@@ -1,4 +1,4 @@
-"""Which of a scene's things are one object: the numbers of the object id AOV, and their names."""
+"""Assigns the numbers of the object id AOV to a scene's instances and spheres, with their names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["Objects", "number_objects"]
 
 
 class Objects(NamedTuple):
-    """Objects are numbered as they first appear, instances before spheres."""
+    """The object numbers of instances and spheres, in order of first appearance, instances before spheres."""
 
     names: list[str]  # of each object
     instance: list[int]  # each instance's object
@@ -18,9 +18,9 @@ class Objects(NamedTuple):
 
 
 def number_objects(description: SceneDescription) -> Objects:
-    """Instances of one name are one object; one without a name is an object of its own, called as its mesh is.
+    """Numbers the objects: instances of one name are one object; an unnamed one is a separate object, named after its mesh.
 
-    A sphere is always one of its own.
+    Each sphere is a separate object.
     """
     names: list[str] = []
     known: dict[str, int] = {}

@@ -1,8 +1,8 @@
-"""The point of the world that is the origin of a compiled scene's coordinates.
+"""Chooses the point of the world that is the origin of a compiled scene's coordinates.
 
 Float32 has 24 bits. Coordinates of a map projection or of the geocentric system (1e5 ... 6e6) leave too few of them for the shape
-of a house. A scene that is far from the world's origin, compared with its own size, is compiled about its own centre: the
-differences are taken in float64. All other scenes keep the world's origin, and so their coordinates to the bit.
+of a house. A scene that is far from the world's origin relative to its size is compiled about its own centre, with differences
+computed in float64. All other scenes keep the world's origin, and so their coordinates to the bit.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _MOST_FIXED = 2.0**62
 
 
 def exact(points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Points (N, 3) as a mesh holds them: in float32, or in float64 where they are far from the origin for their size."""
+    """Returns points (N, 3) in float32, or in float64 if they are far from the origin relative to their size."""
     if points.dtype == np.float32 or not _origin(points).any():
         return points.astype(np.float32, copy=False)
     return points.astype(np.float64, copy=False)
 
 
 def about_centre(points: npt.NDArray[Any]) -> tuple[F32, F64]:
-    """Points (N, 3) as float32 about an offset (3,), which is zero of points in float32."""
+    """Splits points (N, 3) into float32 points and an offset (3,), which is zero for points that are float32 already."""
     if points.dtype == np.float32:
         return points, _WORLD
     offset = _origin(points)
@@ -45,9 +45,10 @@ def about_centre(points: npt.NDArray[Any]) -> tuple[F32, F64]:
 
 
 def origin_of(description: SceneDescription, kept: Kept | None = None) -> F64:
-    """The origin (3,) of the compiled scene: the centre of what stands still if that is far away for its size, else zero.
+    """Returns the origin (3,) of the compiled scene: the centre of static geometry if that is far away relative to its size, else
+    zero.
 
-    Only a scene in which everything moves has another origin at another moment. kept: of the same shot at another moment.
+    Only a scene in which everything moves has different origins in different frames. kept: cache of the same shot.
     """
     kept = kept or Kept()
 
@@ -62,7 +63,7 @@ def origin_of(description: SceneDescription, kept: Kept | None = None) -> F64:
 
 
 def _origin(points: F64) -> F64:
-    """The centre of all points, or of their middle four fifths, if it is far from zero for their size; else zero."""
+    """Returns the centre of all points, or of their middle four fifths, if it is far from zero relative to their size; else zero."""
     finite = np.isfinite(points).all(axis=1)
     points = points if finite.all() else points[finite]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -74,7 +75,9 @@ def _origin(points: F64) -> F64:
 
 
 def _centre(points: F64, far: float) -> F64:
-    """The centre of the points' box if it is more than `far` box sizes from the origin, else zero; to 1/256 of the size."""
+    """Returns the centre of the points' box, rounded to 1/256 of its size, if it is over `far` box sizes from the origin, else
+    zero.
+    """
     if not len(points):
         return _WORLD
     low, high = points.min(axis=0), points.max(axis=0)
@@ -86,7 +89,7 @@ def _centre(points: F64, far: float) -> F64:
 
 
 def _samples(description: SceneDescription, moving: bool) -> F64:
-    """Corners of triangles at equal steps through all instances that stand still, or move, and the boxes of such spheres."""
+    """Samples points at equal steps over the triangles of all static (or moving) instances, and the box corners of such spheres."""
     meshes = description.meshes
     shown = [i for i in description.instances if (i.moves or meshes[i.mesh].deforms) == moving and len(meshes[i.mesh].triangles)]
     ends = np.cumsum([len(meshes[i.mesh].triangles) for i in shown])
@@ -112,9 +115,9 @@ def _corners(description: SceneDescription, instance: Instance, triangles: npt.N
 
 
 def rebased(description: SceneDescription, origin: F64, kept: Kept | None = None) -> SceneDescription:
-    """The description with its meshes in float32 and its instances, spheres and lights about another origin.
+    """Returns the description with float32 meshes, and with instances, spheres and lights relative to another origin.
 
-    Its cameras stay where they are. kept: of the same shot at another moment.
+    Cameras are unchanged. kept: cache of the same shot.
     """
     far = [n for n, mesh in enumerate(description.meshes) if mesh.positions.dtype != np.float32]
     if not origin.any() and not far:
@@ -161,7 +164,7 @@ def _point(point: Sequence[float], origin: F64) -> Vec3:
 
 
 def seen_from(settings: RenderSettings, origin: F64) -> RenderSettings:
-    """The settings with their views about a compiled scene's origin."""
+    """Returns the settings with their views relative to a compiled scene's origin."""
     if not origin.any():
         return settings
     view, *views = (_view(each, origin) for each in (settings.view, *settings.views))
@@ -169,7 +172,7 @@ def seen_from(settings: RenderSettings, origin: F64) -> RenderSettings:
 
 
 def fixed_place(origin: F64, film_exponent: int) -> tuple[int, int, int]:
-    """An origin in the film's fixed point."""
+    """Returns an origin in the film's fixed point."""
     if not origin.any():
         return 0, 0, 0
     x, y, z = (int(v) for v in np.rint(np.clip(origin * 2.0**film_exponent, -_MOST_FIXED, _MOST_FIXED)))

@@ -1,4 +1,4 @@
-"""Which pairs of triangles are parallelograms, as most lamps are: one light then, whose points are chosen by what they bring."""
+"""Finds pairs of triangles that form parallelograms, as most area lights do: each is one light, sampled by contribution."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _ERROR = 32 * 2.0**-24  # as of a triangle's points, renderer/kernel/surface/sur
 
 
 def pair(corners: np.ndarray, alike: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int64], np.ndarray]:
-    """The first triangles of pairs of neighbours in the list that are parallelograms, and these.
+    """Returns the first triangles of pairs of consecutive triangles that form parallelograms, and the parallelograms.
 
-    corners: (n, 3, 3); alike: (n - 1,) whether a triangle and the next one send the same light from every point. Returns
-    (m,) int64, no two next to each other, and (m, 4, 3) float64: a corner, the two beside it, and the one across, the first
-    three in the first triangle's orientation. Both have the same front.
+    corners: (n, 3, 3); alike: (n - 1,) whether a triangle and the next one emit equally at every point. Returns
+    (m,) int64, no two consecutive, and (m, 4, 3) float64: a corner, its two neighbours, and the opposite one, the first three in
+    the first triangle's orientation. Both have the same front.
     """
     if len(corners) < 2:
         return np.zeros(0, np.int64), np.zeros((0, 4, 3))
@@ -44,14 +44,17 @@ def pair(corners: np.ndarray, alike: npt.NDArray[np.bool_]) -> tuple[npt.NDArray
 
 
 def _alternate(found: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Of each run of True every other one, from its first on."""
+    """Returns every other index of each run of True, starting with its first."""
     number = np.arange(len(found))
     start = np.maximum.accumulate(np.where(found, -1, number))  # the last False, before the run
     return np.flatnonzero(found & ((number - start) % 2 == 1))
 
 
 def tabulate_parallelograms(which: npt.NDArray[np.int64], shapes: np.ndarray, lights: int) -> F32:
-    """CompiledScene's light_parallelogram: which: (m,) the lights that are one, shapes: as of `pair`. No rows where none is."""
+    """Returns CompiledScene's light_parallelogram. which: (m,) lights that are parallelograms; shapes: from `pair`.
+
+    No rows if none is.
+    """
     if not len(which):
         return np.zeros((0, PARALLELOGRAM), np.float32)
     table = np.zeros((lights, PARALLELOGRAM))

@@ -1,7 +1,7 @@
-"""What is said of a material's parameter, once: what it is, its range, where it is packed, and who calls it what.
+"""Declares a material's parameters once: type, range, table column, and names in file formats.
 
 renderer/scene/material.py has the table. Scenes are checked and packed by it, readers find their fields in it, and the scene
-file's schema is filled in from it (renderer/scene/readers/yaml/schema.py).
+file's schema is generated from it (renderer/scene/readers/yaml/schema.py).
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _KEY = "parameter"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter.
+    """One parameter of a material.
 
-    column, slot: of `material` and `material_texture` (renderer/arrays/rows.py); None where packing makes more of it than a copy.
-    kinds: those that know it. in_file: its name in scene files. gltf: the way to it from a glTF material, through objects and
-    extensions, where its reader has nothing to add. mtl: the same of Wavefront's materials.
+    column, slot: of `material` and `material_texture` (renderer/arrays/rows.py); None if packing does more than copy it.
+    kinds: the kinds that use it. in_file: its name in scene files. gltf: its path in a glTF material, through objects and
+    extensions, if the reader only copies it. mtl: likewise for Wavefront's materials.
     """
 
     name: str
@@ -65,11 +65,11 @@ class Parameter:
     layered: bool = True  # of textures: whether the slot takes a stack of them
 
     def clamped(self, value: float) -> float:
-        """The nearest number that it may be."""
+        """Returns the nearest valid number."""
         return min(max(value, self.low), self.high)
 
     def fault(self, value: Any) -> str | None:
-        """What is wrong with a value, as the end of a sentence; None where nothing is."""
+        """Returns what is wrong with a value, as the end of a sentence; None if it is valid."""
         if value is None and self.default is None:
             return None
         if self.form == "texture":
@@ -105,17 +105,17 @@ def number(
     form: Literal["number", "degrees"] = "number",
     **more: Any,
 ) -> Any:
-    """A number from low to high; in `degrees` it is radians here and degrees in scene files."""
+    """Declares a number from low to high; in form `degrees` it is in radians here and in degrees in scene files."""
     return _field(form, default, None, kinds, column=column, low=low, high=high, **more)
 
 
 def flag(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
-    """Yes or no, and no unless told."""
+    """Declares a boolean, False by default."""
     return _field("flag", False, None, kinds, column=column, **more)
 
 
 def choice(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:
-    """One of some names."""
+    """Declares a choice from names."""
     return _field("choice", default, None, kinds, choices=choices, **more)
 
 
@@ -128,22 +128,22 @@ def color(
     form: Literal["color", "radiance", "triple"] = "color",
     **more: Any,
 ) -> Any:
-    """Three numbers, grey unless told: a colour, a radiance, or something else at the three primaries."""
+    """Declares three numbers, grey by default: a colour, a radiance, or another quantity per primary."""
     return _field(form, (default,) * 3, in_file, kinds, column=column, low=0.0, high=high, **more)
 
 
 def values(low: float, high: float, column: int, most: float, **more: Any) -> Any:
-    """The two ends of something that a texture mixes; each from 0 to `most`."""
+    """Declares the two end values between which a texture interpolates; each from 0 to `most`."""
     return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=most, **more)
 
 
 def texture(slot: int | None, kinds: tuple[str, ...] = PRINCIPLED, in_file: str | None = None, **more: Any) -> Any:
-    """A texture, or none."""
+    """Declares an optional texture."""
     return _field("texture", None, in_file, kinds, slot=slot, **more)
 
 
 def parameters_of(table: type) -> tuple[Parameter, ...]:
-    """The parameters that a dataclass declares, in their order."""
+    """Returns the parameters that a dataclass declares, in order."""
     found = []
     for each in fields(table):
         of: Callable[[str], Parameter] | None = each.metadata.get(_KEY)

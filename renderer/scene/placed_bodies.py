@@ -1,4 +1,4 @@
-"""A scene's bodies in their places: what of them is kept from moment to moment, what is new, and which space they take."""
+"""Places a scene's geometry: which of it is cached from frame to frame, which is new, and its bounds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = ["Stood", "stand"]
 
 
 class Stood(NamedTuple):
-    """All that has a body."""
+    """All placed geometry of a scene."""
 
     sections: tuple[Section, Section, Section]  # what stands still, the bodies that move, what is loose
     joined: Joined
@@ -47,7 +47,7 @@ class Stood(NamedTuple):
 
 
 def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
-    """Places meshes and spheres. Raises SceneError where there are none or too many, or one is beyond what numbers hold."""
+    """Places meshes and spheres. Raises SceneError if there are none or too many, or positions exceed the range of float32."""
     token = description.still
     numbers = kept.recall(
         "objects",
@@ -99,7 +99,7 @@ def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
 
 
 def _standing_key(description: SceneDescription) -> Any:
-    """What decides how that is kept which stands still."""
+    """Returns the cache key of how static geometry is stored (`share_still`)."""
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
         [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],
@@ -128,7 +128,7 @@ def _mesh_key(mesh: Mesh) -> Any:
 
 
 def _bend(description: SceneDescription, materials: list[int]) -> Any:
-    """What of materials decides on tangents."""
+    """Returns the properties of materials that decide on tangents."""
     found = [description.materials[m] for m in materials]
     return [tangent_uv_set(description, m) if needs_tangents(m) else None for m in found]
 

@@ -1,4 +1,4 @@
-"""One mesh placed in a space: its vertices with all that the kernel reads of them."""
+"""Transforms one mesh into a space: its vertices with all attributes that the kernel reads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ANY = (0.0, 1.0, 0.0)  # the normal of what has none
 
 
 class Placed(NamedTuple):
-    """V vertices and T triangles, as in CompiledScene."""
+    """A placed mesh: V vertices and T triangles, as in CompiledScene."""
 
     position: F32  # (V, 3)
     normal: F32  # (V, 3), unit
@@ -49,10 +49,10 @@ def placed(
     team: Team,
     whole: bool = False,
 ) -> Placed:
-    """A mesh where the transform carries it.
+    """Transforms a mesh.
 
-    materials: all that it may be shown with, which decides on its tangents. whole: triangles without an area are kept, so that
-    there are as many of them at every moment. Raises SceneError where a place is beyond the range of float32.
+    materials: all that it may be shown with, which decides on its tangents. whole: keeps triangles without area, so that their
+    number is the same in every frame. Raises SceneError if a position exceeds the range of float32.
     """
     transform = np.ascontiguousarray(transform, np.float64)
     position = _placed_points(mesh, transform, team)
@@ -99,9 +99,9 @@ def placed(
 
 
 def with_keys(found: Placed, mesh: Mesh, transforms: Sequence[npt.NDArray[np.float64]], team: Team) -> Placed:
-    """What `placed` gave of a mesh, and where it is while the shutter is open: by its own keys or, if it has none, as it is.
+    """Returns a mesh placed by `placed` with its vertices at the shutter's keys: by its own keys, or by the transforms alone.
 
-    transforms: as many as there are keys.
+    transforms: one per key.
     """
     shapes = mesh.keys or ((mesh.positions, mesh.normals),) * len(transforms)
     keys = np.empty((len(transforms), 2, *found.position.shape), np.float32)
@@ -124,7 +124,7 @@ def _unit(face: npt.NDArray[np.float64]) -> F32:
 
 
 def finite(values: np.ndarray | None, count: int, width: int) -> F32:
-    """(count, width) float32: zeros where there are no values, and for those that are no numbers."""
+    """Returns values as (count, width) float32: zeros if there are none, and in place of non-finite ones."""
     if values is None:
         return np.zeros((count, width), np.float32)
     if not np.isfinite(values).all():
@@ -133,7 +133,7 @@ def finite(values: np.ndarray | None, count: int, width: int) -> F32:
 
 
 def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -> F32:
-    """The mesh's positions in the world."""
+    """Returns the mesh's positions in world space."""
     point = read_only(mesh.positions.astype(np.float32, copy=False))
     placed = np.empty((len(point), 3), np.float32)
     largest = team.each(lambda part: place_points(point, transform, *part, placed), parts_of(0, len(point), PART))
@@ -143,7 +143,10 @@ def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -
 
 
 def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: F32, triangle: I32, team: Team) -> F32:
-    """A mesh's normals in the world, unit. Files do hold zero normals: the faces around the vertex stand in."""
+    """Returns a mesh's unit normals in world space.
+
+    Zero normals, which occur in files, are replaced by those of the adjacent faces.
+    """
     own, matrix = read_only(normals.astype(np.float32, copy=False)), np.ascontiguousarray(cofactors(transform))
     placed, length = np.empty((len(own), 3), np.float32), np.empty(len(own))
     team.each(lambda part: place_normals(own, matrix, *part, placed, length), parts_of(0, len(own), PART))
@@ -161,7 +164,7 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
 
 
 def _carried_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:
-    """A file's tangents in the world. Mirrored, the frame changes hands: the normal keeps its side, the tangent turns."""
+    """Returns a file's tangents in world space. A reflection flips the frame's handedness: the normal keeps its side."""
     direction = product(finite(tangents, len(tangents), 4)[:, None, :3].astype(np.float64), transform[:3, :3].T)[:, 0]
     length = np.linalg.norm(direction, axis=1, keepdims=True)
     unit = np.divide(direction, length, out=np.tile([[1.0, 0.0, 0.0]], (len(direction), 1)), where=length > 0)

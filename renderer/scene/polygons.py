@@ -1,4 +1,4 @@
-"""Polygons as triangles: the one way by which readers cut faces of more than three corners."""
+"""Triangulates polygons, for all readers of faces with more than three corners."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Points = npt.NDArray[np.floating]
 
 
 class Cut(NamedTuple):
-    """Triangles that fill polygons, in the order of these and of their winding."""
+    """Triangles that fill polygons, in the polygons' order and winding."""
 
     triangles: Codes  # (T, 3) places in `corners`
     face: Codes  # (T,) the polygon of each
@@ -25,12 +25,12 @@ class Cut(NamedTuple):
 
 
 def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Cut:
-    """Triangles of polygons of any number of corners; those of fewer than three have none.
+    """Triangulates polygons of any number of corners; those with fewer than three have no triangles.
 
-    counts: (F,) how many corners each has. corners: (C,) rows of points, those of each polygon one behind the other.
+    counts: (F,) the number of corners of each. corners: (C,) rows of points, polygon by polygon.
 
-    Convex polygons are fans from their first corner. Concave quads are cut along their other diagonal, and larger polygons ear by
-    ear. Every corner stays a vertex, so that polygons that share an edge still do.
+    Convex polygons become fans from their first corner. Concave quads are cut along their other diagonal, and larger polygons by
+    ear clipping. Every corner remains a vertex, so that polygons that share an edge still do.
     """
     counts = np.asarray(counts, np.int64)
     first = np.cumsum(counts) - counts
@@ -58,7 +58,7 @@ def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Poi
 
 
 def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.NDArray[np.bool_]:
-    """Of quads that begin at these corners, those whose two triangles would face each other."""
+    """Returns which quads, starting at these corners, would have triangles that face each other."""
     if len(begin) == 0:
         return np.zeros(0, bool)
     a, b, c, d = (points[corners[begin + k]] for k in range(4))
@@ -66,7 +66,7 @@ def _bent_quads(corners: npt.NDArray[Any], begin: Codes, points: Points) -> npt.
 
 
 def _hollow(counts: Codes, corners: npt.NDArray[Any], points: Points) -> Codes:
-    """The polygons of five corners and more that a fan does not fill, as some of its triangles lie against the others."""
+    """Returns the polygons of five corners and more that a fan does not fill, since some of its triangles are reversed."""
     large = np.flatnonzero(counts > 4)
     if len(large) == 0:
         return large

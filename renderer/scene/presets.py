@@ -1,6 +1,6 @@
-"""Environments by formula, for the names in renderer/presets.py.
+"""Computes the environments named in renderer/presets.py.
 
-Where a lamp stands is said as the scene's axes have it: +Z is the front, where automatic cameras stand, +Y is up.
+Light positions use the scene's axes: +Z is the front, where automatic cameras are, +Y is up.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _STRIPS: tuple[_Lamp, ...] = (
 
 
 def is_named(name: str) -> bool:
-    """Whether light of that name needs no file."""
+    """Whether an environment name needs no file."""
     return name.startswith(PREFIX) or name in PRESETS
 
 
 def light_by_name(name: str, description: SceneDescription) -> None:
-    """Lights a scene by a preset's name, or by "sky:ELEVATION[,AZIMUTH]". Raises SceneError where it is neither."""
+    """Lights a scene by a preset's name, or by "sky:ELEVATION[,AZIMUTH]". Raises SceneError if it is neither."""
     if name.startswith(PREFIX):
         description.environment = parse_sky(name)
         return
@@ -57,7 +57,7 @@ def light_by_name(name: str, description: SceneDescription) -> None:
 
 
 def preset_image(name: str) -> F32:
-    """Equirectangular radiance of a preset that is no sky, (256, 512, 3) float32, laid out as Environment says."""
+    """Returns a preset's equirectangular radiance, (256, 512, 3) float32, laid out as in Environment; not for skies."""
     return np.repeat(_IMAGES[name]()[..., None], 3, axis=2).astype(np.float32)
 
 
@@ -80,7 +80,7 @@ def _even() -> np.ndarray:
 
 
 def _overcast() -> np.ndarray:
-    """The CIE overcast sky (CIE S 011, type 1): (1 + 2 sin elevation) / 3 of the zenith, over ground of albedo 0.2."""
+    """Returns the CIE overcast sky (CIE S 011, type 1): (1 + 2 sin elevation) / 3 of the zenith, over ground of albedo 0.2."""
     _, elevation = _angles()
     up = np.sin(elevation)
     zenith = 9 / 7  # so that the sky lights level ground as an even one of radiance 1 would
@@ -96,7 +96,7 @@ _IMAGES: dict[str, Callable[[], np.ndarray]] = {
 
 
 def _angles() -> tuple[np.ndarray, np.ndarray]:
-    """Of each texel's middle: the azimuth, 0 towards +Z and 90 degrees towards +X, and the elevation, in radians."""
+    """Returns azimuth and elevation of each texel's centre, in radians; azimuth is 0 towards +Z and 90 degrees towards +X."""
     elevation = math.pi / 2 - (np.arange(_HEIGHT) + 0.5) * math.pi / _HEIGHT
     around = (np.arange(2 * _HEIGHT) + 0.5) * math.pi / _HEIGHT - math.pi  # 0 in the middle column, which looks along -Z
     shape = (_HEIGHT, 2 * _HEIGHT)
@@ -104,7 +104,7 @@ def _angles() -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
-    """Adds soft boxes: flat rectangles that face the middle, brightest there, with an edge as cloth has it."""
+    """Adds softboxes: flat rectangles that face the centre, brightest in their middle, with soft edges."""
     azimuth, elevation = _angles()
     x, y, z = np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)
     lit = background
@@ -124,6 +124,6 @@ def _with_lamps(background: np.ndarray, lamps: tuple[_Lamp, ...]) -> np.ndarray:
 
 
 def _edge(place: np.ndarray) -> np.ndarray:
-    """1 inside of -1 ... 1, 0 outside, smooth between 0.9 and 1."""
+    """Returns 1 inside -1 ... 1, 0 outside, smooth between 0.9 and 1."""
     t = np.clip((1 - np.abs(place)) / 0.1, 0, 1)
     return np.asarray(t * t * (3 - 2 * t))

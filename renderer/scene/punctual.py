@@ -1,4 +1,4 @@
-"""Lights without a body as rows of numbers."""
+"""Packs punctual lights into table rows."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _LEAST_CONE = 1e-6  # steradians
 
 
 class Punctual(NamedTuple):
-    """As in CompiledScene, and what they are chosen by.
+    """The punctual-light tables of CompiledScene, and the powers and bounds that they are chosen by.
 
-    A row: position (directional: unit vector towards it) 3, unit direction in which it shines 3, intensity (with an extent:
-    radiance) 3, extent (radius, that of a disk below 0; directional: 1 - cos of the half angle), and the spot's scale and offset.
+    A row: position (directional: unit vector towards it) 3, unit direction of emission 3, intensity (with an extent:
+    radiance) 3, extent (radius, negative for a disk's; directional: 1 - cos of the half angle), and the spot's scale and offset.
     """
 
     kind: I32  # (K,)
@@ -51,7 +51,7 @@ class Punctual(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """What is sent out by a light, of its map."""
+    """The flux and the emission cone of a light's map."""
 
     flux: np.ndarray  # (3,) of the intensity 1
     reach: float  # radians from its axis, beyond which it is dark
@@ -60,7 +60,7 @@ class _Sent(NamedTuple):
 def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
-    """The lights that shine at all. maps: all that they have, tabulated. Raises SceneError where a number means nothing."""
+    """Packs the lights with non-zero intensity. maps: all of their maps, tabulated. Raises SceneError for an invalid number."""
     lights = [light for light in lights if shines(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
@@ -84,12 +84,12 @@ def _kind(light: Light) -> int:
 
 
 def shines(light: Light) -> bool:
-    """Whether it sends any light, at any time of the shutter. Raises SceneError where a number of it means nothing."""
+    """Whether a light emits at any time of the shutter. Raises SceneError for an invalid number."""
     return max([max(each.intensity) for each in (light, *light.keys) if _check(each)]) > 0
 
 
 def light_rows(lights: Sequence[Light]) -> F32:
-    """(K, 12) one light at several times, so that what lies between two rows lies between two lights."""
+    """Returns the rows (K, 12) of one light at several times, such that rows can be interpolated linearly."""
     rows = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     if rows[:, 9].any() and not rows[:, 9].all():  # one of radiance and one of intensity have nothing between them
         rows[:] = rows[len(rows) // 2]
@@ -151,7 +151,10 @@ def _row(light: Light) -> tuple[float, ...]:
 
 
 def _bounds(lights: Sequence[Light], sent: Sequence[_Sent | None]) -> LightBounds:
-    """Points shine all around, spots up to their outer cone, distant lights within half their angle; maps may end before."""
+    """Returns the lights' bounds: points emit all around, spots up to their outer cone, distant lights within half their angle.
+
+    Emission maps may narrow them.
+    """
     direction = np.array([light.direction for light in lights], np.float64).reshape(-1, 3)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
     place = np.array([light.position for light in lights], np.float64).reshape(-1, 3)
@@ -168,13 +171,13 @@ def _bounds(lights: Sequence[Light], sent: Sequence[_Sent | None]) -> LightBound
 
 
 def _spread(light: Light, sent: _Sent | None) -> float:
-    """Radians."""
+    """Returns the half angle of a light's emission cone in radians."""
     own = {"point": 180.0, "spot": light.outer_cone, "directional": light.angle / 2}[light.kind]
     return math.radians(own) if sent is None else min(math.radians(own), sent.reach)
 
 
 def _mean_intensity(light: Light, sent: _Sent | None) -> float:
-    """Luminance; of a map as if it sent into its whole cone alike."""
+    """Returns the mean intensity as luminance; for a map as if its cone were filled uniformly."""
     if sent is None:
         return _luminance(light)
     cone = 4 * math.pi * math.sin(_spread(light, sent) / 2) ** 2
@@ -182,7 +185,7 @@ def _mean_intensity(light: Light, sent: _Sent | None) -> float:
 
 
 def _over(lights: Sequence[Light], sent: Sequence[_Sent | None], bounds: LightBounds) -> LightBounds:
-    """The bounds, grown to what the lights are while the shutter is open."""
+    """Returns the bounds enlarged to all positions and intensities while the shutter is open."""
     for i, light in enumerate(lights):
         if not light.keys:
             continue

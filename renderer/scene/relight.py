@@ -1,4 +1,4 @@
-"""A compiled scene under another light from all around: of its arrays only the environment's are made anew."""
+"""Replaces the environment of a compiled scene: only the environment's arrays are computed again."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ CHANGED = (
 
 
 def lit(scene: CompiledScene, light: SceneDescription, lights_power: float) -> CompiledScene:
-    """The scene in the environment of `light`, of which nothing else counts: the same to the bit as if it had been compiled so.
+    """Returns the scene in the environment of `light`, a description of which nothing else is used.
 
-    lights_power: what the scene's own lights send out, as Kept.lights_power has it. Raises SceneError as
-    `tabulate_environment` does.
+    Equal to the bit to a scene compiled with it. lights_power: the total power of the scene's own lights, from Kept.lights_power.
+    Raises SceneError as `tabulate_environment` does.
     """
     tables = tabulate_environment(light)
     chance = choose_environment(tables, lights_power, scene.bounds)

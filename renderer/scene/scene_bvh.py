@@ -1,4 +1,4 @@
-"""The tree over a scene's geometry: of one piece where nothing moves, else of parts that are built by themselves."""
+"""Builds the BVH over a scene's geometry: a single tree if nothing moves, else one of separately built subtrees."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def grow(
     keys: Sequence[Array] = (),
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
 ) -> Laid:
-    """The tree. sections: what stands still, the bodies, what is loose, whose triangles begin at these numbers.
+    """Builds the tree. sections: static, bodies and loose geometry; first_triangle: the numbers of their first triangles.
 
-    sphere: (S, 4), the first of them stand still. While the shutter is open: keys of the instances of what moves, as `lay` takes
-    them; sphere_keys: (K or 0, Z, 4) of the last spheres.
+    sphere: (S, 4), `still_spheres` static ones first. While the shutter is open: keys of moving instances, as `lay` takes them;
+    sphere_keys: (K or 0, Z, 4) of the last spheres.
     """
     still, bodies, loose = sections
     _, first_body, first_loose, triangles = first_triangle

@@ -1,4 +1,4 @@
-"""Whether two descriptions compile to the same scene."""
+"""Compares descriptions for whether they compile to the same scene."""
 
 from __future__ import annotations
 
@@ -26,12 +26,15 @@ _ASIDE = {
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
-    """Whether nothing that is seen or shines differs; cameras and what is said of the scene may. None of them compiled yet."""
+    """Whether two descriptions have equal geometry, materials and lights; cameras and texts may differ.
+
+    Neither may be compiled yet.
+    """
     return all(same(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE)
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values of one of the types that descriptions hold are equal, arrays and what they consist of among them."""
+    """Whether two values of types used in descriptions are equal, including arrays and nested values."""
     if a is b:
         return True
     if type(a) is not type(b):

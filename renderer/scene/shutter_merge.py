@@ -1,7 +1,7 @@
-"""A scene while the shutter is open: descriptions of several moments made into one, whose things know where they are at each.
+"""Builds a scene while the shutter is open: merges descriptions at several times into one with motion keys.
 
-Cameras, placed meshes, their vertices, spheres, lights and textures move. All else is as it is in the middle, and a warning
-names it.
+Cameras, placed meshes, their vertices, spheres, lights and textures move. Everything else is as in the middle, with a warning
+that names what is ignored.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _Thing = TypeVar("_Thing")
 
 
 def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutter: Shutter) -> SceneDescription:
-    """The scene in the middle of a frame's shutter, with the keys of what moves meanwhile.
+    """Returns the scene in the middle of a frame's shutter, with the keys of moving objects.
 
-    read: gives the scene at a moment, as an object of its own. Where the shutter does not say how many keys, they are doubled
-    until nothing turns much from one to the next. Raises what `read` does.
+    read: returns the scene at a moment, as a separate object. If the shutter does not set the number of keys, it is doubled until
+    rotations between keys are small. Raises what `read` does.
     """
     if shutter.length == 0:
         return read(moment)
@@ -55,7 +55,7 @@ def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutt
 
 
 def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
-    """The description in the middle, with the others' as its keys."""
+    """Returns the description in the middle, with the others as its keys."""
     middle, found, changes = slid(middle, found)
     instances, meshes, changed = _placed(middle, found)
     cameras = [
@@ -92,9 +92,9 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
 def between_files(
     moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
 ) -> None:
-    """Gives keys to the meshes of files that are numbered: straight from the file before to the frame's own, to the one after.
+    """Adds keys to the meshes of numbered files: linear from the previous file to the frame's own, to the next.
 
-    before, after: the scene at the same time by these files; None where there are none: then the frame's own stays.
+    before, after: the scene at the same time with these files; if None, the frame's own is used.
     """
     here = [(instance, moving.meshes[instance.mesh]) for instance in moving.instances]
     for number, mesh in {instance.mesh: mesh for instance, mesh in here}.items():
@@ -112,7 +112,7 @@ def between_files(
 
 
 def _mesh_of(number: int, moving: SceneDescription, other: SceneDescription | None) -> Mesh | None:
-    """The other's mesh in the place of that one; names may be the files'."""
+    """Returns the other description's mesh that corresponds to this one; names may be the files'."""
     if other is None or len(other.instances) != len(moving.instances):
         return None
     places = zip(moving.instances, other.instances, strict=True)
@@ -141,7 +141,7 @@ def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
 
 
 def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
-    """The instances and the meshes with their keys, and words for what could not have any."""
+    """Returns the instances and meshes with their keys, and descriptions of those that could not have any."""
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
     for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
@@ -168,16 +168,16 @@ def _is_cut_alike(mesh: Mesh, other: Mesh) -> bool:
 
 
 def _keys(over: Sequence[Any], middle: Any) -> tuple[Any, ...]:
-    """What a thing is at each key; nothing where it is always the same."""
+    """Returns an object's values at each key; empty if all are equal."""
     return tuple(over) if any(not same(each, middle) for each in over) else ()
 
 
 def _matched(
     things: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
-    """Each thing with what it is in each of the others' lists; with nothing where one of them has it not.
+    """Returns each object with its counterparts in the other lists; with none if one of the lists lacks it.
 
-    By its place in the list where the names agree, else by the name and how many of it came before.
+    Matched by index if the names agree, else by name and number of earlier occurrences.
     """
     told = _numbered(things, name)
     found: list[list[_Thing]] = [[] for _ in things]
@@ -204,7 +204,7 @@ def _name(thing: Sphere | Light | Camera) -> str:
 
 
 def _is_fine(moving: SceneDescription) -> bool:
-    """Whether nothing turns so far from key to key that it may have turned the other way, or cuts a corner."""
+    """Whether rotations between keys are small enough to be unambiguous and to be interpolated without visible error."""
     free: list[list[np.ndarray]] = []
     straight: list[list[np.ndarray]] = []
     for instance in moving.instances:
@@ -216,7 +216,7 @@ def _is_fine(moving: SceneDescription) -> bool:
 
 
 def _in_space(transform: UvTransform) -> np.ndarray:
-    """As a body's place, in which a texture turns about z."""
+    """Returns a texture transform as a body's placement, with rotation about z."""
     a, b, c, d, e, f = transform
     return np.array([(a, b, 0.0, c), (d, e, 0.0, f), (0.0, 0.0, 1.0, 0.0)])
 

@@ -1,4 +1,4 @@
-"""A sky and its sun as an environment: an image of the scattered light over a lit ground, and a disk of the sun's own."""
+"""Skies as environments: an image of the scattered light over a lit ground, and the disk of the sun."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _RANGES = {
 
 
 class Sun(NamedTuple):
-    """A disk of constant radiance, infinitely far."""
+    """The sun: a disk of constant radiance, infinitely distant."""
 
     direction: np.ndarray  # (3,) unit, towards it, before the environment's rotation
     half_angle: float  # radians
@@ -38,7 +38,7 @@ class Sun(NamedTuple):
 
 
 def parse_sky(text: str) -> Environment:
-    """The environment of "sky:ELEVATION[,AZIMUTH]", in degrees. Raises SceneError where it is none."""
+    """Returns the environment of "sky:ELEVATION[,AZIMUTH]", in degrees. Raises SceneError for other text."""
     try:
         numbers = [float(part) for part in text.removeprefix(PREFIX).split(",")]
     except ValueError:
@@ -51,9 +51,9 @@ def parse_sky(text: str) -> Environment:
 
 
 def sun_of_sky(sky: Sky) -> Sun | None:
-    """The sun as it is seen from the ground; None where it is off or has set.
+    """Returns the sun as seen from the ground; None if it is off or below the horizon.
 
-    What the horizon hides of the disk dims all of it: its irradiance goes on evenly while it sets.
+    The fraction of the disk below the horizon dims the whole disk: its irradiance decreases continuously while it sets.
     """
     _check(sky)
     elevation, azimuth, half = (math.radians(x) for x in (sky.sun_elevation, sky.sun_azimuth, sky.sun_size / 2))
@@ -67,15 +67,15 @@ def sun_of_sky(sky: Sky) -> Sun | None:
 
 
 def image_of_sky(sky: Sky) -> F32:
-    """As `_image`; of a sky that stands still while other things move, the same one again."""
+    """Returns the sky's image as `_image`; cached, for a constant sky in an animated scene."""
     return _image(astuple(sky))
 
 
 @functools.lru_cache(maxsize=2)
 def _image(values: tuple[Any, ...]) -> F32:
-    """Equirectangular radiance without the sun's disk, (512, 1024, 3). Below the horizon: ground lit by sun and sky.
+    """Returns equirectangular radiance without the sun's disk, (512, 1024, 3). Below the horizon: ground lit by sun and sky.
 
-    Laid out as Environment says: azimuth 0 is the middle column. Raises SceneError where a number is out of its range.
+    Laid out as in Environment: azimuth 0 is the middle column. Raises SceneError if a number is out of its range.
     """
     sky = Sky(*values)
     _check(sky)
@@ -113,14 +113,14 @@ def _air(sky: Sky) -> Air:
 
 
 def _share_above(height: float) -> float:
-    """The part of a unit disk above the line `height` below its centre."""
+    """Returns the fraction of a unit disk above the line `height` below its centre."""
     if abs(height) >= 1:
         return float(height > 0)
     return 0.5 + (height * math.sqrt(1 - height * height) + math.asin(height)) / math.pi
 
 
 def _interpolated(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """The grid (m, n, 3) at fractional rows (h,) and columns (w,), bilinear: (h, w, 3)."""
+    """Returns the grid (m, n, 3) at fractional rows (h,) and columns (w,), bilinear: (h, w, 3)."""
     upper = np.minimum(row.astype(int), grid.shape[0] - 2)
     left = np.minimum(column.astype(int), grid.shape[1] - 2)
     t = (row - upper)[:, None, None]

@@ -1,7 +1,7 @@
-"""The light that a scene without any gets: a photographer's studio, soft and neutral.
+"""The default lighting of scenes without lights: a photographer's studio, soft and neutral.
 
-A key light from the left front, a rim light from behind on the right, and walls that are brighter above than below: forms
-are seen as forms, which in the even light of a white sky they are not.
+A key light from the left front, a rim light from behind on the right, and walls brighter above than below, which reveal shapes
+better than uniform white light.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _GROUND, _HORIZON, _ZENITH = 0.2, 0.5, 0.65
 
 
 def studio_image() -> F32:
-    """Equirectangular radiance, (64, 128, 3) float32, grey. Its mean over all directions is near 0.6."""
+    """Returns equirectangular radiance, (64, 128, 3) float32, grey. Its mean over all directions is near 0.6."""
     theta = (np.arange(_HEIGHT) + 0.5) * np.pi / _HEIGHT
     phi = (np.arange(2 * _HEIGHT) + 0.5) * np.pi / _HEIGHT - np.pi  # 0 in the middle column, which looks along -Z
     y = np.broadcast_to(np.cos(theta)[:, None], (_HEIGHT, 2 * _HEIGHT))
@@ -41,6 +41,6 @@ def studio_image() -> F32:
 
 
 def light_studio(description: SceneDescription) -> None:
-    """Puts the scene into the studio."""
+    """Sets the studio as the scene's environment."""
     description.images.append(Image("studio", studio_image(), srgb=False))
     description.environment = Environment(image=len(description.images) - 1)

@@ -1,4 +1,4 @@
-"""Tangents: the direction in which a texture's u grows along the surface, which normal maps and anisotropy are drawn in."""
+"""Tangents: the direction in which a texture's u increases along the surface, used by normal maps and anisotropy."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ F64 = npt.NDArray[np.float64]
 
 
 def needs_tangents(material: Material) -> bool:
-    """Whether the material looks different when its texture is turned: it has a normal map, or is anisotropic."""
+    """Whether the material depends on tangents: it has a normal map, or is anisotropic."""
     return material.normal_texture is not None or material.clearcoat_normal_texture is not None or material.anisotropy != 0.0
 
 
 def tangent_uv_set(description: SceneDescription, material: Material) -> int:
-    """Which set of UVs, 0 or 1, the tangents follow: the normal map's."""
+    """Returns the UV set, 0 or 1, that the tangents follow: the normal map's."""
     for number in (material.normal_texture, material.clearcoat_normal_texture, material.anisotropy_texture):
         if number is not None:
             return description.textures[number].uv_set
@@ -27,14 +27,17 @@ def tangent_uv_set(description: SceneDescription, material: Material) -> int:
 
 
 def _handedness(uv: F32, triangle: I32) -> F64:
-    """(T,) twice each triangle's signed area in its image, v downwards as glTF has it: above 0 where the image is mirrored."""
+    """Returns twice each triangle's signed area in texture space, (T,), v downwards as in glTF: positive where the image is
+    mirrored.
+    """
     a, b, c = (uv[triangle[:, k]].astype(np.float64) for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
 
 
 def split_mirrored(uv: F32, triangle: I32) -> tuple[npt.NDArray[np.int64], I32]:
-    """The vertices to keep (numbers of the old ones) and the triangles over them, so that no vertex is shared between
-    triangles whose texture is mirrored and others whose texture is not: their tangents would cancel.
+    """Splits vertices shared by triangles with mirrored and unmirrored texture, whose tangents would cancel.
+
+    Returns the original vertex of each new one, and the triangles over the new vertices.
     """
     count = len(uv)
     mirrored = np.repeat(_handedness(uv, triangle) > 0, 3)
@@ -54,10 +57,11 @@ def split_mirrored(uv: F32, triangle: I32) -> tuple[npt.NDArray[np.int64], I32]:
 
 
 def vertex_tangents(position: F32, normal: F32, uv: F32, triangle: I32) -> F32:
-    """(V, 4) unit tangents, square to the normals, and in w the bitangent's sign: cross(normal, tangent) * w is the image's up.
+    """Returns (V, 4) unit tangents, perpendicular to the normals, with the bitangent's sign in w: cross(normal, tangent) * w is
+    image up.
 
-    Every triangle's own tangent, laid into the plane of its vertex's normal and weighted by its angle there, as MikkTSpace
-    does (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008). Where UVs do not grow anywhere: any direction.
+    Each triangle's tangent, projected into the plane of its vertex's normal and weighted by its angle there, as MikkTSpace
+    does (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008). Any direction where the UVs are constant.
     """
     area = _handedness(uv, triangle)
     a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))

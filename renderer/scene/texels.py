@@ -1,4 +1,4 @@
-"""All textures of a scene as one list of texels."""
+"""Packs all textures of a scene into one list of texels."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _MOST_TRANSFORMED = 1e30  # beyond, float32 ends; nobody can tell such textures 
 
 
 class Texels:
-    """Collects texels; an image used by several textures is kept once. A stack of textures is a chain of rows."""
+    """Collects texels; an image used by several textures is stored once. A texture with layers is a chain of rows."""
 
     def __init__(self, description: SceneDescription) -> None:
         self._description = description
@@ -57,12 +57,11 @@ class Texels:
         self._block_means: dict[tuple[int, int], float] = {}
 
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
-        """The row of a texture, its layers behind it, and what its texels are to be multiplied by.
+        """Adds a texture, followed by its layers; returns its row, and the factor that its texels are to be multiplied by.
 
-        Texels have 8 bits where the image has, else 16. An HDR image of `light` shines undimmed: it is divided by its maximum,
-        which is returned; of a stack each row multiplies its own, and 1 is returned. In others it is clipped at 1, for no
-        surface reflects more.
-        Raises SceneError where texels are too many.
+        Texels have 8 bits if the image has, else 16. An HDR image for emission (`light`) is divided by its maximum, which is
+        returned as the factor; in a stack each row has its own factor, and 1 is returned. Other images are clipped at 1, the
+        greatest reflectance. Raises SceneError if there are too many texels.
         """
         if (index, light) not in self._textures:
             texture = self._description.textures[index]
@@ -81,7 +80,7 @@ class Texels:
         return self._textures[index, light]
 
     def mean_luminance(self, row: int) -> float:
-        """The mean linear luminance of a row's texels, 0..1; of a stack, over the square 0..1 of UVs and never quite 0."""
+        """Returns the mean linear luminance of a row's texels, 0..1; for a stack, over the UV square 0..1 and always above 0."""
         if self._rows[row][ABOVE] < 0:
             key = self._block_of_row[row], self._rows[row][ENCODING]
             if key not in self._block_means:
@@ -96,11 +95,11 @@ class Texels:
         return self._means[row]
 
     def looks_at_second_uvs(self, row: int) -> bool:
-        """Whether the row's texture, or a layer of it, is placed by the second set of coordinates."""
+        """Whether the row's texture, or a layer of it, uses the second UV set."""
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
     def _append(self, texture: Texture, light: bool) -> float:
-        """Adds a row for one texture; its texels' scale."""
+        """Adds a row for one texture; returns its texels' scale."""
         image = self._description.images[texture.image]
         scaled = light and image.pixels.dtype == np.float32
         first, block, scale = self._place(texture.image, scaled)
@@ -114,7 +113,7 @@ class Texels:
         return scale
 
     def _alone(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """What `arrays` gives, of one stack alone: its rows from 0 on, and no texels but its own."""
+        """Returns the result of `arrays` for one stack alone: its rows from 0 on, and only its own texels."""
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})
         start = dict(zip(blocks, np.cumsum([0] + [len(self._blocks[b]) for b in blocks]), strict=False))
@@ -130,14 +129,14 @@ class Texels:
             row = self._rows[row][ABOVE]
 
     def arrays(self) -> tuple[I32, F32, np.ndarray]:
-        """The texture rows, their transforms, and the texels (N, 4) uint8, as in CompiledScene."""
+        """Returns the texture rows, their transforms, and the texels (N, 4) uint8, as in CompiledScene."""
         texel = np.concatenate(self._blocks) if self._blocks else np.zeros((0, 4), np.uint8)
         row = np.array(self._rows, np.int32).reshape(-1, TEXTURE_COLUMNS)
         transform = np.clip(np.array(self._transforms, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
         return row, transform.astype(np.float32).reshape(-1, TRANSFORM_COLUMNS), texel
 
     def keys(self) -> F32:
-        """(F, 6) the matrices of the rows, those of each at all keys one behind the other; none where all stay."""
+        """Returns the UV transforms at all keys, (F, 6), all keys of a row consecutive; empty if all are constant."""
         count = max(map(len, self._keys), default=0)
         still = (transform[:6] for transform in self._transforms)
         over = [keys or (own,) * count for keys, own in zip(self._keys, still, strict=True)]
@@ -160,7 +159,7 @@ class Texels:
 
 
 def _patches() -> tuple[F32, I32]:
-    """The square 0..1 of UVs (V, 2) in triangles (n, 3)."""
+    """Returns a triangulated grid over the UV square 0..1: vertices (V, 2) and triangles (n, 3)."""
     side = _PATCHES + 1
     steps = np.arange(side, dtype=np.float32) / np.float32(_PATCHES)
     corner = (np.arange(_PATCHES)[:, None] * side + np.arange(_PATCHES)).reshape(-1, 1)
@@ -173,14 +172,16 @@ def _most(light: bool) -> float:
 
 
 def _encoding(image: Image, scaled: bool) -> int:
-    """How the texels of an image are stored: light and colours with a constant relative precision, data with an absolute one."""
+    """Returns the encoding of an image's texels: light and colours with constant relative precision, data with constant absolute
+    one.
+    """
     if image.pixels.dtype == np.uint8:
         return SRGB_8 if image.srgb else LINEAR_8
     return HALF_16 if image.srgb or scaled else LINEAR_16
 
 
 def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
-    """(2 h w, 4) uint8: codes of an image that has more than 8 bits, divided by a scale."""
+    """Encodes an image of more than 8 bits, divided by a scale, in 16 bits: (2 h w, 4) uint8."""
     height, width = image.pixels.shape[:2]
     codes = np.full((height, width, 4), 0 if encoding == HALF_16 else 65535, "<u2")
     step = max(1, _BAND // max(width, 1))
@@ -196,7 +197,7 @@ def _in_16_bits(image: Image, scale: float, encoding: int) -> np.ndarray:
 
 
 def _linear(pixels: np.ndarray, srgb: bool) -> F32:
-    """(h, w, 4) float32 of pixels of uint16 or float32."""
+    """Converts pixels of uint16 or float32 to linear (h, w, 4) float32."""
     values = np.ones((*pixels.shape[:2], 4), np.float32)
     if pixels.dtype == np.uint16:
         values[:] = pixels.astype(np.float32) / np.float32(65535)

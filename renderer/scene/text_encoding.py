@@ -1,7 +1,7 @@
-"""Text of files in whatever encoding: marked by a BOM, UTF-8, or else one that names of files reveal.
+"""Decodes text files of unknown encoding: by a BOM, as UTF-8, or in an encoding found by the file names in them.
 
-Bytes that are not UTF-8 are kept as lone surrogates (PEP 383), so that names that differ in bytes differ as strings, and
-`SceneFiles.find` can try the common encodings until one finds the file. `readable` turns what is left into text.
+Bytes that are not UTF-8 are stored as lone surrogates (PEP 383), so that names that differ in bytes differ as strings, and
+`SceneFiles.find` can try the common encodings until one finds the file. `readable` converts the rest into text.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SAMPLE = 4096  # bytes, of which half are 0 in UTF-16 of western text
 
 
 def decoded(data: bytes) -> str:
-    """The text of a file, without its BOM; bytes that are not UTF-8 as lone surrogates."""
+    """Returns the text of a file, without its BOM; bytes that are not UTF-8 become lone surrogates."""
     for bom, encoding in _BOMS:
         if data.startswith(bom):
             if encoding == "utf-8":
@@ -39,7 +39,7 @@ def decoded(data: bytes) -> str:
 
 
 def as_utf8(data: bytes) -> bytes:
-    """The text of a file in UTF-8, without its BOM; bytes that are not UTF-8 stay."""
+    """Returns a file's text in UTF-8, without its BOM; bytes that are not UTF-8 are unchanged."""
     if data.startswith(codecs.BOM_UTF8):
         return data[len(codecs.BOM_UTF8) :]
     if data.startswith(tuple(bom for bom, _ in _BOMS)) or _unmarked_utf16(data) is not None:
@@ -58,22 +58,22 @@ def _unmarked_utf16(data: bytes) -> str | None:
 
 
 def with_points(text: str) -> tuple[str, int]:
-    """A text of numbers with points in place of decimal commas, and how many there were."""
+    """Returns a text with decimal commas replaced by points, and how many there were."""
     return _DECIMAL_COMMA.subn(".", text) if "," in text else (text, 0)
 
 
 def title(encoding: str) -> str:
-    """An encoding as people call it."""
+    """Returns an encoding's common name."""
     return _TITLES.get(encoding, encoding.upper())
 
 
 def is_readable(text: str) -> bool:
-    """Whether a string has no bytes that are not UTF-8."""
+    """Whether a string has no lone surrogates, that is, was valid UTF-8."""
     return text.isascii() or not any("\udc80" <= letter <= "\udcff" for letter in text)
 
 
 def readings(text: str) -> Iterator[tuple[str, str]]:
-    """What a string with bytes that are not UTF-8 may say: (encoding, text)."""
+    """Yields possible decodings of a string with lone surrogates: (encoding, text)."""
     data = text.encode("utf-8", "surrogateescape")
     for encoding in _ENCODINGS:
         with contextlib.suppress(UnicodeDecodeError):
@@ -81,7 +81,7 @@ def readings(text: str) -> Iterator[tuple[str, str]]:
 
 
 def readable(text: str, encoding: str | None = None) -> str:
-    """A string without lone surrogates: by an encoding where that fits, else as Latin-1. Different bytes stay different."""
+    """Returns a string without lone surrogates: by the encoding if it fits, else as Latin-1. Different bytes stay different."""
     if is_readable(text):
         return text
     data = text.encode("utf-8", "surrogateescape")

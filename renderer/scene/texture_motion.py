@@ -1,7 +1,7 @@
-"""How textures lie while the shutter is open: their transforms as keys.
+"""Texture transforms while the shutter is open, as keys.
 
-Readers keep textures that are alike once. Two that lie alike at one moment and not at another are one there and two here, so that
-it is the materials' slots that are followed from moment to moment, and not the textures' numbers.
+Readers store equal textures once. Two that are equal at one time and not at another are one texture there and two here, so
+materials' slots are matched between times, not the textures' indices.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ _Over = list[tuple[SceneDescription, int]]  # a texture at each moment: the scen
 
 
 def slid(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[SceneDescription, list[SceneDescription], bool]:
-    """(the description in the middle, its textures with keys; the others with materials that name these textures; whether
+    """Returns the descriptions with moving textures merged.
+
+    (the description in the middle, its textures with keys; the others with materials that refer to these textures; whether
     anything else of textures changes, which stays as in the middle).
     """
     every = [middle, *found]
@@ -44,7 +46,7 @@ def slid(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[S
 
 
 class _Shelf:
-    """The textures with their keys; those that are alike, once."""
+    """Collects the textures with their keys; equal ones once."""
 
     def __init__(self) -> None:
         self.textures: list[Texture] = []
@@ -52,7 +54,7 @@ class _Shelf:
         self._numbers: dict[Texture, int] = {}
 
     def number(self, over: _Over) -> int:
-        """Of the texture that is those at the moments, of which the first is the middle."""
+        """Returns the index of a texture given at all times, the middle one first."""
         textures = [scene.textures[number] for scene, number in over]
         own = textures[0]
         if any(_kind(each) != _kind(own) for each in textures):
@@ -73,6 +75,6 @@ class _Shelf:
 
 
 def _kind(texture: Texture) -> object:
-    """All of a texture but where it lies."""
+    """Returns all of a texture except its transform."""
     layers = tuple((layer.blend, layer.strength) for layer in texture.layers)
     return texture.image, texture.wrap_s, texture.wrap_t, texture.uv_set, texture.filter, layers

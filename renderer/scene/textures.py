@@ -1,4 +1,4 @@
-"""A scene's images while it is read: each opened once, missing ones named, all together within bounds."""
+"""Loads a scene's images: each is opened once, missing ones are reported, and the total size is limited."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
 
 
 class TextureShelf:
-    """Adds images and textures to a description; the same source or the same use of an image gives the same index again."""
+    """Adds images and textures to a description; equal sources or uses of an image return the same index."""
 
     def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
         self._description = description
@@ -34,7 +34,7 @@ class TextureShelf:
         self._bytes = 0
 
     def warn_of_surface(self, sentence: str) -> None:
-        """Adds a warning of how something looks, once."""
+        """Adds a warning about a surface's look, once."""
         self.warn(SurfaceNote(sentence))
 
     def warn(self, sentence: str) -> None:
@@ -42,7 +42,7 @@ class TextureShelf:
         self._warned.add(sentence)
 
     def image_file(self, name: str, srgb: bool = True) -> int | None:
-        """The image in a file of the scene (a name that SceneFiles.find gave)."""
+        """Returns the index of the image in a file of the scene (a name from SceneFiles.find)."""
         key = (name, srgb)
         if key not in self._images:
             try:
@@ -53,9 +53,9 @@ class TextureShelf:
         return self._images[key]
 
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
-        """The image in a file of the scene as light from all around: colours as they are, smaller where it is too large.
+        """Returns the index of an environment image: colours unchanged, scaled down if too large.
 
-        data: reads it where it is no file of its own. May raise SceneError.
+        data: reads the bytes if it is not a file of its own. May raise SceneError.
         """
         key = (f"\0environment {name}", False)
         if key not in self._images:
@@ -68,11 +68,11 @@ class TextureShelf:
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
-        """The image that a scene file holds inside itself; `name` tells it from the others."""
+        """Returns the index of an image embedded in a scene file; `name` identifies it."""
         return self.image_made(name, lambda: data, srgb)
 
     def image_made(self, name: str, data: Callable[[], bytes], srgb: bool = True) -> int | None:
-        """The same, where its bytes are had only when they are needed. data: may raise SceneError."""
+        """Returns the index of an embedded image whose bytes are computed on demand. data: may raise SceneError."""
         key = (f"\0{name}", srgb)
         if key not in self._images:
             try:
@@ -84,7 +84,7 @@ class TextureShelf:
 
     @property
     def last_warning(self) -> str:
-        """The sentence that was added last."""
+        """Returns the last added warning."""
         return self._description.warnings[-1] if self._description.warnings else ""
 
     def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
@@ -103,7 +103,7 @@ class TextureShelf:
         layers: tuple[TextureLayer, ...] = (),
         filter: TexelFilter = "linear",
     ) -> int | None:
-        """The texture of an image, how it repeats, how it is looked up, what lies on it; None for an image that is not there."""
+        """Returns the index of a texture of an image, with wrap modes, lookup and layers; None for a missing image."""
         if image is None:
             return None
         return self._shelve(Texture(image, wrap_s, wrap_t, uv_set, transform, layers, filter))
@@ -115,7 +115,7 @@ class TextureShelf:
         return self._textures[texture]
 
     def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
-        """A texture whose image is made of another's, with its layers and looked up as that is; `what` tells it from others."""
+        """Returns a texture with an image computed from another's, with its layers and lookup; `what` identifies the computation."""
         if texture is None:
             return None
         source = self._description.textures[texture]
@@ -127,7 +127,7 @@ class TextureShelf:
         return None if made is None else self._shelve(replace(source, image=made))
 
     def calculated(self, what: str, sources: list[Image], make: Callable[[], Image]) -> int | None:
-        """An image that is made of others, for one moment and the next; `what` tells it from those made otherwise."""
+        """Returns an image computed from others, cached between frames; `what` identifies the computation."""
         key = (f"\0{what}", False)
         if key not in self._images:
             pixels = [source.pixels for source in sources]
@@ -136,24 +136,24 @@ class TextureShelf:
         return self._images[key]
 
     def stacked(self, texture: int | None, layers: tuple[TextureLayer, ...]) -> int | None:
-        """A texture with these layers on it."""
+        """Returns a texture with these layers added on top."""
         if texture is None or not layers:
             return texture
         return self._shelve(replace(self._description.textures[texture], layers=layers))
 
     def combined(self, first: int | None, second: int | None, what: str, make: Callable[[Image, Image], Image]) -> int | None:
-        """A texture whose image is made of two others', looked up as the first is; None without the first or second."""
+        """Returns a texture with an image computed from two others', with the first's lookup; None if either is missing."""
         if first is None or second is None:
             return None
         other = self._description.textures[second].image
         return self.derived(first, f"{what} with image {other}", lambda image: make(image, self._description.images[other]))
 
     def texture_of(self, number: int) -> Texture:
-        """The texture of this number."""
+        """Returns the texture of this index."""
         return self._description.textures[number]
 
     def image_of(self, texture: int) -> Image:
-        """The image that a texture shows."""
+        """Returns the image of a texture."""
         return self._description.images[self._description.textures[texture].image]
 
     def find(
@@ -165,13 +165,15 @@ class TextureShelf:
         wrap: Wrap = "repeat",
         transform: UvTransform = UNMOVED,
     ) -> int | None:
-        """The texture that scene file `beside` means by `reference`; where it is missing, a warning that names it and `user`."""
+        """Returns the texture that scene file `beside` refers to; warns about a missing one, naming it and `user`."""
         image, place = self.found(reference, beside, user, srgb)
         return self.texture(image, wrap, wrap, transform=composed(transform, place) if place != UNMOVED else transform)
 
     def found(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
-        """The image that scene file `beside` means by `reference`, also one of UDIM tiles, and how UVs go to it; where it is
-        missing, None and a warning that names it and `user`."""
+        """Returns the image that scene file `beside` refers to, including UDIM tiles, and its UV transform.
+
+        If it is missing, None and a warning that names it and `user`.
+        """
         if not is_tiled(reference):
             name = self._files.find(reference, beside)
             if name is None:
@@ -197,14 +199,14 @@ class TextureShelf:
         return self._images[key], placed(tiles)
 
     def missing(self, reference: str, user: str) -> None:
-        """Warns of a texture that is not among the files."""
+        """Warns about a texture that is not among the files."""
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
         self.warn_of_surface(
             f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile."
         )
 
     def add(self, image: Image) -> int:
-        """Puts an image on the shelf. Raises SceneError where all of them together are too large."""
+        """Adds an image. Raises SceneError if all images together are too large."""
         self._bytes += image.pixels.nbytes
         if self._bytes > MAX_IMAGE_BYTES:
             raise SceneError(

@@ -1,4 +1,4 @@
-"""Textures in UDIM tiles: files numbered from 1001, side by side in one image."""
+"""Textures in UDIM tiles: files numbered from 1001, combined into one image."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ _FIRST, _LAST = 1001, 1100
 
 
 def is_tiled(reference: str) -> bool:
-    """Whether a name stands for tiles: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which is u1_v1 and so on."""
+    """Whether a name is a tile pattern: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which becomes u1_v1 and so on."""
     return _MARK.search(reference) is not None
 
 
 def tile_name(reference: str, number: int) -> str:
-    """The name of one tile's file."""
+    """Returns the name of one tile's file."""
     column, row = (number - _FIRST) % 10 + 1, (number - _FIRST) // 10 + 1
     return _MARK.sub(lambda mark: f"u{column}_v{row}" if "uvtile" in mark[0].lower() else str(number), reference)
 
 
 def tiles_of(reference: str, find: Callable[[str], str | None]) -> dict[int, str]:
-    """The files of a texture in tiles, by their numbers from 1001 to 1100. find: the file that a name means."""
+    """Returns the existing tiles of a texture, by number from 1001 to 1100. find: returns the file of a name."""
     names = ((number, find(tile_name(reference, number))) for number in range(_FIRST, _LAST + 1))
     return {number: name for number, name in names if name is not None}
 
 
 def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[Any]:
-    """One image of tiles, each as large as the largest; black where there is none.
+    """Combines tiles into one image, each scaled to the size of the largest; black where one is missing.
 
-    tiles: pixels as an `Image` holds them. srgb: integers among them are sRGB-encoded.
+    tiles: pixels as in `Image`. srgb: integer pixels are sRGB-encoded.
     """
     across, up = _extent(tiles)
     tiles = _of_one_kind(tiles, srgb)
@@ -56,7 +56,7 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
 
 
 def placed(numbers: dict[int, Any]) -> UvTransform:
-    """How UVs go to the image of these tiles: u' = u / across; t' = t / up, and v is 1 - t."""
+    """Returns the UV transform into the image of these tiles: u' = u / across; t' = t / up, and v is 1 - t."""
     across, up = _extent(numbers)
     return 1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up
 
@@ -66,7 +66,7 @@ def _extent(numbers: dict[int, Any]) -> tuple[int, int]:
 
 
 def _of_one_kind(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, npt.NDArray[Any]]:
-    """The tiles with one dtype: the one with the most digits among them."""
+    """Converts the tiles to one dtype: the most precise one among them."""
     kinds = {pixels.dtype for pixels in tiles.values()}
     if len(kinds) == 1 and len({pixels.shape[2] for pixels in tiles.values()}) == 1:
         return tiles
@@ -77,7 +77,7 @@ def _of_one_kind(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> dict[int, np
 
 
 def _linear(pixels: npt.NDArray[Any], srgb: bool) -> npt.NDArray[np.float32]:
-    """(h, w, 4) linear colours with straight alpha."""
+    """Returns (h, w, 4) linear colours with straight alpha."""
     found = np.ones((*pixels.shape[:2], 4), np.float32)
     found[..., : pixels.shape[2]] = pixels
     if np.issubdtype(pixels.dtype, np.integer):
@@ -88,7 +88,7 @@ def _linear(pixels: npt.NDArray[Any], srgb: bool) -> npt.NDArray[np.float32]:
 
 
 def composed(inner: UvTransform, outer: UvTransform) -> UvTransform:
-    """The transform of UVs that go through `inner` first, and then through `outer`."""
+    """Returns the UV transform that applies `inner` first, then `outer`."""
     a, b = (np.array([*t, 0.0, 0.0, 1.0]).reshape(3, 3) for t in (inner, outer))
     m = b @ a
     return tuple(float(v) for v in m[:2].reshape(-1))  # type: ignore[return-value]

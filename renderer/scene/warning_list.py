@@ -1,4 +1,4 @@
-"""A description's warnings, each of them once."""
+"""Collects a description's warnings, each once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MOST_WARNINGS = 1000  # nobody reads more, and a file may have a hundred thousan
 
 
 class Warned:
-    """Adds to a list of warnings, which may also grow by itself."""
+    """Adds to a list of warnings that others may append to directly."""
 
     def __init__(self, warnings: list[str]) -> None:
         self._warnings = warnings
@@ -16,7 +16,7 @@ class Warned:
         self._seen = 0
 
     def add(self, sentence: str) -> None:
-        """Adds a sentence that is not there; past MOST_WARNINGS, only that there are more."""
+        """Adds a sentence unless present; beyond MOST_WARNINGS, only a note that there are more."""
         self._known.update(self._warnings[self._seen :])
         if sentence not in self._known and len(self._warnings) <= MOST_WARNINGS:
             more = f"There are more warnings: these are the first {MOST_WARNINGS}."

@@ -1,4 +1,4 @@
-"""Whether a mesh has an inside."""
+"""Tests whether a mesh is closed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["is_closed"]
 
 
 def is_closed(positions: F32, triangles: I32) -> bool:
-    """Whether every edge is run through as often in one direction as in the other, vertices of one place taken as one.
+    """Whether every edge is used equally often in both directions, with vertices at equal positions merged.
 
     positions (V, 3), triangles (T, 3). Such a surface, wound consistently, divides space into an inside and an outside.
     """

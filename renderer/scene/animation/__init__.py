@@ -1,12 +1,12 @@
-"""What moves: values over time, and which moment of a scene is meant.
+"""Animation: values over time, and the time of a frame.
 
-Readers evaluate what their files animate while they read, and give the description of that one moment.
+Readers evaluate animations while they read, and return the description at one moment.
 
-moment.py         a frame, how many of them are a second, and which clip is shown
-clips.py          what a person is told of a file's animations
-curves.py         keys and what lies between them
-orbit.py          a camera that goes around
-shutter.py        from when to when a frame's shutter is open
+moment.py         a frame number, the frame rate, and the selected clip
+clips.py          the summary of a file's animations
+curves.py         keys and interpolation
+orbit.py          a turntable camera
+shutter.py        the interval while a frame's shutter is open
 """
 
 from renderer.scene.animation.clips import Clip

@@ -1,4 +1,4 @@
-"""What a person is told of a file's animations."""
+"""The summary of a file's animations for users."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NAMED = 8
 
 @dataclass(frozen=True)
 class Clip:
-    """An animation by its name, and the seconds of its first and its last key: before and after them it stands still."""
+    """An animation clip: its name, and the seconds of its first and last key; constant before and after them."""
 
     name: str
     start: float
@@ -20,7 +20,7 @@ class Clip:
 
 
 def others_of(file: str, clips: Sequence[Clip]) -> str:
-    """The sentence that names what else a file of several animations could show than the first."""
+    """Returns the sentence that lists a file's further animations, beside the first."""
     others = [clip.name[:60] for clip in clips[1:]]
     more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
     return f"{file}: shows the animation {clips[0].name[:60]!r}; as its clip you may choose {', '.join(others[:_NAMED])}{more}."

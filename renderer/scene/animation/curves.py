@@ -1,6 +1,6 @@
-"""Values over time: keys, and what lies between them.
+"""Animation curves: keys and interpolation.
 
-Evaluated in plain floats, an operation at a time: a curve decides where vertices are, and so has the same bits on every host.
+Evaluated in plain floats, one operation at a time: curves decide vertex positions, and so must have the same bits on every host.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ Easing = tuple[float, float, float, float]  # x1, y1, x2, y2 of a cubic Bezier f
 
 @dataclass(frozen=True)
 class Curve:
-    """Keys in the order of their times; before the first and after the last the values stand still.
+    """Keys in order of time; constant before the first and after the last.
 
-    Between two keys: the earlier one's value where `is_step`; a cubic where there are slopes (glTF 2.0, appendix C.5); else
-    straight, in a time that `easing` bends where it is given. is_rotation: the values are quaternions x y z w, which are
-    turned along the shorter arc and not cut through.
+    Between two keys: the earlier one's value if `is_step`; a cubic if there are slopes (glTF 2.0, appendix C.5); else linear,
+    with time remapped by `easing` if given. is_rotation: the values are quaternions x y z w, interpolated by slerp.
     """
 
     times: F64  # (K,) seconds, not decreasing
@@ -38,11 +37,11 @@ class Curve:
 
     @property
     def is_constant(self) -> bool:
-        """Whether it has one value at all times."""
+        """Whether the value is the same at all times."""
         return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
 
     def at(self, time: float) -> list[float]:
-        """The W values at a time. At a key, exactly that key's; of several at one time, the last's."""
+        """Returns the W values at a time. At a key, exactly that key's; of several at one time, the last's."""
         k = int(np.searchsorted(self.times, time, "right")) - 1
         if k < 0 or k == len(self.times) - 1 or self.is_step:
             return self._row(self.values[max(k, 0)])
@@ -64,7 +63,7 @@ class Curve:
 
 
 def smooth(times: F64, values: F64) -> Curve:
-    """Through the keys without a kink and without overshooting, at rest at the first and the last.
+    """Returns a smooth curve through the keys without overshoot, with slope 0 at the first and the last.
 
     Slopes of Fritsch & Butland 1984, "A Method for Constructing Local Monotone Piecewise Cubic Interpolants".
     """
@@ -96,7 +95,7 @@ def _cubic(
 
 
 def slerp(begin: Sequence[float], end: Sequence[float], share: float) -> list[float]:
-    """The rotation at a share of the shorter way from one quaternion to another (glTF 2.0, appendix C.4)."""
+    """Interpolates between two quaternions along the shorter arc, share 0 ... 1 (glTF 2.0, appendix C.4)."""
     begin, end = _unit(begin), _unit(end)
     if _dot(begin, end) < 0:
         end = [-b for b in end]
@@ -124,7 +123,7 @@ def _unit(quaternion: Sequence[float]) -> list[float]:
 
 
 def eased(easing: Easing, u: float) -> float:
-    """How far a value is at the share u of its time: the height of a cubic Bezier above u."""
+    """Returns the easing of time u, 0 ... 1: the height of a cubic Bezier curve at u."""
     x1, y1, x2, y2 = easing
     low, high = 0.0, 1.0
     for _ in range(60):  # x grows with the parameter, as x1 and x2 lie within 0 ... 1

@@ -1,4 +1,4 @@
-"""Which moment of a scene is meant: a frame's number, and how it becomes a time."""
+"""The time of a frame."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ ALL_CLIPS = "all"  # every clip of a file at once
 
 @dataclass(frozen=True)
 class Moment:
-    """Frame n shows the time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
+    """A frame n, at time n / fps; a still is frame 0. Frames are counted in halves, for slow motion.
 
-    fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or number from 0, or ALL_CLIPS
-    together; None for the first, which is all of them where no two of a glTF file move the same.
-    offset: by so many frames its time is another, within the frame's shutter; numbered files are the frame's own.
+    fps: None for the file's own, else DEFAULT_FPS. clip: of the file's animations, by name or index from 0, or ALL_CLIPS
+    together; None for the first, or for all in a glTF file if no two animate the same object.
+    offset: shifts the time by so many frames, within the frame's shutter; numbered files are still the frame's own.
     """
 
     frame: float = 0.0
@@ -35,5 +35,5 @@ class Moment:
             raise SettingsError(f"fps is {self.fps:g}; it takes numbers from {LEAST_FPS:g} to {MOST_FPS:g}")
 
     def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
-        """The time that it shows; own_fps: the file's."""
+        """Returns the time of the moment in seconds; own_fps: the file's."""
         return (self.frame + self.offset) / (own_fps if self.fps is None else self.fps)

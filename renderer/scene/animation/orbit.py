@@ -1,4 +1,4 @@
-"""A camera that goes around what it looks at, also while the shutter is open."""
+"""A turntable camera, which circles its target, also while the shutter is open."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _KEYS_A_TURN = 32  # within the shutter
 
 
 def orbit(view: View, turns: float, axis: Sequence[float] = (0.0, 1.0, 0.0)) -> View:
-    """The view from further along a circle about its target, counter-clockwise seen from where the axis points.
+    """Returns the view moved along a circle about its target, counter-clockwise seen from the tip of the axis.
 
-    turns: 1 is all the way round, which is exactly where it began. axis: which way is up in the scene, not 0.
+    turns: 1 is a full circle, which ends exactly at the start. axis: the scene's up direction, not 0.
     """
     if float(turns).is_integer():
         return view
@@ -41,9 +41,9 @@ def orbit_over(
     seconds: float,
     axis: Sequence[float] = (0.0, 1.0, 0.0),
 ) -> tuple[View, ...]:
-    """The views of a camera that goes around in so many seconds, while the shutter is open; none where it does not open.
+    """Returns the views of a turntable camera while the shutter is open; empty if the shutter has no duration. seconds: per turn.
 
-    views: those that it has besides, of a camera that moves. fps: the file's own.
+    views: those of a camera that also moves by itself. fps: the file's own.
     """
     if shutter.length == 0:
         return ()
@@ -55,7 +55,7 @@ def orbit_over(
 
 
 def _turned(v: Vec3, axis: Vec3, sine: float, cosine: float) -> Vec3:
-    """Rodrigues' formula."""
+    """Rotates a vector about an axis by Rodrigues' formula."""
     (x, y, z), (a, b, c) = v, axis
     along = ((a * x + b * y) + c * z) * (1.0 - cosine)
     return (

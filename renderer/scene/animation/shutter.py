@@ -1,4 +1,4 @@
-"""While the shutter is open: from when to when, seen from a frame, and at which keys what moves is looked at."""
+"""The shutter: the interval during which it is open, relative to a frame, and the keys of moving objects in it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the share of it th
 
 @dataclass(frozen=True)
 class Shutter:
-    """length: of a frame's time; 0: nothing moves. at: `centred` about the frame's time, `trailing`: it closes there, or
-    `leading`: it opens there.
+    """Shutter duration as a fraction of a frame's, its position relative to the frame, and the number of keys.
 
-    keys: at equal steps, the first as it opens and the last as it closes; 0: as many as what moves needs.
+    length: 0: no motion blur. at: `centred` about the frame's time, `trailing`: it closes there, or `leading`: it opens there.
+    keys: at equal steps, the first as it opens and the last as it closes; 0: as many as the motion needs.
     """
 
     length: float = 0.0
@@ -28,12 +28,12 @@ class Shutter:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Shutter:
-        """That of settings by their names; where one is left out, its default."""
+        """Returns the shutter of settings by their names, with defaults for missing ones."""
         names = dict(zip(SHUTTER, ("length", "at", "keys"), strict=True))
         return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})
 
     def moment(self, moment: Moment, share: float) -> Moment:
-        """The moment of a frame at a share of the time between opening, 0, and closing, 1."""
+        """Returns the moment of a frame at a fraction of the interval from opening, 0, to closing, 1."""
         return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
 
