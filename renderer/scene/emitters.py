@@ -44,7 +44,7 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
 
 
 def sends_evenly(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
-    """Whether each material, (M,), emits equally at every point: it has no emission texture and no alpha."""
+    """Whether each material, (M,), emits equally at every point: no texture, alpha or vertex colours."""
     if len(geometry.color):
         return np.zeros(len(packed.material_flags), bool)
     return packed.material_flags & (rows.TEXTURED | rows.TRANSPARENT) == 0

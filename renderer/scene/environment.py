@@ -160,7 +160,7 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
 
 
 def left_to_surfaces(scene: CompiledScene) -> CompiledScene:
-    """Returns the scene without light sampling of its environment if that is constant.
+    """Returns the scene without light sampling of its environment if that is constant and has no sun.
 
     BSDF sampling finds a constant environment without noise except from occlusion, so a further uniform sample with its own
     shadow ray would add more noise than it removes. If some objects are invisible to shadow rays only, both are needed.

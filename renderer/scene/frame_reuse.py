@@ -25,7 +25,7 @@ class _Entry(NamedTuple):
 
 
 class Cuts(NamedTuple):
-    """The offsets of a compiled scene's parts in its arrays, and the objects that each was made from: equal objects, equal bytes."""
+    """The offsets of a compiled scene's parts in its arrays, and the objects each was made from: equal objects, equal bytes."""
 
     vertex: tuple[int, ...]  # what stands still, bodies, what is loose; the last number is the end
     triangle: tuple[int, ...]

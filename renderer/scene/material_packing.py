@@ -172,7 +172,7 @@ def _at_normal_incidence(m: Material) -> list[float]:
 
 
 def _fill(row: F32, m: Material) -> None:
-    """Fills the columns of parameters that some kinds store in columns of others."""
+    """Sets the columns of a kind that differ from its parameters, e.g. glass as a principled surface that transmits fully."""
 
     def put(column: int, *values: float) -> None:
         row[column : column + len(values)] = values

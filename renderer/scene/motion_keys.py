@@ -48,7 +48,7 @@ def stretches_of(description: SceneDescription, placement: Placement) -> F64:
 
 
 def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
-    """Returns centres and radii (K, Z, 4) of these spheres; no keys if none moves."""
+    """Returns centres and radii (K, Z, 4) of these spheres; no keys if nothing moves between linear keys."""
     balls = [description.spheres[n] for n in numbers]
     loose = [mesh for mesh in description.meshes if mesh.keys]
     if not any(ball.keys for ball in balls) and not (balls and loose):
@@ -59,7 +59,7 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
-    """Returns the rows (J, 12) of the lights with non-zero intensity, all keys of a light consecutive; empty if all are static."""
+    """Returns the rows (J, 12) of the lights that shine, all keys of a light consecutive; empty if all are static."""
     return np.array([row for over in _over_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
 
 

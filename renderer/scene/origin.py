@@ -63,7 +63,7 @@ def origin_of(description: SceneDescription, kept: Kept | None = None) -> F64:
 
 
 def _origin(points: F64) -> F64:
-    """Returns the centre of all points, or of their middle four fifths, if it is far from zero relative to their size; else zero."""
+    """Returns the centre of all points, or of their middle four fifths, if it is far from zero for their size; else zero."""
     finite = np.isfinite(points).all(axis=1)
     points = points if finite.all() else points[finite]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -89,7 +89,7 @@ def _centre(points: F64, far: float) -> F64:
 
 
 def _samples(description: SceneDescription, moving: bool) -> F64:
-    """Samples points at equal steps over the triangles of all static (or moving) instances, and the box corners of such spheres."""
+    """Samples points at equal steps over the triangles of all static (or moving) instances, and boxes of such spheres."""
     meshes = description.meshes
     shown = [i for i in description.instances if (i.moves or meshes[i.mesh].deforms) == moving and len(meshes[i.mesh].triangles)]
     ends = np.cumsum([len(meshes[i.mesh].triangles) for i in shown])

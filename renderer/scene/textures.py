@@ -115,7 +115,7 @@ class TextureShelf:
         return self._textures[texture]
 
     def derived(self, texture: int | None, what: str, make: Callable[[Image], Image]) -> int | None:
-        """Returns a texture with an image computed from another's, with its layers and lookup; `what` identifies the computation."""
+        """Returns a texture whose image is computed from another's, with its layers and lookup; `what` identifies the result."""
         if texture is None:
             return None
         source = self._description.textures[texture]
