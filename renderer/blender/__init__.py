@@ -1,8 +1,8 @@
-""".blend and Alembic files: Blender opens them, in a process of its own that can do little harm, and writes what is read here.
+"""Reads .blend and Alembic files: runs Blender in a sandboxed process that converts them to a scene file of ours.
 
 program.py   finds Blender: a program, or a Python that has it as a module
-convert.py   has it write a scene of ours, and says what came of it
+convert.py   runs the conversion, and reports its result
 opening.py   opens a file for this process, or for a confined reader
-confined.py  what that process may open, take and reach; a script that becomes it
-inside/      what runs in Blender's own Python, and imports nothing of ours
+confined.py  the sandbox of that process; a script that restricts itself and then becomes Blender
+inside/      scripts that run in Blender's own Python, and import nothing of ours
 """

@@ -1,11 +1,11 @@
-"""Becomes another program that may open, take and reach little: a script, run by a Python without threads.
+"""Restricts this process and then becomes another program: a script, run by a Python without threads.
 
     python confined.py LIMITS PROGRAM ARGUMENT ...
 
 LIMITS: JSON with `reads` and `writes`, paths of files and folders; `memory` (bytes) and `seconds` of processor time.
 
-On Linux that is the kernel's Landlock (5.13 and later: files; 6.7: no TCP), and a network namespace with nothing in it where
-one can be had. Elsewhere memory and time alone are bounded.
+On Linux it uses the kernel's Landlock (5.13 and later: files; 6.7: no TCP), and an empty network namespace if permitted.
+Elsewhere only memory and time are limited.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from renderer.confine.limits import limit_program
 
 
 def main() -> None:
-    """The command."""
+    """Runs the command line."""
     limits, command = json.loads(sys.argv[1]), sys.argv[2:]
     rules.die_with_parent(os.getppid())
     rules.leave_network()

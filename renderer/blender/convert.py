@@ -1,4 +1,4 @@
-"""Has Blender write what is in a .blend or .abc file as a scene of ours, in a process that is bounded and sees nothing else."""
+"""Converts a .blend or .abc file to a scene file of ours, by Blender in a sandboxed process with resource limits."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ SYSTEM = (
 
 
 class _SlowError(Exception):
-    """It takes too long."""
+    """The conversion exceeded its time limit."""
 
 
 def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: int, seconds: float) -> str:
-    """Writes blender-scene.yaml, and the files that it names, into the folder `out`; returns the name of the first.
+    """Writes blender-scene.yaml, and the files that it refers to, into the folder `out`; returns the name of the first.
 
-    folder: the file and those that came along, which alone it may open; main: its name in it.
+    folder: the scene's files, the only ones that Blender may open; main: the scene's name in it.
     Raises SceneError with a sentence that begins with that name.
     """
     with tempfile.TemporaryDirectory(prefix="rayfarm-blender-") as name:
@@ -75,7 +75,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
 
 
 def _run(blender: Blender, folder: Path, room: Path, job: Path, memory: int, seconds: float) -> str:
-    """Runs it to its end; a sentence about that. Raises _SlowError."""
+    """Runs the conversion; returns a sentence about how it ended. Raises _SlowError."""
     limits = {
         "reads": [*SYSTEM, *blender.reads, str(HERE), str(SCRIPT.parent), *map(str, _ADDONS), str(folder.resolve()), str(job)],
         "writes": [str(room / "out"), str(room / "home"), "/dev/null"],

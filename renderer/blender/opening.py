@@ -1,4 +1,4 @@
-"""Opening a file with Blender, for this process or for a confined reader, which starts no programs."""
+"""Opens files with Blender, for this process or for a confined reader, which cannot start programs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SECONDS = 540.0
 
 
 def open_in_blender(root: Path, name: str, out: Path) -> str:
-    """Has Blender write the scene in a file of the folder `root` into the folder `out`; returns the main file's name there.
+    """Converts a file of the folder `root` with Blender into the folder `out`; returns the main file's name there.
 
     Raises SceneError.
     """
@@ -36,9 +36,9 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
 
 
 def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
-    """Functions of this process that a confined reader may call: `blender`, since Blender is confined by itself.
+    """Returns functions of this process that a confined reader may call: `blender`, since Blender has its own sandbox.
 
-    scene: the folder of the scene's files. room: the folder that everything of the reader lies in.
+    scene: the folder of the scene's files. room: the folder that contains all of the reader's files.
     """
 
     def blender(name: str, out: str) -> str:
@@ -51,7 +51,7 @@ def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
 
 
 def _memory() -> int:
-    """Three quarters of what this machine has."""
+    """Returns three quarters of the available memory, in bytes."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") * 3 // 4
     except (ValueError, OSError):

@@ -1,4 +1,4 @@
-"""Where Blender is: a program, or a Python that has it as a module."""
+"""Locates Blender: a program, or a Python that has it as a module."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _MODULE = "import importlib.metadata as m, sys; print(m.version('bpy')); print(s
 
 
 class BlenderError(Exception):
-    """Why there is no Blender that can be used, as a sentence that says what to do."""
+    """No usable Blender was found; the message says what to do."""
 
 
 @dataclass(frozen=True)
 class Blender:
-    """What starts it with a script of ours, to which the script's own arguments are added."""
+    """How to start Blender with a script of ours; the script's arguments are appended."""
 
     program: str
     version: str
@@ -34,7 +34,7 @@ class Blender:
     reads: tuple[str, ...]  # the folders that it needs
 
     def command(self, script: Path, *arguments: str) -> list[str]:
-        """The whole command."""
+        """Returns the complete command."""
         if self.is_module:
             return [self.program, "-I", str(script), *arguments]
         options = ["--background", "--factory-startup", "--disable-autoexec", "--python-exit-code", "3"]
@@ -42,14 +42,15 @@ class Blender:
 
 
 def environment_python() -> Path:
-    """The Python of the environment that `rayfarm worker --blender` makes for Blender."""
+    """Returns the Python of the environment that `rayfarm worker --blender` creates for Blender."""
     return private_folder("blender") / "bin" / "python"
 
 
 def find() -> Blender | None:
-    """The one that RAYFARM_BLENDER names, else the environment's, else the program on the PATH; None where there is none.
+    """Returns the Blender that RAYFARM_BLENDER names, else the environment's, else the program on the PATH; None if there is
+    none.
 
-    Raises BlenderError where the one that is named cannot be used.
+    Raises BlenderError if the named one cannot be used.
     """
     if named := os.environ.get(NAMED):
         return look_at(named)
@@ -64,7 +65,7 @@ def find() -> Blender | None:
 
 @functools.cache
 def look_at(path: str) -> Blender:
-    """The Blender at a path: a program's, or that of a Python that has the module. Raises BlenderError."""
+    """Returns the Blender at a path: a program's, or that of a Python that has the module. Raises BlenderError."""
     place = Path(path).expanduser()
     program = str(place) if place.exists() else shutil.which(path)
     if program is None:

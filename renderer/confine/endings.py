@@ -20,10 +20,10 @@ _OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP,
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of a reader.
+    """Limits of a reader, and the phrases of its error messages.
 
-    memory_bytes: beyond what it has when it starts. seconds: of work. subject: what sentences begin with. granted: how a
-    sentence goes on from "needs more than the 4.0 GiB". longer, smaller: what to do where the time or the memory is too little.
+    memory_bytes: beyond the memory at its start. seconds: of work. subject: the beginning of sentences. granted: the continuation
+    of "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
     """
 
     memory_bytes: int
@@ -35,11 +35,11 @@ class Bounds:
 
 
 class TooLargeError(MachineError):
-    """A file needs more memory than its reader is granted here."""
+    """A file needs more memory than its reader may use."""
 
 
 def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
-    """The exception that a reader's `error` stands for."""
+    """Returns the exception for a reader's `error` message."""
     sentence = str(message["error"])
     if message.get("machine"):
         return MachineError(sentence)
@@ -57,7 +57,7 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
 
 
 def _kinds() -> dict[str, type[RayfarmError]]:
-    """Faults by name: those that this process knows."""
+    """Returns the exception classes that this process knows, by name."""
     found: dict[str, type[RayfarmError]] = {}
     waiting = [RayfarmError]
     while waiting:
@@ -76,7 +76,7 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
 
 
 def how_it_ended(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
-    """The error for a reader that ended without a result. status: as `os.wait` gives it.
+    """Returns the error for a reader that ended without a result. status: from `os.wait`.
 
     room: bytes that it could allocate. needed: bytes that an importer may need. A crash with less room than that is taken for a
     failed allocation, which importers seldom check: a MachineError, so that a machine with more memory can try.
@@ -107,5 +107,5 @@ def how_it_ended(status: int, bounds: Bounds, room: int | None = None, needed: i
 
 
 def too_slow(bounds: Bounds) -> SceneError:
-    """The error for a reader that took longer than its bounds."""
+    """Returns the error for a reader that exceeded its time limit."""
     return SceneError(f"{bounds.subject} took longer than {bounds.seconds:.0f} seconds. {bounds.longer}")

@@ -1,4 +1,4 @@
-"""Which errors are a machine's, whatever the file that is read."""
+"""Distinguishes errors of the machine from errors of the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: BaseException) -> bool:
-    """Whether an error that a library raises is this machine's."""
+    """Whether a library's error is the machine's fault."""
     if isinstance(error, OSError):
         return error.errno in _OF_MACHINE
     return isinstance(error, RuntimeError) and "start new thread" in str(error)

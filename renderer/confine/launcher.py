@@ -41,7 +41,7 @@ _SYSTEM = (
 
 @dataclass
 class _Running:
-    """A reader and the descriptors that the launcher keeps of it."""
+    """A running reader and the launcher's descriptors for it."""
 
     pid: int
     asked: int
@@ -64,7 +64,7 @@ class _Launcher:
         self._poll.register(self._woken, select.POLLIN)
 
     def serve(self) -> None:
-        """Until the callers are gone."""
+        """Serves requests until all callers have closed their ends."""
         while os.getppid() == self._parent:
             for descriptor, _ in self._poll.poll(_POLL_MS):
                 if descriptor == self._control.fileno():
@@ -97,7 +97,7 @@ class _Launcher:
         return True
 
     def preload(self, name: str) -> str:
-        """Imports "module", or calls "module:function", once; why it failed, or ""."""
+        """Imports "module", or calls "module:function", once; returns the error, or ""."""
         if name not in self._done:
             module, _, function = name.partition(":")
             try:
@@ -161,7 +161,7 @@ def _report(status: int, message: dict[str, Any]) -> None:
 
 
 def _system() -> list[str]:
-    """Paths that every reader may read: the interpreter, installed packages, ours, and the kernels' folder."""
+    """Returns the paths that every reader may read: the interpreter, installed packages, ours, and the kernels' folder."""
     paths = sysconfig.get_paths()
     found = {*_SYSTEM, *(paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib"))}
     found |= {f"{prefix}/{name}" for prefix in (sys.prefix, sys.base_prefix) for name in ("lib", "lib64", "pyvenv.cfg", "bin")}

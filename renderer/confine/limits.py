@@ -1,4 +1,4 @@
-"""How much memory, processor time and file size a reader gets: never more than its caller may have."""
+"""Limits of memory, processor time and file size of a reader: never above the caller's own."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _NAMED = {
 
 
 def available_memory() -> int:
-    """Bytes that can be allocated now: of the machine's memory and of every cgroup that this process is in."""
+    """Returns the bytes that can be allocated now: limited by the machine's memory and every cgroup of this process."""
     return max(min([_of_machine(), *_of_cgroups()]), 0)
 
 
@@ -49,7 +49,7 @@ def _of_machine() -> int:
 
 
 def _of_cgroups() -> Iterator[int]:
-    """Free bytes in each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
+    """Yields the free bytes in each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -82,12 +82,12 @@ def _left(folder: Path, limit_name: str, used_name: str, cache_name: str) -> int
 
 
 def importer_memory(size: int) -> int:
-    """Bytes that an importer may need for a file of `size` bytes; damaged files hold counts of gigabytes."""
+    """Returns the bytes that an importer may need for a file of `size` bytes; damaged files may state counts of gigabytes."""
     return _IMPORTER + _IMPORTER_PER_BYTE * size
 
 
 def set_limits(memory: int, seconds: float) -> int:
-    """Limits this process: `memory` bytes beyond what it has now, processor time for `seconds` on all cores, no core dumps.
+    """Limits this process: `memory` bytes beyond its current use, processor time for `seconds` on all cores, no core dumps.
 
     No limit is raised. Returns how many bytes of address space it can still allocate: less than `memory` under a lower limit.
     """
@@ -97,7 +97,7 @@ def set_limits(memory: int, seconds: float) -> int:
 
 
 def limit_program(memory: int, seconds: int) -> None:
-    """Limits this process, and what it becomes, to `memory` bytes of address space and `seconds` of processor time."""
+    """Limits this process, also after exec, to `memory` bytes of address space and `seconds` of processor time."""
     _lower(resource.RLIMIT_AS, memory)
     _lower(resource.RLIMIT_CPU, seconds, _GRACE_S)
     _lower(resource.RLIMIT_FSIZE, LARGEST_FILE)
@@ -113,7 +113,7 @@ def _lower(which: int, value: int, grace: int = 0) -> None:
 
 
 def _address_space() -> int:
-    """Bytes of address space that this process has now."""
+    """Returns the address space of this process in bytes."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     except OSError:
@@ -122,9 +122,9 @@ def _address_space() -> int:
 
 @contextmanager
 def at_most(memory: int) -> Iterator[bool]:
-    """Limits this process to `memory` bytes of address space beyond what it has now, within the context.
+    """Context manager: limits this process to `memory` bytes of address space beyond its current use.
 
-    Yields whether the limit that it had before is lower still.
+    Yields whether the previous limit is lower still.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
@@ -137,14 +137,16 @@ def at_most(memory: int) -> Iterator[bool]:
 
 
 def inherited(option: str) -> int | None:
-    """The soft limit that this process was started with, in bytes or seconds, by `ulimit`'s option; None without one."""
+    """Returns the soft limit that this process was started with, in bytes or seconds, by `ulimit`'s option; None without one."""
     soft, _ = resource.getrlimit(_NAMED[option][0])
     return None if soft == resource.RLIM_INFINITY else soft
 
 
 def callers_limit(option: str) -> str | None:
-    """A phrase that names a limit this process was started with, such as "its limit on address space (ulimit -v) of 2.0 GiB";
-    None where there is none."""
+    """Returns a phrase that names a limit this process was started with; None if there is none.
+
+    For example "its limit on address space (ulimit -v) of 2.0 GiB".
+    """
     value = inherited(option)
     if value is None:
         return None
@@ -153,5 +155,5 @@ def callers_limit(option: str) -> str | None:
 
 
 def amount(value: int) -> str:
-    """Bytes in words: "1.5 GiB"."""
+    """Returns a number of bytes as text: "1.5 GiB"."""
     return f"{value / 2**30:.1f} GiB" if value >= 2**29 else f"{value / 2**20:.1f} MiB"

@@ -1,4 +1,4 @@
-"""The temporary folder of one job: the one place that its reader may write to."""
+"""The temporary folder of one job, the only folder that its reader may write to."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _MEMORY = Path("/dev/shm")
 
 @contextmanager
 def temporary_folder(prefix: str, in_memory: bool = False) -> Iterator[Path]:
-    """A new folder, removed at the end. in_memory: in the system's shared memory where that has room for a large scene.
+    """Context manager that creates a folder and removes it at the end.
 
-    Raises MachineError where no folder for temporary files can be written.
+    in_memory: in shared memory if that has room for a large scene. Raises MachineError if no temporary folder is writable.
     """
     folder = _made(prefix, _MEMORY if in_memory and _has_room(_MEMORY) else None)
     try:
@@ -45,7 +45,7 @@ def _made(prefix: str, where: Path | None) -> Path:
 
 
 def _has_room(folder: Path) -> bool:
-    """Returns whether /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
+    """Whether /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
     try:
         found = os.statvfs(folder)
     except OSError:

@@ -3,9 +3,9 @@
 Messages:
     started   confined; the job begins; `room`: bytes of address space that it can allocate
     answer    the result, last
-    error     a sentence, last; `kind`: its exception, `machine`: this machine is at fault, `rest`: without its subject
-    done      a request is answered
-    call      the caller is to do something that a reader may not
+    error     a sentence, last; `kind`: its exception, `machine`: whether this machine is at fault, `rest`: without its subject
+    done      a request is finished
+    call      requests a function call in the caller, for what a reader may not do
     others    progress
 """
 
@@ -48,7 +48,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Returns whether an error is a fault of this machine, not of the file that is read."""
+    """Whether an error is the fault of this machine, not of the file."""
     return error.errno in _OF_MACHINE
 
 
@@ -81,14 +81,17 @@ class Link:
             data = data[os.write(self._said, data) :]
 
     def job(self) -> Job:
-        """Reads the job, which comes first."""
+        """Receives the job, which is sent first."""
         size = int.from_bytes(self._exactly(8), "little")
         job = pickle.loads(self._exactly(size))
         assert isinstance(job, Job)
         return job
 
     def call(self, name: str, /, **arguments: Any) -> Any:
-        """Has the caller do something that a reader may not; returns its reply. Raises SceneError with the caller's sentence."""
+        """Calls a function in the caller, for what a reader may not do; returns its reply.
+
+        Raises SceneError with the caller's sentence.
+        """
         self.send({"call": name, **arguments})
         reply = json.loads(self._line(None) or b"{}")
         if "error" in reply:
@@ -96,9 +99,9 @@ class Link:
         return reply["reply"]
 
     def requests(self, idle_s: float) -> Iterator[dict[str, Any]]:
-        """Requests, until there has been none for `idle_s`, the caller is gone, or this process has grown large.
+        """Yields requests, until there has been none for `idle_s`, the caller is gone, or this process has grown large.
 
-        The wait is without end while the caller deals with messages of the last request: it needs the files that they name.
+        Waits without limit while the caller handles messages of the last request, since it needs the files that they name.
         """
         patience: float | None = idle_s
         while line := self._line(patience):
@@ -132,7 +135,7 @@ _link: Link | None = None
 
 
 def call(name: str, /, **arguments: Any) -> Any:
-    """`Link.call` of this process's job; None where this process is no reader."""
+    """Calls `Link.call` of this process's job; returns None if this process is no reader."""
     return None if _link is None else _link.call(name, **arguments)
 
 
@@ -142,7 +145,7 @@ def is_reader() -> bool:
 
 
 def live(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
-    """The whole life of a forked child. system: paths of the interpreter, its libraries and the kernels."""
+    """Runs a forked child to its end. system: paths of the interpreter, its libraries and the kernels."""
     global _link
     code = 1
     _link = link = Link(asked, said)
@@ -183,7 +186,7 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
 
 
 def told(error: BaseException) -> dict[str, Any]:
-    """The message about an error."""
+    """Returns the message for an error."""
     kind = f"{type(error).__module__}.{type(error).__qualname__}"
     if isinstance(error, MachineError):
         return {"error": str(error), "machine": True}

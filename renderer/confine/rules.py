@@ -1,4 +1,4 @@
-"""Confinement of this process by the kernel: Landlock for files, seccomp for system calls, no capabilities.
+"""Sandboxes this process by the kernel: Landlock for files, seccomp for system calls, no capabilities.
 
 Standard library only: also run by a bare Python that then becomes Blender (renderer/blender/confined.py).
 """
@@ -65,7 +65,7 @@ _libc = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
 
 
 def die_with_parent(parent: int) -> None:
-    """Has the kernel kill this process when its parent ends. Linux only."""
+    """Makes the kernel kill this process when its parent ends. Linux only."""
     if _libc is not None:
         _libc.prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
         if os.getppid() != parent:  # it ended before the call
@@ -73,18 +73,18 @@ def die_with_parent(parent: int) -> None:
 
 
 def gain_nothing() -> None:
-    """Sets no_new_privs: no program that this process starts has more rights than it."""
+    """Sets no_new_privs: programs started by this process cannot gain privileges."""
     if _libc is not None:
         _libc.prctl(_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
 def leave_network() -> bool:
-    """Moves this process into an empty network namespace; returns whether the kernel lets this user."""
+    """Moves this process into an empty network namespace; returns whether that was permitted."""
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
 
 
 def available() -> tuple[list[str], list[str]]:
-    """Returns what of Landlock and seccomp this system offers, and what it lacks, by name. Changes nothing."""
+    """Returns the names of available and of missing kernel features, Landlock and seccomp. Changes nothing."""
     version = _libc.syscall(_CREATE, None, 0, _VERSION) if _libc is not None else 0
     # Asked for a filter at no address, a kernel that has filters answers EFAULT, others EINVAL.
     has_filters = (
@@ -100,7 +100,7 @@ def available() -> tuple[list[str], list[str]]:
 def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
     """Restricts this process to these paths, each with READ, RUN or WRITE; returns whether the kernel has Landlock.
 
-    Paths that do not exist are left out. From Landlock 4 on, TCP is refused too; from 6 on, signals to other processes and
+    Non-existent paths are skipped. From Landlock 4 on, TCP is refused too; from 6 on, signals to other processes and
     abstract sockets.
     """
     if _libc is None:
@@ -132,7 +132,7 @@ def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
 
 
 def drop_capabilities(keep_reading: bool) -> None:
-    """Gives up root's capabilities. keep_reading: but for reading files of other users, as root does."""
+    """Drops root's capabilities. keep_reading: keeps the one for reading files of other users."""
     if _libc is None:
         return
     header = struct.pack("<Ii", _CAPABILITY_VERSION, 0)
@@ -145,9 +145,9 @@ def drop_capabilities(keep_reading: bool) -> None:
 
 
 def filter_calls() -> bool:
-    """Refuses network, other programs and processes, and whatever else reading files does not need; whether that is in force.
+    """Installs the seccomp filter, which refuses network, exec, fork and other calls not needed to read files.
 
-    Refused calls fail with EPERM. Threads may be started, processes may not.
+    Returns whether it is in force. Refused calls fail with EPERM. Threads may be started, processes may not.
     """
     machine = platform.machine()
     if _libc is None or machine not in DENIED or sys.maxsize < 2**32:
@@ -163,7 +163,7 @@ def filter_calls() -> bool:
 
 
 def _program(machine: str) -> Iterable[bytes]:
-    """The filter in classic BPF: one instruction of eight bytes each."""
+    """Returns the filter in classic BPF, eight bytes per instruction."""
 
     def do(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
         return struct.pack("<HBBI", code, if_true, if_false, value)

@@ -1,6 +1,6 @@
-"""The caller's side: runs jobs in confined readers, takes their messages, and turns every way to end into a result or a sentence.
+"""The caller's side: runs jobs in confined readers, receives their messages, and turns each outcome into a result or an error.
 
-A reader's messages are JSON and are treated as untrusted; what it wrote is for the caller to check.
+A reader's messages are JSON and are treated as untrusted; the caller must check the files that it wrote.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ _READY_S = 600.0  # for a launcher that compiles kernels first
 
 
 class _Launcher:
-    """The process that forks readers, as its callers see it; one for this process and those that are forked from it."""
+    """The caller's handle of the process that forks readers; shared by this process and its forks."""
 
     def __init__(self, preload: Sequence[str]) -> None:
-        """Raises MachineError."""
+        """Starts the launcher. Raises MachineError."""
         kind = socket.SOCK_SEQPACKET if sys.platform == "linux" else socket.SOCK_DGRAM
         try:
             self.socket, theirs = socket.socketpair(socket.AF_UNIX, kind)
@@ -74,19 +74,19 @@ class _Launcher:
         self._process.returncode = 0
 
     def send(self, preload: Sequence[str], descriptors: Sequence[int]) -> None:
-        """Asks for a reader. Raises OSError where the launcher is gone."""
+        """Requests a reader. Raises OSError if the launcher is gone."""
         data = json.dumps({"preload": list(preload)}).encode()
         assert len(data) < MOST_REQUEST
         socket.send_fds(self.socket, [data], list(descriptors))
 
     def close(self) -> None:
-        """Closes this process's ends. The launcher ends when the last of its callers has."""
+        """Closes this process's ends. The launcher ends once all callers have."""
         self.socket.close()
         if self._words is not None:
             self._words.close()
 
     def why(self) -> str:
-        """The end of what it wrote on its standard error."""
+        """Returns the end of its standard error."""
         if self._words is None:
             return ""
         with contextlib.suppress(OSError):
@@ -99,7 +99,7 @@ _current: _Launcher | None = None
 
 
 def begin_launcher(preload: Sequence[str] = ()) -> None:
-    """Starts the launcher, where there is none, so that it is ready when it is first needed. Raises MachineError."""
+    """Starts the launcher unless it runs, so that it is ready when first needed. Raises MachineError."""
     global _current
     with _lock:
         if _current is None:
@@ -113,7 +113,7 @@ def _close_current() -> None:
 
 
 def confinement() -> tuple[str, bool]:
-    """Returns by what readers are confined on this machine, as a sentence, and whether that is all there is."""
+    """Returns a sentence on how readers are confined on this machine, and whether confinement is complete."""
     has, lacks = available()
     kept = ", ".join([*has, "limits and an empty environment"])
     sentence = f"files are read in processes of their own, confined by {kept}"
@@ -121,7 +121,7 @@ def confinement() -> tuple[str, bool]:
 
 
 def _give_up(launcher: _Launcher) -> None:
-    """The next reader is another launcher's."""
+    """Discards a launcher; the next reader gets a new one."""
     global _current
     with _lock:
         if _current is launcher:
@@ -140,10 +140,10 @@ class Reader:
         preload: Sequence[str] = (),
         calls: Mapping[str, Callable[..., Any]] | None = None,
     ) -> None:
-        """work: picklable, of an importable module; its imports may be in `preload` ("module", or "module:function" to call).
+        """Starts the reader. work: a picklable function of an importable module.
 
-        reads: files and folders. writes: folders; the first is for temporary files. calls: by name, what the reader may have done
-        here. Raises MachineError.
+        reads: files and folders. writes: folders; the first is for temporary files. preload: modules to import ("module", or
+        "module:function" to call). calls: functions here that the reader may call, by name. Raises MachineError.
         """
         self.bounds = bounds
         self._calls = calls or {}
@@ -188,7 +188,7 @@ class Reader:
             view = view[os.write(self._asking, view) :]
 
     def result(self, on_message: Send = lambda message: None) -> dict[str, Any]:
-        """The job's result. on_message: gets progress. Raises RayfarmError: what the job raised, or how it ended."""
+        """Returns the job's result. on_message: receives progress. Raises RayfarmError: the job's error, or how it ended."""
         for message in self._messages(self.bounds.seconds):
             if "answer" in message:
                 answer: dict[str, Any] = message["answer"]
@@ -197,7 +197,7 @@ class Reader:
         raise self._ended()
 
     def ask(self, request: dict[str, Any], on_message: Send) -> bool:
-        """Has a request answered by a job that takes `Link.requests`; False where it left before. Raises as `result`."""
+        """Sends a request to a job that handles `Link.requests`; returns False if it had ended. Raises as `result`."""
         try:
             self._write(json.dumps(request).encode() + b"\n")
             for message in self._messages(self.bounds.seconds):
@@ -221,7 +221,10 @@ class Reader:
         raise self._sentence(ended)
 
     def _messages(self, seconds: float) -> Iterator[dict[str, Any]]:
-        """Messages until the reader closes its pipe. Time that the caller takes for one does not count."""
+        """Yields messages until the reader closes its pipe.
+
+        The caller's time to handle a message does not count as the reader's.
+        """
         buffer = bytearray()
         while True:
             begun = time.monotonic()
@@ -289,7 +292,7 @@ class Reader:
         return found if isinstance(found, dict) else {}
 
     def close(self) -> None:
-        """Ends the process, and waits until it has ended."""
+        """Ends the process and waits for it."""
         if self.is_over:
             return
         self.is_over = True
@@ -314,13 +317,13 @@ def run(
     preload: Sequence[str] = (),
     calls: Mapping[str, Callable[..., Any]] | None = None,
 ) -> dict[str, Any]:
-    """The result of `work(link)`, from a confined reader; see Reader. Raises RayfarmError."""
+    """Runs `work(link)` in a confined reader and returns its result; see Reader. Raises RayfarmError."""
     with Reader(work, reads, writes, bounds, preload, calls) as reader:
         return reader.result(on_message)
 
 
 def _largest_file(paths: Sequence[Path]) -> int:
-    """Bytes of the largest of the files, and of the first 10,000 files in folders; 0 without any."""
+    """Returns the size in bytes of the largest of the files, and of the first 10,000 files in folders; 0 without any."""
     inside = (path for folder in paths for path in (folder.rglob("*") if folder.is_dir() else [folder]))
     largest = 0
     for path in itertools.islice(inside, _MOST_FILES):
@@ -346,7 +349,7 @@ def _encoded(paths: Sequence[Path]) -> tuple[bytes, ...]:
 
 
 def _environment() -> dict[str, str]:
-    """The whole environment of readers."""
+    """Returns the complete environment of readers."""
     passed = {name: value for name, value in os.environ.items() if name in _PASSED or name.endswith(_PASSED_ENDINGS)}
     return {
         **passed,
@@ -358,7 +361,7 @@ def _environment() -> dict[str, str]:
 
 
 def _import_path() -> list[str]:
-    """This process's, without the script's own folder: a file there named as a library is not to be imported."""
+    """Returns this process's import path without the script's folder, where a file could shadow a library."""
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     scripts = str(Path(main).resolve().parent) if main else ""
     found = [entry for entry in sys.path if entry and str(Path(entry).resolve()) != scripts]
@@ -366,7 +369,7 @@ def _import_path() -> list[str]:
 
 
 def _words_file() -> IO[bytes] | None:
-    """Where the launcher's standard error goes; None where there is no room for a file."""
+    """Returns a temporary file for the launcher's standard error; None if none can be created."""
     try:
         if hasattr(os, "memfd_create"):
             return os.fdopen(os.memfd_create("rayfarm-launcher"), "w+b", buffering=0)

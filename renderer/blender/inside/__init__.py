@@ -1,12 +1,12 @@
-"""What runs in Blender's own Python: nothing here imports what only ours has, nor is it imported by us.
+"""Scripts that run in Blender's own Python: they import no packages of ours, and none of ours imports them.
 
-export.py     is run: opens the file with its scripts off, and writes our scene file beside what that names
-untrusted.py  a copy of a .blend whose names lead nowhere but to the files that came with it; reads no Blender
-prepare_scene.py   what stands in the scene as it is rendered: modifiers, what is hidden
-instances.py  what collections, particles and nodes show, as objects
-movie_textures.py     films and sequences of pictures
-surfaces.py   what of materials is not taken over
-cameras.py, lights.py, world.py   what glTF cannot say: written as our scene file has it
-large.py      large meshes, past the glTF exporter; glb.py: the file that it writes, changed
-keys.py       values over the frames
+export.py     the main script: opens the file with its scripts off, and writes our scene file and the files it refers to
+untrusted.py  copies a .blend and restricts all paths in it to the uploaded files; does not need Blender
+prepare_scene.py   prepares the scene as rendered: modifiers, visibility
+instances.py  converts instances of collections, particles and nodes to objects
+movie_textures.py     replaces movies and image sequences by still images
+surfaces.py   reports material features that are ignored
+cameras.py, lights.py, world.py   what glTF cannot represent, in the form of our scene file
+large.py      bypasses the glTF exporter for large meshes; glb.py: edits the file that it wrote
+keys.py       values sampled over the frames
 """

@@ -1,4 +1,4 @@
-"""What only Blender can work out of a material, as pictures: Cycles bakes it onto UVs of its own, of which no two overlap."""
+"""Bakes material inputs that only Blender can evaluate to images: Cycles renders them onto non-overlapping UVs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAMPLES = 4
 
 
 def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
-    """Puts pictures in the place of what the exporter cannot follow, in the materials of objects that are meshes."""
+    """Replaces material inputs that the exporter cannot convert by baked images, for mesh objects."""
     if "cycles" not in bpy.context.preferences.addons:
         return
     until = time.monotonic() + PATIENCE
@@ -55,7 +55,7 @@ def bake(bpy: Any, scene: Any, things: list[Any], notes: list[str]) -> None:
 
 
 def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
-    """Materials with the sockets to be baked, and one object of each mesh that has them."""
+    """Returns the materials with the sockets to bake, and one object for each mesh that uses them."""
     found: dict[str, tuple[Any, list[Any], list[Any]]] = {}
     seen = set()
     split: list[Any] = []  # that shared their meshes with others
@@ -77,7 +77,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
 
 
 def _odd(material: Any) -> list[Any]:
-    """The inputs of its principled BSDF that something feeds which the exporter does not know."""
+    """Returns the inputs of the material's principled BSDF that are fed by nodes the exporter does not support."""
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
     links = output.inputs["Surface"].links if output is not None else ()
     node = links[0].from_node if links else None
@@ -88,7 +88,7 @@ def _odd(material: Any) -> list[Any]:
 
 
 def _unfit(owners: list[Any]) -> str:
-    """Why they cannot be baked; nothing where they can."""
+    """Returns why these objects cannot be baked; empty if they can."""
     if any(thing.type != "MESH" for thing in owners):
         return "it is on curves or text: make meshes of these"
     if len(owners) > MOST_THINGS or sum(len(thing.data.polygons) for thing in owners) > MOST_FACES:
@@ -99,7 +99,7 @@ def _unfit(owners: list[Any]) -> str:
 
 
 def _settings(scene: Any) -> list[tuple[Any, str, Any]]:
-    """What baking changes, as it was; and changes it."""
+    """Applies the settings for baking; returns the previous values."""
     render, cycles = scene.render, scene.cycles
     wanted = [
         (render, "engine", "CYCLES"),
@@ -159,7 +159,7 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
 
 
 def _lay_out(bpy: Any, owners: list[Any]) -> None:
-    """Gives the meshes a set of UVs of which no two places are the same, of all of them together."""
+    """Adds a UV set to the meshes that does not overlap, over all of them together."""
     fresh = [thing for thing in owners if LAYER not in thing.data.uv_layers]
     if not fresh:
         return
@@ -195,7 +195,7 @@ def _select(bpy: Any, owners: list[Any]) -> None:
 
 
 def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]:
-    """Blender bakes all materials of a mesh: those that are not meant get a picture that nobody looks at."""
+    """Assigns dummy images to the meshes' other materials, since Blender bakes all materials of a mesh."""
     found = []
     names = {material.name}
     for thing in owners:
@@ -212,9 +212,9 @@ def _others(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]
 
 
 def _within_one(image: Any, entry: Any) -> str:
-    """Puts what is beyond 1 of a picture's colours into the strength of the light, if they are that; what is to be said of it.
+    """Moves values above 1 of an emission image into the light's strength; returns a note for other images with such values.
 
-    The picture was baked in linear colours, and has them in sRGB from now on.
+    The image was baked in linear colours, and is sRGB-encoded afterwards.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""Cameras, as our scene file has them."""
+"""Converts cameras to the form of our scene file."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ LEAST = 1e-6  # of a shift: what is less is rounding's
 
 
 def to_ours(v: Any) -> tuple[float, float, float]:
-    """A point or direction of Blender's world, which has Z up, in ours."""
+    """Converts a point or direction from Blender's Z-up world to our Y-up one."""
     return float(v[0]), float(v[2]), -float(v[1])
 
 
 class Cameras:
-    """The scene's cameras, the one it is rendered by first."""
+    """The scene's cameras, the active one first."""
 
     def __init__(self, bpy: Any, scene: Any, notes: list[str]) -> None:
         from mathutils import Vector
@@ -34,11 +34,11 @@ class Cameras:
             self._note(thing)
 
     def looks(self) -> dict[str, Any]:
-        """By name, what says how a camera stands now."""
+        """Returns, by name, functions that return a camera's current state."""
         return {thing.name: partial(self._now, thing) for thing in self._all}
 
     def written(self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float) -> list[dict[str, Any]]:
-        """For the scene file, by what was seen at the frames."""
+        """Returns the scene file's cameras from the states sampled at the frames."""
         cameras = []
         for thing in self._all:
             values = seen[thing.name]
@@ -95,7 +95,7 @@ class Cameras:
         return max(abs((place - camera.matrix_world.translation).dot(forward)), 1e-4)
 
     def _reaches(self, thing: Any) -> float:
-        """How far before a camera the last of the scene is."""
+        """Returns the distance from a camera to the far end of the scene."""
         eye, forward = thing.matrix_world.translation, thing.matrix_world.to_3x3() @ self._vector((0, 0, -1))
         return max(((point - eye).dot(forward.normalized()) for point in self._corners), default=0.0)
 
@@ -114,6 +114,6 @@ class Cameras:
 
 
 def _panorama(data: Any) -> Any:
-    """What kind it is: since Blender 5 the camera's own property, before Cycles'."""
+    """Returns the panorama type: since Blender 5 a property of the camera, before that of Cycles."""
     own = getattr(data, "panorama_type", None)
     return own or getattr(getattr(data, "cycles", None), "panorama_type", None)

@@ -1,4 +1,4 @@
-"""Meshes that modifiers bend over time (caches of Alembic, cloth, geometry nodes), as meshes with a shape key for each frame."""
+"""Converts meshes deformed by modifiers (Alembic caches, cloth, geometry nodes) to meshes with a shape key per frame."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ MOST = 6_000_000  # corners of all shape keys: each takes 24 bytes of what is wr
 
 
 class Bending:
-    """What modifiers make of meshes at each frame; bones aside, which are skins. left: names of those that stand still."""
+    """The shapes of modifier-deformed meshes at each frame, except for armatures, which become skins.
+
+    left: names of meshes that stay static because the data would be too large.
+    """
 
     def __init__(self, bpy: Any, scene: Any, shown: set[str], frames: list[int]) -> None:
-        """Goes through the frames. shown: names of objects."""
+        """Samples all frames. shown: names of objects."""
         self._bpy, self._scene, self._frames = bpy, scene, frames
         self._shapes: dict[str, list[Any]] = {}
         self._first: dict[str, Any] = {}
@@ -33,7 +36,7 @@ class Bending:
             self._shapes = self._over_all(kept)
 
     def into_keys(self, thing: Any) -> None:
-        """Gives a mesh that is as at the first frame keys that make it what it is at the others."""
+        """Adds shape keys to a mesh, which has its shape at the first frame, for the shapes at the others."""
         shapes = self._shapes.get(thing.name)
         if shapes is None or len(shapes[0]) != 3 * len(thing.data.vertices):
             if shapes is not None:
@@ -50,7 +53,7 @@ class Bending:
                     key.keyframe_insert("value", frame=self._frames[at])
 
     def _bent(self, names: list[str], frames: list[int]) -> list[str]:
-        """Those of which modifiers make others at these frames."""
+        """Returns the names of objects whose modifiers change their shape at these frames."""
         found = set()
         for name, points in self._at(names, frames):
             before = self._first.setdefault(name, points)
@@ -66,7 +69,9 @@ class Bending:
         return name not in self._other and (thing.data.shape_keys is None or len(thing.data.shape_keys.key_blocks) < 2)
 
     def _over_all(self, names: list[str]) -> dict[str, list[Any]]:
-        """By name, the corners at each frame, (3 V,) float32; those are left that come to too many, the largest first."""
+        """Returns the vertex positions at each frame by name, (3 V,) float32; leaves out the largest meshes if the total is too
+        large.
+        """
         size = {name: len(self._first[name]) // 3 * len(self._frames) for name in names}
         for name in sorted(names, key=lambda each: -size[each]):
             if sum(size.values()) > MOST:
@@ -91,7 +96,7 @@ class Bending:
 
 @contextmanager
 def without_bones(things: list[Any]) -> Iterator[None]:
-    """Armatures of these objects bend nothing meanwhile."""
+    """Context manager that disables the armature modifiers of these objects."""
     bones = [each for thing in things for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
     for each in bones:
         each.show_viewport = False

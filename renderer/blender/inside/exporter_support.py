@@ -1,4 +1,4 @@
-"""Which nodes Blender's glTF exporter finds its way through, between a socket and pictures that lie by UVs."""
+"""Determines which shader nodes Blender's glTF exporter supports between a socket and UV-mapped images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
 def is_followed(node: Any) -> bool:
-    """Whether it and all that feeds it is known to the exporter."""
+    """Whether the exporter supports a node and all nodes that feed it."""
     seen, left = set(), [node]
     while left:
         each = left.pop()
@@ -37,7 +37,7 @@ def is_followed(node: Any) -> bool:
 
 
 def _is_factor(node: Any) -> bool:
-    """Whether it multiplies, and does nothing else."""
+    """Whether a node only multiplies."""
     if node.type == "MATH":
         return node.operation == "MULTIPLY" and not node.use_clamp
     if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
@@ -47,7 +47,7 @@ def _is_factor(node: Any) -> bool:
 
 
 def lies_by_uv(node: Any) -> bool:
-    """Whether a set of UVs tells where a picture's node lies, by no more than one turn, stretch and shift in its plane."""
+    """Whether an image node is placed by a UV set, with at most one rotation, scale and translation in its plane."""
     entry, is_mapped = node.inputs["Vector"], False
     while entry.is_linked:
         link = entry.links[0]
@@ -71,7 +71,7 @@ def _is_flat(mapping: Any) -> bool:
 
 
 def sees_from(node: Any, output: str) -> str:
-    """What in an output and before it is another from elsewhere, by its label; nothing where nothing is."""
+    """Returns the label of a view-dependent node that feeds an output; empty if there is none."""
     return next(
         (
             str(each.bl_label)
@@ -83,12 +83,12 @@ def sees_from(node: Any, output: str) -> str:
 
 
 def is_of_each(node: Any, output: str) -> bool:
-    """Whether an output is another on each of the objects that share a mesh."""
+    """Whether an output differs between objects that share a mesh."""
     return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node, output))
 
 
 def _behind(node: Any, output: str) -> list[tuple[Any, str]]:
-    """It and all that feeds it, each with the output that is asked for."""
+    """Returns a node and all nodes that feed it, each with the output that is used."""
     found: list[tuple[Any, str]] = []
     left = [(node, output)]
     while left:

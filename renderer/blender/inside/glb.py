@@ -1,4 +1,4 @@
-"""A GLB as the exporter wrote it, to be changed."""
+"""Edits a GLB file written by the exporter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 class Glb:
-    """document: its JSON. Raises ValueError where it is none."""
+    """A GLB file in memory. document: its JSON. Raises ValueError for invalid files."""
 
     def __init__(self, path: Path) -> None:
         data = path.read_bytes()
@@ -33,7 +33,7 @@ class Glb:
             self._keep(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
 
     def array(self, values: Any, shape: str, component: int, is_bounded: bool = False) -> int:
-        """An accessor of a numpy array, whose type fits `component` but for its width. is_bounded: with its least and most."""
+        """Adds an accessor for a numpy array; `component`: glTF's component type. is_bounded: with its minimum and maximum."""
         import numpy as np
 
         flat = np.ascontiguousarray(values, np.uint32 if component == 5125 else np.float32)
@@ -46,7 +46,7 @@ class Glb:
         return self._add("accessors", said)
 
     def write(self, path: Path) -> None:
-        """Writes it whole."""
+        """Writes the file atomically."""
         if self._size:
             buffers = self.document.setdefault("buffers", [{}])
             buffers[0]["byteLength"] = self._size
@@ -61,7 +61,7 @@ class Glb:
                     file.write(part)
 
     def _keep(self, part: Any) -> None:
-        """Adds bytes, filled up to a multiple of four."""
+        """Appends bytes, padded to a multiple of four."""
         rest = bytes(-len(part) % 4)
         self._parts += [part, rest]
         self._size += len(part) + len(rest)

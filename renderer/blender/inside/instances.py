@@ -1,4 +1,4 @@
-"""What collections, particles and geometry nodes show elsewhere, as objects that share their meshes."""
+"""Converts instances of collections, particles and geometry nodes to objects that share their meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHEARED = 1e-5
 
 
 class _Shown(NamedTuple):
-    """key: what tells it at another frame. mesh: of its own, as it is shown there."""
+    """An instance. key: identifies it at other frames. mesh: its evaluated mesh."""
 
     key: Any
     parent: Any
@@ -33,7 +33,10 @@ class _Shown(NamedTuple):
 
 
 def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int], notes: list[str]) -> None:
-    """Makes them of the present frame, and has them move as at the others. shown: names of objects, to which theirs come."""
+    """Creates objects for the instances at the current frame, animated over the others.
+
+    shown: names of visible objects; those of the new objects are added.
+    """
     found = _found(bpy, shown)
     _note_left_out(bpy, shown, notes)
     moves = _over_frames(bpy, scene, shown, frames, found, notes)
@@ -82,7 +85,7 @@ def _counts(instance: Any, shown: set[str]) -> bool:
 
 
 def _note_left_out(bpy: Any, shown: set[str], notes: list[str]) -> None:
-    """What is instanced, or made by geometry nodes, and is no surface."""
+    """Notes objects that are instanced, or made by geometry nodes, and are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
@@ -101,7 +104,7 @@ def _key(instance: Any) -> Any:
 def _over_frames(
     bpy: Any, scene: Any, shown: set[str], frames: list[int], found: list[_Shown], notes: list[str]
 ) -> dict[Any, list[Any]]:
-    """The places of those that move, one of each frame."""
+    """Returns the transforms of moving instances at each frame."""
     if len(frames) < 2 or not found:
         return {}
     if len(frames) * len(found) > MOST_PLACES:
@@ -139,7 +142,7 @@ def _are_apart(a: Any, b: Any) -> bool:
 
 
 def _put(bpy: Any, scene: Any, thing: Any, place: Any, places: list[Any] | None, frames: list[int], notes: list[str]) -> None:
-    """Puts an object at a place, or at one for each frame. A sheared one is turned below something that stretches it."""
+    """Places an object by a transform, or by one per frame. A sheared one is rotated under a parent with non-uniform scale."""
     if _is_straight(place):
         carrier, turn = thing, None
     else:
@@ -188,7 +191,7 @@ def _is_bent(thing: Any) -> bool:
 
 
 def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
-    """What an instance shows; of geometry nodes that is no mesh of the object's own, though it bears its name."""
+    """Returns an instance's mesh; for geometry nodes it differs from the object's own, though it has the same name."""
     if thing.type == "LIGHT":
         return thing.original.data
     if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:

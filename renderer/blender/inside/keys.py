@@ -1,4 +1,4 @@
-"""Values over the frames, as a scene file has them."""
+"""Values over the frames, in the form of our scene file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ALIKE = 1e-9
 
 
 def rounded(value: Any) -> Any:
-    """Numbers as float32 has them, which is what Blender keeps: eight digits."""
+    """Rounds numbers to eight digits, the precision of Blender's float32."""
     if isinstance(value, dict):
         return {name: rounded(each) for name, each in value.items()}
     if isinstance(value, str | int) or value is None:
@@ -35,7 +35,7 @@ MAY_MOVE = (
 
 
 def scripted(bpy: Any) -> list[str]:
-    """The names of what drivers drive that are written in Python: with scripts off they do nothing."""
+    """Returns the names of data blocks with drivers written in Python, which do not run with scripts off."""
     found = set()
     for kind in MAY_MOVE:
         for block in getattr(bpy.data, kind, ()):
@@ -48,7 +48,7 @@ def scripted(bpy: Any) -> list[str]:
 
 
 def is_animated(bpy: Any, scene: Any) -> bool:
-    """Whether anything in the file may move with the frame."""
+    """Whether anything in the file may change with the frame."""
     for kind in MAY_MOVE:
         for block in getattr(bpy.data, kind, ()):
             data = block.animation_data
@@ -79,7 +79,7 @@ def is_animated(bpy: Any, scene: Any) -> bool:
 
 
 def animated_paths(block: Any) -> list[str]:
-    """The properties of one of Blender's data blocks that keys or drivers move, by their paths."""
+    """Returns the property paths of a data block that keyframes or drivers animate."""
     data = block.animation_data if block is not None else None
     if data is None:
         return []
@@ -94,16 +94,16 @@ def animated_paths(block: Any) -> list[str]:
 
 
 def frames_of(bpy: Any, scene: Any) -> list[int]:
-    """Those of the scene's range; of one in which nothing moves, the one that it shows."""
+    """Returns the frames of the scene's range; for a static scene the current one."""
     if not is_animated(bpy, scene):
         return [scene.frame_current]
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
 
 
 def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
-    """Frames, and those about them that are seen while the shutter of `settings` is open; none before 0, where time begins.
+    """Returns the frames, and those around them that the shutter of `settings` exposes; none before 0, the start of time.
 
-    Never two: between two keys Blender's exporter has things jump.
+    Never exactly two: with two keys Blender's exporter writes a step.
     """
     length = settings.get("shutter", 0.0)
     before = {"leading": 0.0, "trailing": 1.0}.get(settings.get("shutter_at", ""), 0.5) * length
@@ -113,7 +113,7 @@ def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
 
 
 def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
-    """What each of some functions says at each of the frames."""
+    """Returns the results of some functions at each of the frames."""
     found: dict[str, list[Any]] = {name: [] for name in looks}
     for frame in frames:
         scene.frame_set(frame)
@@ -123,7 +123,7 @@ def over_frames(scene: Any, frames: Iterable[int], looks: dict[str, Callable[[],
 
 
 def keyed(values: list[Any], frames: list[int], fps: float) -> Any:
-    """A value that stays, or its keys: times are frame / fps. Between two frames that are alike nothing is written."""
+    """Returns a constant value, or its keys with times frame / fps. Omits keys between two equal frames."""
     values = [rounded(value) for value in values]
     if all(_alike(value, values[0]) for value in values):
         return values[0]

@@ -1,7 +1,7 @@
-"""Large meshes around the glTF exporter, which takes several seconds for a million triangles.
+"""Bypasses the glTF exporter for large meshes, since it takes several seconds for a million triangles.
 
-It gets a triangle for each material in the place of each, and writes that with the material as it sees it; afterwards what was
-meant is put into its file.
+The exporter gets a stand-in with a triangle per material for each mesh, and writes it with its materials; afterwards the real
+geometry is written into the file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Taken = dict[str, Any]  # rayfarm_addon's meshes, by what their stand-ins are ca
 
 
 def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
-    """Puts them in the place of large meshes that nothing bends. addon: as of `simplify`."""
+    """Replaces large, undeformed meshes by stand-ins. addon: as for `simplify`."""
     if addon is None:
         return {}
     extract = modules_of(addon).meshes.extract
@@ -44,7 +44,7 @@ def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:
 
 
 def put_back(path: Path, taken: Taken) -> None:
-    """Writes into a GLB what its stand-ins stand for."""
+    """Replaces the stand-ins in a GLB by the real meshes."""
     if not taken:
         return
     glb = Glb(path)
@@ -74,7 +74,7 @@ def _has_colors(tree: Any, depth: int) -> bool:
 
 
 def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
-    """A triangle for each material, with sets of UVs of the same names."""
+    """Returns a mesh with a triangle per material, and UV sets of the same names."""
     made = bpy.data.meshes.new(mesh.name)
     corners = [(x, y, float(i)) for i in range(len(slots)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
     made.from_pydata(corners, [], [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(len(slots))])

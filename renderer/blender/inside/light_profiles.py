@@ -1,7 +1,7 @@
-"""What points and spots send into each direction, where nodes say so: IES profiles, pictures, patterns. Cycles photographs it.
+"""Renders the angular emission of point and spot lights with nodes (IES profiles, images, patterns) to an image, with Cycles.
 
-A copy of the lamp, without a size, shines in the middle of a white ball; what a camera at its place sees of the ball, of which
-every part faces it, is its radiant intensity by pi.
+A copy of the light, without a size, illuminates the inside of a white sphere from its centre; a camera there sees the sphere's
+radiance, which is the light's radiant intensity divided by pi.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # what another distance, or another r
 
 
 class Thrown(NamedTuple):
-    """A picture beside the scene file, linear, that multiplies what a lamp sends without its nodes."""
+    """A linear image beside the scene file, that multiplies the light's emission without its nodes."""
 
     file: str
     is_window: bool  # whether it fills the lamp's cone, and is not all around
 
 
 def is_thrown(bpy: Any, data: Any) -> bool:
-    """Whether the nodes of a lamp can be photographed. To be asked of those that are more than numbers."""
+    """Whether a light's nodes can be rendered to an image. Only for lights whose nodes are more than constants."""
     if data.type not in ("POINT", "SPOT") or "cycles" not in bpy.context.preferences.addons:
         return False
     return not any(node.type in FALLING for node in _nodes(data.node_tree))
 
 
 def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> Thrown:
-    """Writes the picture of a lamp, an object, into a folder."""
+    """Writes the emission image of a light object into a folder."""
     is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
     sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
     width = min(max([SIDE if is_window else AROUND, *sizes]), MOST)
@@ -50,7 +50,7 @@ def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> Thrown:
 
 
 def moves(data: Any) -> bool:
-    """Whether its nodes are others at other frames."""
+    """Whether a light's nodes change over time."""
     return bool(animated_paths(data.node_tree))
 
 
@@ -64,7 +64,7 @@ def _nodes(tree: Any) -> list[Any]:
 
 
 class _Studio:
-    """A scene of nothing but the lamp and the ball about it."""
+    """A scene with only the light and the sphere around it."""
 
     def __init__(self, bpy: Any, lamp: Any, is_window: bool) -> None:
         self._bpy, self._is_window = bpy, is_window
@@ -103,7 +103,7 @@ class _Studio:
         cycles.light_sampling_threshold = cycles.sample_clamp_direct = 0.0
 
     def _fill(self, place: Any) -> None:
-        """The ball, of radius 1, with normals that point to its middle."""
+        """Creates the sphere, of radius 1, with normals towards its centre."""
         import bmesh
         from mathutils import Matrix
 

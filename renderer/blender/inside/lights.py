@@ -1,4 +1,4 @@
-"""Lights, as our scene file has them: watts become radiant intensity, irradiance and radiance as Cycles makes them."""
+"""Converts lights to the form of our scene file: watts to radiant intensity, irradiance and radiance, as in Cycles."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "
 
 
 class Lights:
-    """The scene's lights: suns, spots, points without a size or whose nodes shape their light are lights, all others shapes that
-    shine and stop nothing.
+    """The scene's lights.
+
+    Suns, spots, points without a size or with nodes that shape their emission become lights; all others become emitting shapes
+    that block no light.
     """
 
     def __init__(self, bpy: Any, scene: Any, known: Any, notes: list[str], out: Path) -> None:
-        """known: the add-on's module of lamps; None where that is not here. out: for pictures of what lamps throw."""
+        """known: the add-on's module of lights; None if not available. out: folder for the images of emission profiles."""
         import mathutils
 
         self._bpy, self._math, self._known = bpy, mathutils, known
@@ -40,7 +42,7 @@ class Lights:
             self._note(thing, notes)
 
     def _throw(self, out: Path) -> None:
-        """Takes the pictures of what lamps throw, one of each lamp's data."""
+        """Renders the emission images, one for each light data block."""
         taken: dict[str, Thrown] = {}
         for thing in self._all:
             data = thing.data
@@ -53,13 +55,13 @@ class Lights:
                 self._thrown[thing.name] = taken[data.name]
 
     def looks(self) -> dict[str, Any]:
-        """By name, what says how a light is now."""
+        """Returns, by name, functions that return a light's current state."""
         return {thing.name: partial(self._now, thing) for thing in self._all}
 
     def written(
         self, seen: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
     ) -> tuple[list[Any], dict[str, Any], list[Any]]:
-        """For the scene file, by what was seen at the frames: lights, materials and shapes."""
+        """Returns the scene file's lights, materials and shapes from the states sampled at the frames."""
         lights, materials, shapes = [], {}, []
         for thing in self._all:
             values = seen[thing.name]
@@ -138,7 +140,7 @@ class Lights:
         }
 
     def _color(self, data: Any) -> list[float]:
-        """What a watt is multiplied by: colour, temperature, exposure, and what its nodes say where they are but numbers."""
+        """Returns the colour factor of a watt: colour, temperature, exposure, and nodes if they are constants."""
         color = list(data.color)
         if getattr(data, "use_temperature", False):
             color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
@@ -180,7 +182,7 @@ class Lights:
 
 
 def _is_portal(data: Any) -> bool:
-    """Whether it guides Cycles' samples, and is no light."""
+    """Whether a light is a portal, which guides Cycles' sampling and emits nothing."""
     return data.type == "AREA" and bool(getattr(getattr(data, "cycles", None), "is_portal", False))
 
 
@@ -197,7 +199,9 @@ def _kind(thing: Any, thrown: Thrown | None) -> dict[str, Any]:
 
 
 def _area_of(data: Any, scale: Any) -> float:
-    """What a lamp's power is multiplied by where it is that of a square metre ("Normalize" is off), whatever its size."""
+    """Returns the area by which a light's power is multiplied if "Normalize" is off, so that the power is per square metre; else
+    1.
+    """
     if getattr(data, "normalize", True):
         return 1.0
     if data.type == "SUN":
@@ -210,6 +214,6 @@ def _area_of(data: Any, scale: Any) -> float:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Whether an object lights, or shades, some things alone."""
+    """Whether an object illuminates, or shadows, selected objects only (light linking)."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))

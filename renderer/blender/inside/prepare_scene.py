@@ -1,4 +1,4 @@
-"""The scene as it is rendered, in objects that the glTF exporter knows: modifiers and instances become meshes."""
+"""Prepares the scene as rendered, in objects that the glTF exporter supports: modifiers and instances become meshes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ GREY = 0.8
 
 
 def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
-    """Makes the open scene so, at its present frame, the first of `frames`. Returns the objects that are shown.
+    """Prepares the open scene at its current frame, the first of `frames`. Returns the visible objects.
 
-    exposed: the frames that are seen, and those beside them while a shutter is open.
+    exposed: the frames, and those around them while a shutter is open.
     """
     _as_rendered(bpy, scene)
     bpy.context.view_layer.update()
@@ -46,7 +46,7 @@ def _is_somewhere(thing: Any) -> bool:
 
 
 def _as_rendered(bpy: Any, scene: Any) -> None:
-    """What the viewport shows is what the exporter sees."""
+    """Copies render settings of visibility and modifiers to the viewport's, which the exporter uses."""
     _visible_as_rendered(bpy)
     scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
     scene.render.simplify_child_particles = scene.render.simplify_child_particles_render
@@ -62,7 +62,10 @@ def _as_rendered(bpy: Any, scene: Any) -> None:
 
 
 def _visible_as_rendered(bpy: Any) -> None:
-    """What is hidden in the viewport alone would be evaluated by nobody, and what is hidden in pictures alone be instanced."""
+    """Makes viewport visibility equal to render visibility.
+
+    Objects hidden in the viewport only would not be evaluated, and those hidden in renders only would be instanced.
+    """
     for each in [*bpy.data.objects, *bpy.data.collections]:
         each.hide_viewport = each.hide_render
     left = [bpy.context.view_layer.layer_collection]
@@ -75,7 +78,7 @@ def _visible_as_rendered(bpy: Any) -> None:
 
 
 def _override(layer: Any, scene: Any, things: list[Any]) -> None:
-    """What the view layer shows in the place of all materials, and of the world."""
+    """Applies the view layer's override of all materials and of the world."""
     material = getattr(layer, "material_override", None)
     for thing in things if material is not None else ():
         if not hasattr(thing.data, "materials"):
@@ -89,7 +92,7 @@ def _override(layer: Any, scene: Any, things: list[Any]) -> None:
 
 
 def _plain_materials(bpy: Any, things: list[Any]) -> None:
-    """Materials of no nodes are matt in Cycles, and what has no material is grey."""
+    """Replaces materials without nodes by diffuse ones, as in Cycles, and missing materials by grey."""
     grey = bpy.data.materials.new("no material")
     grey.use_nodes = False
     grey.diffuse_color = (GREY, GREY, GREY, 1.0)
@@ -114,7 +117,7 @@ def _as_matt(material: Any) -> None:
 
 
 def _shown(bpy: Any, scene: Any) -> set[str]:
-    """The names of the objects that are rendered: not hidden, nor all their collections, nor left out of the layer."""
+    """Returns the names of objects that are rendered: not hidden, in a visible collection, not excluded from the view layer."""
     layer = set(bpy.context.view_layer.objects.keys())
     hidden = {collection.name for collection in [*scene.collection.children_recursive] if collection.hide_render}
 
@@ -126,7 +129,7 @@ def _shown(bpy: Any, scene: Any) -> set[str]:
 
 
 def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
-    """Whether a collection or one that it lies in is hidden."""
+    """Whether a collection, or one that contains it, is hidden."""
     if collection.name in hidden:
         return True
     parents = [each for each in scene.collection.children_recursive if collection.name in each.children]
@@ -134,8 +137,9 @@ def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
 
 
 def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
-    """Applies all modifiers but armatures, which the exporter knows as skins; shape keys stand in the way of others, and take
-    the place of those that bend a mesh over time.
+    """Applies all modifiers except armatures, which the exporter writes as skins.
+
+    Shape keys prevent other modifiers from being applied, and replace those that deform a mesh over time.
     """
     keyed = []
     bending = Bending(bpy, scene, shown, exposed if len(frames) > 1 else frames)

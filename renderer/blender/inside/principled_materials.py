@@ -1,5 +1,6 @@
-"""Materials in terms that the glTF exporter knows: whatever shades a surface becomes one principled BSDF, and what lies between
-that and its pictures one picture. How, the add-on's modules know; where they are not, materials stay as they are.
+"""Converts materials to a form that the glTF exporter supports: a single principled BSDF, with at most one image per input.
+
+The add-on's modules do the conversion; without them, materials are unchanged.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Extensions = dict[str, dict[str, Any]]
 
 
 class _Way(NamedTuple):
-    """How a picture lies: by the socket that tells where, and what is beyond it."""
+    """The placement of an image: node and socket of its coordinates, wrap mode, filter, scale, offset and rotation."""
 
     node: str
     socket: str
@@ -36,7 +37,7 @@ class _Way(NamedTuple):
 
 
 def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) -> Extensions:
-    """Changes the materials of objects: what of them the exporter has no words for, by their names.
+    """Converts the materials of objects; returns properties that the exporter cannot write, by material name.
 
     addon: the folder of the package rayfarm_addon, if there is one.
     """
@@ -58,7 +59,7 @@ def simplify(bpy: Any, things: list[Any], addon: Path | None, notes: list[str]) 
 
 
 def modules_of(addon: Path) -> Any:
-    """The add-on's modules of shaders and hair, without what registers it."""
+    """Imports the add-on's modules of shaders and hair, without registering the add-on."""
     package = "rayfarm_addon.scene"
     if package not in sys.modules:
         for name, path in (("rayfarm_addon", addon), (package, addon / "scene"), ("rayfarm_addon.farm", addon / "farm")):
@@ -92,7 +93,9 @@ class _Simplifier:
         self._painter = modules.painted.Painter(material.name, self._way)
 
     def run(self) -> dict[str, Any]:
-        """Does it, where there is anything to do: what the exporter does not write as Cycles means it, for `with_rays`."""
+        """Converts the material if necessary; returns the values that the exporter writes differently from Cycles, for
+        `with_rays`.
+        """
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
@@ -132,12 +135,12 @@ class _Simplifier:
         self._notes += [f"Material {self._material.name}: {sentence}" for sentence in dict.fromkeys(told)]
 
     def _filled(self, lets_in: bool, told: list[str]) -> dict[str, Any]:
-        """What its volume fills it with. told: gets sentences of what is left out."""
+        """Returns the medium of the material's volume. told: receives notes on what is ignored."""
         found = self._modules.within.filled(self._tree, lets_in, told.append)
         return {} if found is None else {self._modules.within.MEDIUM: found}
 
     def _shine(self, principled: Any, look: Any) -> tuple[str, ...]:
-        """Puts what feeds the strength of its emission into the picture of its colour; the inputs that this settles."""
+        """Multiplies the emission strength's image into the emission colour's; returns the inputs that are done."""
         nodes = self._modules.nodes
         names = ("Emission Color", "Emission Strength")
         color, strength = (look.input(name) for name in names)
@@ -191,7 +194,7 @@ class _Simplifier:
         return said
 
     def _made(self, output: Any) -> Any:
-        """A principled BSDF in the place of what shades the surface."""
+        """Returns a principled BSDF that replaces the material's surface shader."""
         node = self._tree.nodes.new("ShaderNodeBsdfPrincipled")
         self._tree.links.new(node.outputs[0], output.inputs["Surface"])
         return node
@@ -219,7 +222,7 @@ class _Simplifier:
             self._tree.links.new(self._picture(entry, *painted), entry)
 
     def _bumps(self, entry: Any, at: Any) -> bool:
-        """Whether it is bent by a picture of heights, and now by one of normals."""
+        """Whether the normal comes from a height image; replaces it by a normal map."""
         nodes = self._modules.nodes
         source = nodes.followed(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
@@ -227,7 +230,7 @@ class _Simplifier:
         return self._bend([entry], source)
 
     def _displace(self, principled: Any, told: list[str]) -> None:
-        """Shows its displacement as bumps, where nothing else bends it."""
+        """Converts displacement to bump, if the material has no other bump or normal map."""
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
         heights = self._modules.displaced.displaced(self._material, self._tree, scale, told.append)
         if heights is None:
@@ -239,7 +242,7 @@ class _Simplifier:
             told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
 
     def _bend(self, entries: list[Any], source: Any) -> bool:
-        """Whether a Bump node's heights are a picture, which bends these inputs now."""
+        """Whether a Bump node's height is an image; replaces it by a normal map on these inputs."""
         numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
         spans = _stretched(self._thing, self._modules.meshes.spans)
         if spans is None or not all(isinstance(each, float) for each in numbers):
@@ -269,7 +272,7 @@ class _Simplifier:
             entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
 
     def _picture(self, entry: Any, painted: Any, way: _Way, is_color: bool | None = None) -> Any:
-        """A node with the picture, which lies as those do that it is made of."""
+        """Returns a node with the computed image, placed as the images that it is made from."""
         height, width = painted.texels.shape[:2]
         is_color = entry.type == "RGBA" if is_color is None else is_color
         image = self._bpy.data.images.new(painted.name[:60], width, height, alpha=False, float_buffer=False)
@@ -303,7 +306,7 @@ class _Simplifier:
 
 
 def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
-    """How long an object's surface is over a unit of its UVs, across and up; None where it has none. spans: of the add-on's."""
+    """Returns an object's surface length per unit of UV, across and up; None without UVs. spans: the add-on's function."""
     import numpy as np
 
     mesh = thing.data

@@ -1,4 +1,4 @@
-"""What the glTF exporter has no words for: which rays meet an object, and some of its surface. It is written into its file."""
+"""Writes properties that the glTF exporter does not support into its file: ray visibility of objects, and some of materials."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Flags = dict[str, bool]
 
 
 def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
-    """By name, `camera` and `shadow` of the objects that such rays pass by."""
+    """Returns, by name, the `camera` and `shadow` flags of objects that such rays do not hit."""
     found = {}
     for thing in things:
         is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)
@@ -32,7 +32,7 @@ def passed_by(things: list[Any], layer: Any) -> dict[str, Flags]:
 
 
 def note_rays(things: list[Any], layer: Any, notes: list[str]) -> None:
-    """Names what of Blender's visibility is not taken over."""
+    """Notes features of Blender's ray visibility that are ignored."""
     for thing in things:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
@@ -55,9 +55,9 @@ def _put_factors(material: dict[str, Any], told: dict[str, Any]) -> None:
 
 
 def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:
-    """Writes into a GLB the rays on the nodes of their names, and on the materials of theirs extensions and factors.
+    """Writes ray visibility into a GLB's nodes, and extensions and factors into its materials, both by name.
 
-    Of factors, roughnessFactor is replaced, and baseColorFactor multiplied.
+    Of the factors, roughnessFactor is replaced, and baseColorFactor multiplied.
     """
     if not (rays or surfaces):
         return

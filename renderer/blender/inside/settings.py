@@ -1,4 +1,4 @@
-"""What the scene itself asks for, as settings of ours; and what of it is not taken over."""
+"""Converts the scene's render settings to ours; notes those that are ignored."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
 def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
-    """Returns size, depths, shutter, and what of clamping and of the pixel filter is as in Cycles.
+    """Returns size, depths, shutter, and those of clamping and the pixel filter that agree with Cycles.
 
     known: as for `note_settings`.
     """
@@ -36,7 +36,10 @@ def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
 
 
 def note_settings(scenes: Any, scene: Any, layer: Any, notes: list[str], known: Any) -> None:
-    """scenes: all of the file's. known: the add-on's module of Cycles' settings, or None."""
+    """Notes render settings that are ignored. scenes: all of the file's.
+
+    known: the add-on's module of Cycles' settings, or None.
+    """
     render = scene.render
     if len(scenes) > 1:
         others = sorted(each.name for each in scenes if each.name != scene.name)

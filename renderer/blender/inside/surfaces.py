@@ -1,4 +1,4 @@
-"""What of materials glTF cannot say: named, so that nobody looks for it in the picture."""
+"""Reports material features that glTF cannot represent."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ MOST_NODES = 10_000
 
 
 def note_surfaces(materials: list[Any], notes: list[str], is_read: bool) -> None:
-    """materials: those that the scene shows. is_read: whether what is inside of them is, by the add-on's modules."""
+    """Notes features that are ignored. materials: of visible objects.
+
+    is_read: whether the add-on's modules read their volumes.
+    """
     for material in materials:
         tree = material.node_tree if material.use_nodes else None
         output = _output(tree) if tree is not None else None
@@ -78,7 +81,7 @@ def _called(node: Any) -> str:
 
 
 def _behind(node: Any) -> list[Any]:
-    """The nodes that feed one."""
+    """Returns the nodes that feed a node."""
     found: dict[str, Any] = {}
     left = [link.from_node for entry in node.inputs for link in entry.links]
     while left and len(found) < MOST_NODES:

@@ -1,4 +1,4 @@
-"""Whether the pictures behind a socket are told as glTF has them there: colours in sRGB, numbers as grey data."""
+"""Checks whether a socket's images have the encoding that glTF requires: sRGB for colours, linear for numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 
 def is_suited(entry: Any, node: Any, output: Any) -> bool:
-    """entry: the input that an output of a node feeds."""
+    """Whether the images have the right encoding. entry: the input that is fed by the node's output."""
     is_color = entry.type == "RGBA"
     for each, name, is_channel in _pictures(node, output):
         image = each.image
@@ -24,7 +24,7 @@ def is_suited(entry: Any, node: Any, output: Any) -> bool:
 
 
 def _pictures(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
-    """The nodes of pictures behind one, which of their outputs is asked for, and whether for a channel of it."""
+    """Returns the image nodes that feed a node, the output used of each, and whether only one channel of it is used."""
     found, left = [], [(node, output.name, False)]
     while left:
         each, name, is_channel = left.pop()

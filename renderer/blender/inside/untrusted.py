@@ -1,10 +1,9 @@
-"""A copy of a .blend file in which every path leads to a file that came with it, or nowhere.
+"""Copies a .blend file with all paths replaced by those of uploaded files, or by non-existent ones.
 
-Blender opens linked libraries, caches and fonts while it reads a file, by paths that whoever made the file chose. A .blend is a
-dump of Blender's memory with a table that describes it (its "DNA"): so paths are found as what they are, long arrays of
-characters, whatever holds them. Those that lie elsewhere, where a pointer leads, are forgotten. And nodes that import files, by
-paths that other nodes may put together, become nodes that Blender does not know. Sources: Blender's doc/blender_file_format,
-BLO_readfile, DNA_genfile.
+Blender opens linked libraries, caches and fonts while it reads a file, by paths that the file's author chose. A .blend is a
+dump of Blender's memory with a table that describes it (its "DNA"): so paths are recognised as long character arrays in any
+struct. Paths stored behind pointers are cleared. Nodes that import files, by paths that other nodes may compute, are changed to
+an undefined type. Sources: Blender's doc/blender_file_format, BLO_readfile, DNA_genfile.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ DEEPEST = 16
 
 
 class DamagedError(Exception):
-    """Why a file cannot be read, as a sentence's end."""
+    """A file that cannot be read; the message is the end of a sentence."""
 
 
 class _Form(NamedTuple):
-    """How a file is laid out. order: of bytes, as struct says it. head: of a block's header."""
+    """The layout of a file. order: byte order in struct's notation. pointer: bytes. head: of a block's header."""
 
     order: str
     pointer: int
@@ -46,7 +45,7 @@ class _Form(NamedTuple):
 
 
 class _Places(NamedTuple):
-    """Of a struct of so many bytes, where something is to be mended, and how long that is."""
+    """The offsets and lengths of fields to replace in a struct; size: of the struct, in bytes."""
 
     size: int
     paths: list[tuple[int, int]]
@@ -62,9 +61,9 @@ class _Block(NamedTuple):
 
 
 def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_bytes: int) -> None:
-    """Writes the copy, which is not compressed.
+    """Writes an uncompressed copy with safe paths.
 
-    resolve: what stands in place of a path. most_bytes: that it may have. Raises DamagedError; OSError.
+    resolve: returns the replacement of a path. most_bytes: maximum size of the copy. Raises DamagedError; OSError.
     """
     with target.open("w+b") as out:
         _unpack(source, out, most_bytes)
@@ -93,7 +92,7 @@ def _unpacked(source: Path) -> Any:
 
 
 def _unpack(source: Path, out: IO[bytes], most: int) -> None:
-    """Writes it as it is where it is not compressed."""
+    """Decompresses the file; copies it if it is not compressed."""
     piece = memoryview(bytearray(PIECE))
     size = 0
     with _unpacked(source) as file:
@@ -115,7 +114,7 @@ def _unpack(source: Path, out: IO[bytes], most: int) -> None:
 
 
 def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
-    """Where the blocks of a file are, what describes them, and how it is laid out."""
+    """Returns the blocks of a file, its DNA, and its layout."""
     form, at = _form(data)
     blocks: list[_Block] = []
     dna = b""
@@ -142,7 +141,7 @@ def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
 
 
 def _form(data: mmap.mmap) -> tuple[_Form, int]:
-    """What the header says, and where it ends: after 12 bytes, or since Blender 5 after as many as it says itself."""
+    """Parses the header; returns the layout and the header's size: 12 bytes, or since Blender 5 as stated in it."""
     start = data[:SHORTEST]
     if start[7:8].isdigit():
         size = int(start[7:9]) if start[7:9].isdigit() else 0
@@ -157,10 +156,10 @@ def _form(data: mmap.mmap) -> tuple[_Form, int]:
 
 
 class _Dna:
-    """The structs of a file, by their numbers."""
+    """The DNA: the structs of a file by number."""
 
     def __init__(self, data: bytes, form: _Form) -> None:
-        """Raises DamagedError."""
+        """Parses the DNA. Raises DamagedError."""
         self._data, self._form, self._at = data, form, 4
         try:
             self._names = [name.decode("latin-1") for name in self._texts(b"NAME")]
@@ -178,7 +177,7 @@ class _Dna:
             raise DamagedError(f"has a damaged description of what is in it ({error}); save it anew") from None
 
     def places(self) -> dict[int, _Places]:
-        """By the numbers of structs in which something is to be mended: what. Raises DamagedError."""
+        """Returns the fields to replace, by struct number. Raises DamagedError."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
             try:

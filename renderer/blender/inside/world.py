@@ -1,4 +1,4 @@
-"""The world: a colour as it is; whatever else it is made of as a picture of all directions, which Cycles takes."""
+"""Converts the world: a constant colour as it is; anything else as a panorama rendered by Cycles."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ RAYS = {
 def write_world(
     bpy: Any, scene: Any, out: Path, skies: Any, notes: list[str]
 ) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
-    """The scene file's environment, with its picture in `out`, and the sun of its sky as lights.
+    """Returns the scene file's environment, with its image in `out`, and its sky's sun as lights.
 
-    None where there is no light from around. skies: the add-on's module of that name; None where that is not here.
+    None if the world emits no light. skies: the add-on's module of that name; None if not available.
     """
     world = scene.world
     if world is None:
@@ -53,9 +53,9 @@ def write_world(
 
 
 def world_medium(world: Any, within: Any, notes: list[str]) -> dict[str, Any] | None:
-    """What fills the world, as the scene file has it; None where it is clear.
+    """Returns the medium that fills the world, in the form of our scene file; None if there is none.
 
-    within: the add-on's module of that name; None where that is not here.
+    within: the add-on's module of that name; None if not available.
     """
     tree = world.node_tree if world is not None and world.use_nodes else None
     output = None if tree is None else next((n for n in tree.nodes if n.type == "OUTPUT_WORLD" and n.is_active_output), None)
@@ -81,7 +81,7 @@ def _light(world: Any, sun: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(world: Any) -> list[float] | None:
-    """The radiance of a world that is one colour; None where it is more."""
+    """Returns the radiance of a constant world; None for others."""
     if not world.use_nodes or world.node_tree is None:
         return [float(c) for c in world.color]
     output = next((node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD" and node.is_active_output), None)
