@@ -35,7 +35,7 @@ class Camera(NamedTuple):
 
     perspective: the point in focus for (x, y) is eye + focus * (corner + x * across + y * down); the components of corner, across
     and down along the line of sight are 1, 0, 0.
-    orthographic: the ray starts at eye + corner + x * across + y * down and runs along `forward`.
+    orthographic: the ray starts at eye + corner + x * across + y * down, in direction `forward`.
     panorama: longitude and latitude are `turns` times the offset of x and y from the middle.
     """
 
@@ -57,7 +57,7 @@ class Camera(NamedTuple):
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """Returns the Camera of the settings' view, its picture size, and its views while the shutter is open."""
+    """Returns the Camera of the settings' view, picture size, and views while the shutter is open."""
     view = settings.view
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:
@@ -95,7 +95,7 @@ def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
 
 
 def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
-    """Returns the unit vectors right, up and back, and the eye: the columns of the camera's transform."""
+    """Returns the unit vectors right, up and back, and the eye, in world space: the columns of the camera's transform."""
     eye = np.array(view.eye, np.float64)
     sight = np.array(view.target, np.float64) - eye
     forward = sight / _length(sight)
@@ -105,7 +105,7 @@ def axes_of(view: View) -> tuple[npt.NDArray[np.float64], ...]:
 
 
 def _length(vector: npt.NDArray[np.float64]) -> float:
-    """Returns a vector's length, with the same bits on every host, which `@` does not give."""
+    """Returns a vector's length, with the same bits on every host, unlike `@`."""
     x, y, z = vector.tolist()
     return math.sqrt((x * x + y * y) + z * z)
 
@@ -139,9 +139,9 @@ def _panorama_ray(camera, x, y):
 
 @device
 def _lens_ray(camera, towards, u):
-    """Returns a thin lens ray (origin, unit direction): all rays of a film point meet in the plane of focus (Cook et al.
+    """Returns a thin lens ray (origin, unit direction) in world space.
 
-    1984).
+    All rays of a film point intersect in the plane of focus (Cook et al. 1984).
     """
     a, b = square_to_disk(u)
     lens = vec.add(vec.scale(camera.right, a * camera.aperture), vec.scale(camera.up, b * camera.aperture))

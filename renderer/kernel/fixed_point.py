@@ -39,9 +39,8 @@ def in_half(sample):
 
 @intrinsic
 def of_sample(typingctx, light, one, halved):
-    """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice.
-
-    The second copy 0 unless `halved`.
+    """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice; the second copy is 0 unless
+    `halved`.
     """
 
     def codegen(context, builder, sig, args):

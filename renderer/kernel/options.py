@@ -90,7 +90,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 
 def _limit(settings: RenderSettings, name: str) -> float:
-    """Returns a limit by kind; infinite if it is off, or the integrator ignores it.
+    """Returns a depth limit by kind; infinite if it is off, or the integrator ignores it.
 
     The largest transmission depth is enforced without counting, by the upper bound of uncounted segments.
     """
@@ -101,6 +101,8 @@ def _limit(settings: RenderSettings, name: str) -> float:
 
 
 def is_special(settings: RenderSettings) -> bool:
-    """Whether the settings need the single-path integrator: other strategies, deliberate errors, or several light samples."""
+    """Whether the settings need the single-path integrator: other strategies, deliberate errors, or several light samples per
+    vertex.
+    """
     plain = settings.sampling == "mis" and settings.heuristic == "power"
     return not plain or settings.mistake != "" or settings.light_samples > 1

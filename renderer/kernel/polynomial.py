@@ -107,11 +107,9 @@ _TAIL = tuple(
 
 @device
 def floor(x):
-    """Returns the greatest integer not above x: int64 for |x| < 2**62.
+    """Returns the greatest integer not above x: int64 for |x| < 2**62; for eight lanes u32x8, the bits of int32, for |x| < 2**31.
 
-    For eight lanes u32x8, the bits of int32, for |x| < 2**31.
-
-    math.floor would be a call into the C library.
+    math.floor would call the C library.
     """
     whole = to_int(x)
     return whole - where(to_float(whole) > x, _LOWEST_BIT, _NO_BITS)

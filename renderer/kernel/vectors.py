@@ -86,8 +86,9 @@ def _of_triangle(scene, hit, time):
 
 @subroutine
 def _of_sphere(scene, hit, o, d, time):
-    """Returns the world position of a sphere's hit point at a time; spheres do not rotate, so its direction from the centre is
-    fixed.
+    """Returns the world position of a sphere's hit point at a time, float64.
+
+    Spheres do not rotate, so the point's direction from the centre is constant.
     """
     out_of_line()
     keys = np.int64(scene.bvh.keyed[1])
@@ -102,7 +103,7 @@ def _of_sphere(scene, hit, o, d, time):
 
 @subroutine
 def _seen(scene, stack, o, d):
-    """Returns the first Hit with an opacity of at least 1/2."""
+    """Returns the first Hit with an opacity of at least 1/2 along the ray."""
     out_of_line()
     root = camera_root(scene.bvh)
     after = FROM_ORIGIN

@@ -112,7 +112,7 @@ def _visible_beckmann(wo: F64, alpha_x: float, alpha_y: float, steps: int, turns
 
 
 def _lambda(tangent: float | F64, distribution: str) -> F64:
-    """Returns Smith's Lambda from the tangent of the direction's angle times alpha."""
+    """Returns Smith's Lambda; tangent: of the direction's angle to the normal, times alpha."""
     tangent = np.asarray(tangent, np.float64)
     if distribution == "ggx":
         return np.asarray((np.sqrt(1 + tangent**2) - 1) / 2)
@@ -172,7 +172,7 @@ def brushed_means(plane: F64, j: int) -> list[float]:
 
 
 def brushed_table(distribution: str = "ggx") -> F64:
-    """Returns (A, B) at BRUSHED_NODES, with one more row on the third axis for the means over the hemisphere."""
+    """Returns the table of (A, B) at BRUSHED_NODES, with one more row on the third axis for the means over the hemisphere."""
     table = np.array([brushed_node(i, j, k, n, distribution) for i, j, k, n in np.ndindex(BRUSHED_NODES)]).reshape(
         *BRUSHED_NODES, 2
     )

@@ -39,7 +39,7 @@ def beckmann_density(h, alpha_x, alpha_y):
 
 @subroutine
 def beckmann_lambda(w, alpha_x, alpha_y):
-    """Returns Smith's Lambda for direction w, which may be below the horizon."""
+    """Returns Smith's Lambda for the unit local direction w, which may be below the horizon."""
     x, y = w[0] * alpha_x, w[1] * alpha_y
     sine = math.sqrt(x * x + y * y)
     height = abs(w[2])
@@ -80,7 +80,7 @@ def _visible_slope(tangent, u):
 
 @subroutine
 def sample_visible_beckmann(wo, alpha_x, alpha_y, u):
-    """Samples a microfacet normal from the distribution of normals visible from wo."""
+    """Samples a microfacet normal (unit, local) from the distribution of normals visible from wo; u: two numbers in [0, 1)."""
     out_of_line()
     v = (wo[0] * alpha_x, wo[1] * alpha_y, wo[2])
     sine = math.sqrt(v[0] * v[0] + v[1] * v[1])

@@ -31,14 +31,14 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _choice(kd, ks):
-    """Returns the probability of sampling the highlight: its share of the weights."""
+    """Returns the probability, 0 ... 1, of sampling the highlight: its share of the reflectances kd + ks."""
     highlight = vec.luminance(ks)
     return highlight / max(highlight + vec.luminance(kd), _LEAST)
 
 
 @device
 def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
-    """Returns (f |cos|, pdf), per steradian."""
+    """Returns (f |cos| per channel, pdf per steradian) for local directions."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return (_ZERO, _ZERO, _ZERO), _ZERO
     h = vec.normalize(vec.add(wo, wi))
@@ -52,7 +52,7 @@ def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
 
 @device
 def sample_blinn_phong(kd, ks, shininess, wo, choose, u):
-    """Samples (wi, weight, pdf): about the mirror direction or about the normal, chosen by the weights of the two."""
+    """Samples a local direction about the mirror direction or the normal, chosen by the weights of both: (wi, weight, pdf)."""
     if choose < _choice(kd, ks):
         z = power(_ONE - u[0], _ONE / (shininess + _ONE))
         radius = math.sqrt(max(_ONE - z * z, _ZERO))

@@ -45,7 +45,7 @@ def _share(side, t):
 
 @device
 def _entry(roughness, ratio, cosine, azimuth):
-    """Returns (A, B) at a node of the table."""
+    """Returns (A, B) at a node of the table, given by its four indices."""
     number = ((roughness * _RATIOS + ratio) * _COSINES + cosine) * _AZIMUTHS + azimuth
     return columns(_TABLE, number, 2, 0, 2)
 

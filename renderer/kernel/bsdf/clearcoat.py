@@ -22,7 +22,7 @@ _LEAST_COSINE = np.float32(0.01)
 
 @subroutine
 def clearcoat_albedo(roughness, cosine):
-    """Returns the clearcoat's albedo for one direction."""
+    """Returns the clearcoat's albedo, 0 ... 1, for a direction at this cosine to its normal."""
     a, b = ggx_albedo(cosine, roughness)
     return _F0 * a + b
 
@@ -36,7 +36,7 @@ def clearcoat_mean_albedo(roughness):
 
 @device
 def _frame(n, wo):
-    """Returns the frame of the normal n, or the base's where wo lies below n's horizon."""
+    """Returns the local frame of the coat's normal n, or of the base's if wo is below n's horizon."""
     if vec.dot(n, wo) < _LEAST_COSINE:
         n = (_ZERO, _ZERO, _ONE)
     s, t = vec.basis(n)
@@ -45,7 +45,7 @@ def _frame(n, wo):
 
 @subroutine
 def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
-    """Returns (f |cos|, pdf) of one channel."""
+    """Returns (f |cos|, pdf per steradian), the same f for all channels; wo, wi, normal in the base's frame."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     i = vec.to_local(s, t, n, wi)
@@ -62,7 +62,7 @@ def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
 
 @subroutine
 def sample_clearcoat(roughness, normal, wo, u):
-    """Samples a direction wi, which may be below the base's horizon."""
+    """Samples a direction wi in the base's frame, which may be below the base's horizon."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     alpha = max(roughness * roughness, MIN_ALPHA)

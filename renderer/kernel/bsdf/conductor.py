@@ -28,7 +28,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 
 @device
 def fresnel_rgb(cosine, eta, k):
-    """Returns the Fresnel reflectance of the three channels."""
+    """Returns the Fresnel reflectance, rgb, of a conductor of index eta + i k (rgb each)."""
     return (
         fresnel_conductor(cosine, eta[0], k[0]),
         fresnel_conductor(cosine, eta[1], k[1]),
@@ -38,14 +38,17 @@ def fresnel_rgb(cosine, eta, k):
 
 @device
 def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
-    """Returns the probability of sampling the microfacets, their single-scattering albedo; the rest is multiple scattering."""
+    """Returns the single-scattering albedo of the microfacets, which is the probability of sampling them.
+
+    Otherwise the multiple-scattering lobe is sampled.
+    """
     a, b = brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y)
     return a + b
 
 
 @device
 def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf) for directions above the horizon."""
+    """Returns (f |cos|, pdf per steradian) for local directions above the horizon."""
     h = vec.normalize(vec.add(wo, wi))
     lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
     lambda_i = facet_lambda(beckmann, wi, alpha_x, alpha_y)
@@ -67,9 +70,10 @@ def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
 
 @device
 def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf). beckmann: as in facets.py; mean_fresnel: the cosine-weighted mean over the hemisphere.
+    """Returns (f |cos| per channel, pdf per steradian) for local directions.
 
-    roughness: the square root of both alphas where they are equal.
+    beckmann: as in facets.py; mean_fresnel: the cosine-weighted mean over the hemisphere. roughness: the square root of both
+    alphas if they are equal.
     """
     none = nil(wi[2])
     f, pdf = (none, none, none), none
@@ -82,7 +86,7 @@ def eval_and_pdf_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, a
 
 @device
 def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, choose, u):
-    """Samples a rough conductor: (wi, weight, pdf)."""
+    """Samples a local direction on a rough conductor: (wi, weight, pdf per steradian)."""
     mirrored = choose < _albedo(beckmann, wo, roughness, alpha_x, alpha_y)
     wi = wo
     if any_of(mirrored):
@@ -97,5 +101,5 @@ def sample_conductor(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y
 
 @device
 def sample_smooth_conductor(eta, k, wo):
-    """Samples a smooth conductor: (wi, weight), wi being the mirror direction."""
+    """Returns (wi, weight) of a smooth conductor, wi being the local mirror direction."""
     return (-wo[0], -wo[1], wo[2]), fresnel_rgb(wo[2], eta, k)

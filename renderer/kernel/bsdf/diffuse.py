@@ -18,7 +18,7 @@ _INV_PI = np.float32(1.0 / math.pi)
 
 @device
 def eval_diffuse(albedo, wo, wi):
-    """Returns f |cos|: albedo / pi times the cosine."""
+    """Returns f |cos| per channel, albedo / pi times the cosine of wi, for local directions."""
     return vec.scale(albedo, max(_ZERO, wi[2]) * _INV_PI)
 
 
@@ -30,6 +30,6 @@ def pdf_diffuse(wo, wi):
 
 @device
 def sample_diffuse(albedo, wo, u):
-    """Samples (wi, weight, pdf) in proportion to the cosine."""
+    """Samples a cosine-weighted local direction: (wi, weight, pdf per steradian)."""
     wi = square_to_cosine_hemisphere(u)
     return wi, albedo, square_to_cosine_hemisphere_pdf(wi)

@@ -77,6 +77,6 @@ def schlick_mean(f0, f90):
 def multiple_scattering(mean_fresnel, mean_albedo):
     """Returns the fraction of the light lost by single scattering that leaves after further bounces (Fdez-Aguera 2019).
 
-    mean_fresnel: share of the light that each bounce keeps.
+    mean_fresnel: fraction of the light that each bounce reflects. mean_albedo: of the single-scattering microfacets.
     """
     return mean_fresnel * mean_fresnel * mean_albedo / (_ONE - mean_fresnel * (_ONE - mean_albedo))

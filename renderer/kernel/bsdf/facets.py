@@ -30,7 +30,7 @@ def facet_density(beckmann, h, alpha_x, alpha_y):
 
 @device
 def facet_lambda(beckmann, w, alpha_x, alpha_y):
-    """Returns Smith's Lambda for direction w."""
+    """Returns Smith's Lambda for the local direction w."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return beckmann_lambda(w, alpha_x, alpha_y)
@@ -39,7 +39,7 @@ def facet_lambda(beckmann, w, alpha_x, alpha_y):
 
 @device
 def sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u):
-    """Samples a microfacet normal from the distribution of normals visible from wo."""
+    """Samples a local microfacet normal from the distribution of normals visible from wo."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return sample_visible_beckmann(wo, alpha_x, alpha_y, u)

@@ -46,9 +46,9 @@ def mean_fresnel_dielectric(eta):
 
 @device
 def fresnel_conductor(cosine, eta, k):
-    """Returns the reflectance of unpolarised light, one channel, at a conductor of index eta + i k (Born & Wolf 14.4.
+    """Returns the reflectance of unpolarised light, one channel, at a conductor of index eta + i k.
 
-    Lagarde 2013).
+    cosine: of the angle of incidence. Sources: Born & Wolf 14.4; Lagarde 2013.
     """
     cosine2 = cosine * cosine
     sine2 = _ONE - cosine2

@@ -35,7 +35,7 @@ def _mix(a, b, t):
 
 @device
 def _plane_of(beckmann, eta):
-    """Returns (the table plane below eta, the fraction beyond it)."""
+    """Returns (the table plane below the index ratio eta, the fraction beyond it)."""
     k, r = _node(_bend(eta))
     return k + (GLASS_SIZE if beckmann != _ZERO else 0), r
 
@@ -54,7 +54,10 @@ def _plane(k, i, j, s, t):
 
 @subroutine
 def glass_albedo(beckmann, cosine, roughness, eta):
-    """Returns the single-scattering albedo, reflection and transmission together, for one direction."""
+    """Returns the single-scattering albedo, reflection and transmission together, for a direction at this cosine.
+
+    eta: index beyond the boundary over index on this side.
+    """
     out_of_line()
     k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)

@@ -72,7 +72,7 @@ def _film_to_base(f0, film, cosine):
 
 @device
 def _airy(r12, r23, t121, first, second):
-    """Returns one channel's mean reflectance with the weights of the first two orders of interference."""
+    """Returns one channel's mean reflectance and the weights of the first two orders of interference."""
     r123 = r12 * r23
     root = math.sqrt(max(r123, _ZERO))
     stay = t121 * t121 * r23 / (_ONE - r123)

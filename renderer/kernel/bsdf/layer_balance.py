@@ -43,7 +43,7 @@ _COVARIANCE = np.float32(21.0**2 * (1.0 / 66.0 - 1.0 / 441.0))
 
 @device
 def rgb(m, column):
-    """Returns the three values from `column` on."""
+    """Returns the three values of the material row m from `column` on."""
     return m[column], m[column + 1], m[column + 2]
 
 
@@ -94,7 +94,7 @@ def mean_cosine(a, b):
 
 @subroutine
 def _dielectric_albedo(m, cosine, a, b, again, loss):
-    """Returns the albedo of the dielectric's microfacets for one direction, multiple scattering included: the largest channel."""
+    """Returns the albedo of the dielectric's microfacets for one direction with multiple scattering: the largest channel."""
     film = m[rows.IRIDESCENCE]
     bare = vec.maximum(dielectric_f0(m)) * a + m[rows.SPECULAR] * b
     if film > _ZERO:
@@ -118,7 +118,9 @@ def sheen_passing(m, cosine):
 
 @device
 def turned(m, w):
-    """Returns w in the anisotropy's frame, whose x axis is the direction along which highlights are stretched."""
+    """Returns the local direction w in the anisotropy's frame, whose x axis is the direction along which highlights are
+    stretched.
+    """
     c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 

@@ -107,7 +107,7 @@ def _choices(m, wo):
 
 @device
 def _glass(m, eta, wo, wi):
-    """Returns (f |cos|, pdf) of rough white glass."""
+    """Returns (f |cos|, pdf per steradian) of rough white glass for local directions."""
     o = turned(m, wo)
     i = turned(m, wi)
     if m[IS_PANE] != _ZERO:
@@ -181,7 +181,10 @@ def eval_and_pdf_layered(m, eta, wo, wi):
 
 @subroutine
 def _sample_smooth_glass(m, eta, wo, chance, choose):
-    """Samples reflection or refraction at smooth glass: (wi, weight, radiance scale)."""
+    """Samples reflection or refraction at smooth glass: (local wi, weight, radiance scale).
+
+    The radiance scale is eta**2 for a refraction, else 1.
+    """
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))
         reflectance = f0 + (m[rows.SPECULAR] - f0) * schlick_weight(wo[2])
@@ -202,7 +205,7 @@ def _sample_smooth_glass(m, eta, wo, chance, choose):
 
 @subroutine
 def sample_layered(m, eta, wo, choose, u):
-    """Samples (wi, weight, pdf, radiance scale); pdf is 0 where smooth glass was chosen."""
+    """Samples a local direction: (wi, weight, pdf per steradian, radiance scale); pdf is 0 if smooth glass was chosen."""
     coat, sheen, specular, diffuse, through, glass = _choices(m, wo)
     scale = _ONE
     above = True

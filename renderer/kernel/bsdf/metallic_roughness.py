@@ -67,7 +67,7 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 @device
 def _above(base, metallic, roughness, f0, f90, view, wo, wi):
-    """Returns (f |cos|, pdf) from a `_view`, for directions above the horizon."""
+    """Returns (f |cos|, pdf per steradian) from a `_view`, for local directions above the horizon."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
     alpha = max(roughness * roughness, MIN_ALPHA)
     h = vec.normalize(vec.add(wo, wi))
@@ -87,7 +87,7 @@ def _above(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
-    """Returns (f |cos|, pdf) from a `_view`; 0 for wi below the horizon."""
+    """Returns (f |cos|, pdf per steradian) from a `_view`; 0 for wi below the horizon."""
     none = nil(wi[2])
     f, pdf = (none, none, none), none
     below = (wi[2] <= _ZERO) | (wo[2] <= _ZERO)
@@ -99,14 +99,16 @@ def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
-    """Returns (f |cos|, pdf per steradian) together, since they share most of their terms."""
+    """Returns (f |cos| per channel, pdf per steradian) for local directions, together since they share most terms."""
     view = _view(base, metallic, roughness, f0, f90, wo)
     return _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
 
 
 @device
 def sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u):
-    """Samples (wi, weight, pdf); `choose` selects microfacets or the diffuse base, u the direction."""
+    """Samples a local direction: (wi, weight, pdf per steradian); `choose` selects microfacets or the diffuse base, u the
+    direction.
+    """
     view = _view(base, metallic, roughness, f0, f90, wo)
     mirrored = choose < view[6]
     wi = wo

@@ -44,7 +44,7 @@ def smith_lambda(w, alpha_x, alpha_y):
 
 @device
 def sample_visible_normal(wo, alpha_x, alpha_y, u):
-    """Samples a microfacet normal from the distribution of normals visible from wo."""
+    """Samples a local microfacet normal from the distribution of normals visible from wo; u: two numbers in [0, 1)."""
     v = vec.normalize((wo[0] * alpha_x, wo[1] * alpha_y, wo[2]))
     z = (_ONE - u[0]) * (_ONE + v[2]) - v[2]
     radius = math.sqrt(min(max(_ONE - z * z, _ZERO), _ONE))

@@ -87,14 +87,14 @@ def _inner(m):
 
 @device
 def _tint(m):
-    """Returns the colour factor of the coat's reflection."""
+    """Returns the factor, rgb, of the coat's reflection."""
     scale = m[rows.SPECULAR]
     return m[rows.SPECULAR_COLOR] * scale, m[rows.SPECULAR_COLOR + 1] * scale, m[rows.SPECULAR_COLOR + 2] * scale
 
 
 @device
 def _paint(m, inner):
-    """Returns d / (1 - R d') / eta**2."""
+    """Returns d / (1 - R d') / eta**2, rgb, the base's factor in the module's equation; inner: R."""
     base = m[rows.BASE], m[rows.BASE + 1], m[rows.BASE + 2]
     squeeze = _ONE / (m[rows.IOR] * m[rows.IOR])
     if m[HAS_NONLINEAR] != _ZERO:
@@ -108,7 +108,7 @@ def _paint(m, inner):
 
 @device
 def _choice(m, passing, paint):
-    """Returns the probability of sampling the coat's facets."""
+    """Returns the probability, 0 ... 1, of sampling the coat's facets rather than the diffuse base."""
     mirrored = (_ONE - passing) * vec.luminance(_tint(m))
     below = passing * vec.luminance(paint)
     return max(mirrored / max(mirrored + below, _LEAST), _MIN_CHOICE)
@@ -116,7 +116,7 @@ def _choice(m, passing, paint):
 
 @subroutine
 def eval_and_pdf_plastic(m, wo, wi):
-    """Returns (f |cos|, pdf per steradian)."""
+    """Returns (f |cos| per channel, pdf per steradian) for local directions."""
     if wo[2] <= _ZERO or wi[2] <= _ZERO:
         return _BLACK, _ZERO
     alpha, beckmann = m[ALPHA_X], m[HAS_BECKMANN]
@@ -136,7 +136,7 @@ def eval_and_pdf_plastic(m, wo, wi):
 
 @subroutine
 def sample_plastic(m, wo, choose, u):
-    """Samples (wi, weight, pdf); `choose` selects the coat or the diffuse base, u the direction."""
+    """Samples a local direction: (wi, weight, pdf per steradian); `choose` selects coat or diffuse base, u the direction."""
     if choose < _choice(m, _passing(m, wo[2]), _paint(m, _inner(m))):
         h = sample_visible_facet(m[HAS_BECKMANN], wo, m[ALPHA_X], m[ALPHA_X], u)
         wi = vec.sub(vec.scale(h, _TWO * vec.dot(wo, h)), wo)

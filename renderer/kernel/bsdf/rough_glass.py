@@ -34,7 +34,7 @@ _TINY = np.float32(1e-12)
 
 @subroutine
 def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf) of white glass, above and below; refracted radiance has the factor 1 / eta**2.
+    """Returns (f |cos|, pdf per steradian) of white glass, for wi above or below; refracted radiance has the factor 1 / eta**2.
 
     beckmann: as in facets.py; roughness: of the equivalent isotropic surface, for energy compensation.
     """
@@ -91,7 +91,9 @@ def _scattered_once(beckmann, eta, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, choose, u):
-    """Samples a direction above or below; zero where a microfacet sends light into the surface."""
+    """Samples a local direction above or below the surface: (wi, weight, pdf); weight 0 if a microfacet scatters into the
+    surface.
+    """
     albedo = glass_albedo(beckmann, wo[2], roughness, eta)
     if choose >= albedo:
         w = square_to_cosine_hemisphere(u)
@@ -116,7 +118,7 @@ def _pane_reflectance(f0, f90, cosine):
 
 @subroutine
 def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf) of a white thin pane.
+    """Returns (f |cos|, pdf per steradian) of a white thin pane.
 
     Light that its microfacets do not reflect is transmitted, mirrored at the pane's plane.
     """
@@ -135,7 +137,7 @@ def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
 
 @subroutine
 def sample_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, choose, u):
-    """Samples a direction above or below; zero where light hits the surface again."""
+    """Samples a local direction above or below the pane: (wi, weight, pdf); weight 0 if light hits the surface again."""
     h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)
     wi = vec.sub(vec.scale(h, _TWO * cosine), wo)

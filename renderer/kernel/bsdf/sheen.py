@@ -54,7 +54,7 @@ def _charlie_lambda(cosine, alpha):
 
 @subroutine
 def eval_sheen(roughness, wo, wi):
-    """Returns f |cos| of white sheen."""
+    """Returns f |cos| of white sheen for local directions."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
         return _ZERO
     rough = max(roughness, _MIN_ROUGHNESS)

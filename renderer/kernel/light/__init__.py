@@ -1,1 +1,1 @@
-"""Where light comes from: emitting surfaces, points and suns, the environment, and the choice among many of them."""
+"""Light sampling: emitting surfaces, punctual lights, the environment, and the choice among many lights."""

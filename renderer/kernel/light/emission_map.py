@@ -38,7 +38,7 @@ _EVEN = (_ONE, _ONE, _ONE)
 def emission_towards(scene, number, p, w):
     """Returns the factor, rgb, of the emission map of punctual light `number` towards the point p; 1 for a light without a map.
 
-    w: unit direction from p to the sampled point of the light.
+    p: in world space. w: unit direction from p to the sampled point of the light.
     """
     out_of_line()
     frame = row(scene.emission_frame, number, 4)

@@ -1,8 +1,8 @@
-"""Light from infinitely far: an equirectangular image, or one colour stored as an image of one texel, plus a sun disk.
+"""The environment: an equirectangular image, or a constant colour as an image of one texel, plus a sun disk.
 
 Directions are sampled texel by texel in proportion to luminance times solid angle, and uniformly in solid angle within the
 texel: a constant environment is sampled without noise, and the density of an image is constant over each texel. Lookups are
-bilinear; where the interpolation spills light into a black texel, only BSDF sampling finds it, and MIS weighs it correctly. The
+bilinear; where the interpolation spills light into a black texel, only BSDF sampling finds it, and MIS weights it correctly. The
 sun is a separate disk, since image texels are too coarse for it: a fixed share of the samples is taken on the disk, and the
 density is that of the mixture.
 """
@@ -104,9 +104,9 @@ def _interval(cdf, start, row, u):
 
 @subroutine
 def _uv(frame, d):
-    """Returns the image coordinates of a world direction, both in [0, 1].
+    """Returns the image coordinates, both in [0, 1], of a unit direction in world space.
 
-    The middle column looks along -z, the top row along +y.
+    The middle column is towards -z, the top row towards +y.
     """
     x = d[0] * frame[0] - d[2] * frame[1]
     z = d[0] * frame[1] + d[2] * frame[0]
@@ -124,7 +124,7 @@ def _place(environment, frame, d):
 
 @device
 def _on_sun(frame, d):
-    """Whether direction d lies on the sun's disk.
+    """Whether the unit direction d (world space) is on the sun's disk.
 
     Compares the squared chord, since the cosine in float32 has an error of a hundredth of the disk.
     """
@@ -137,14 +137,14 @@ def _on_sun(frame, d):
 
 @device
 def environment_radiance(environment, frame, d):
-    """Returns the radiance, rgb, that arrives from direction d: image and sun."""
+    """Returns the radiance, rgb, from world direction d: image and sun."""
     u, v = _place(environment, frame, d)
     return _with_sun(frame, _image_radiance(environment, u, v), _on_sun(frame, d))
 
 
 @device
 def environment_light(scene, d, judged):
-    """Returns (radiance from direction d, pdf of d under `sample_environment`, per steradian; 0 unless `judged`)."""
+    """Returns (radiance from world direction d, pdf of d under `sample_environment`, per steradian; 0 unless `judged`)."""
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)
     on_sun = _on_sun(frame, d)
@@ -194,7 +194,7 @@ def _image_radiance(environment, u, v):
 
 @device
 def _sine(turns):
-    """Returns sin(2 pi turns) for 0 <= turns <= 1/4, with the relative precision that small angles need."""
+    """Returns sin(2 pi turns) for 0 <= turns <= 1/4, with small relative error for small angles."""
     x = _TWO_PI * turns
     small = x - x * x * x * _SIXTH * (_ONE - x * x * _TWENTIETH)
     is_large = turns > _SMALL
@@ -223,7 +223,7 @@ def _from_pole(number, height):
 
 @device
 def sample_environment(scene, choice, u):
-    """Samples a direction in proportion to the environment's light: (unit direction, pdf per steradian).
+    """Samples a world direction in proportion to the environment's luminance: (unit direction, pdf per steradian).
 
     choice: in [0, 1); selects between the sun's disk and the image. u: two numbers in [0, 1).
     """
@@ -253,9 +253,9 @@ def _sample_sun(scene, u):
 
 @device
 def _sample_beside_sun(scene, u):
-    """Samples a direction from the image: (direction, pdf).
+    """Samples a world direction from the image: (direction, pdf per steradian).
 
-    The pdf includes the sun's share where the direction lies on the disk.
+    The pdf includes the sun's probability if the direction is on the disk.
     """
     frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)

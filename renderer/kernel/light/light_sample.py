@@ -17,7 +17,7 @@ _ONE = np.float32(1.0)
 
 
 class LightSample(NamedTuple):
-    """A sampled direction towards a light.
+    """A sampled direction towards a light, with radiance, distance and pdf.
 
     Vectors are tuples of float32 in world space; each number may be a vector of eight lanes.
     """
@@ -59,6 +59,6 @@ def if_found(found, sample, p):
 
 @device
 def emitted(scene, material, uv, uv1, vertex_alpha, front, time):
-    """Returns the emitted radiance times the opacity: the expectation over rays that alpha lets pass through the light."""
+    """Returns the emitted radiance, rgb, times the opacity: the expectation over rays that pass through the light by alpha."""
     radiance = emission(scene, material, uv, uv1, front, time)
     return vec.scale(radiance, opacity(scene, material, uv, uv1, vertex_alpha, time))

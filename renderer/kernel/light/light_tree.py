@@ -76,17 +76,18 @@ def _dot(x, y, z, a, b, c):
 
 @device
 def _importances(node, base, p, n):
-    """Returns the importances of a node's eight children, f32x8: estimated irradiance at p on a surface with normal n.
+    """Returns the importances of a node's eight children, f32x8: estimated irradiance at p on a surface with normal n (world
+    space).
 
-    n: zero for light from all sides. An importance is 0 only where the child's lights contribute nothing.
+    n: zero for light from all sides. An importance is 0 only if the child's lights contribute nothing.
 
-    The lights of a child lie in a sphere of radius r, with its centre at distance d and at height h above the tangent plane at p.
+    The lights of a child are in a sphere of radius r, with its centre at distance d and at height h above the tangent plane at p.
     The paper divides by d**2, but by r**2 where d is less, and takes the cosine of the sphere's highest point, an upper bound
-    that overestimates near and large children. This function places the lights about 0.3 r from the centre and weighs those below
-    the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2, which may
-    be approximate.
+    that overestimates near and large children. This function places the lights about 0.3 r from the centre and weights those
+    below the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2,
+    which may be approximate.
 
-    Where the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d.
+    If the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d.
     """
     zero, one, inner = splat(_ZERO), splat(_ONE), splat(_INNER)
     near, radius = _row(node, base, NEAR), _row(node, base, RADIUS)
@@ -121,9 +122,9 @@ def _importances(node, base, p, n):
 
 @device
 def descend(node, base, p, n, choice):
-    """Takes one step down the tree from the node at offset `base`: (child, its probability, `choice` rescaled to [0, 1)).
+    """Descends one level from the node at offset `base`: (child, its probability, `choice` rescaled to [0, 1)).
 
-    The child is a node's number, or ~ the number of a light. The probability is 0 where no child reaches p; the child is then the
+    The child is a node's number, or ~ the number of a light. The probability is 0 if no child reaches p; the child is then the
     complement of light 0, which ends the descent. The function is free of branches.
     """
     weights = _importances(node, base, p, n)
@@ -142,9 +143,9 @@ def descend(node, base, p, n, choice):
 
 @subroutine
 def choose_from_tree(node, p, n, choice):
-    """Returns (light number, its probability) for `choice` in [0, 1).
+    """Chooses a light by `choice` in [0, 1): (light number, its probability).
 
-    The probability is 0 where a node is met none of whose children reaches p.
+    The probability is 0 if the descent reaches a node none of whose children illuminates p.
     """
     out_of_line()
     chance = _ONE

@@ -62,7 +62,10 @@ def _vertex_alpha(scene, number, b, c):
 
 @device
 def _sample_triangle(scene, number, area, p, u, time):
-    """Samples a point uniformly on a triangle: a LightSample whose pdf excludes the probability of choosing the light."""
+    """Samples a point uniformly on a triangle light, seen from the world point p.
+
+    Returns a LightSample whose pdf (per steradian) excludes the probability of choosing the light.
+    """
     b, c = square_to_triangle(u)
     q, error, normal = triangle_point(scene.position, scene.triangle, number, b, c)
     if time is not None and len(scene.key_position) > 0:
@@ -186,7 +189,7 @@ def _emission(scene, number, wanted, p, w, time):
 
 @device
 def nearby_choice(scene, choice):
-    """Returns (whether `choice`, in [0, 1), selects a light other than the environment, `choice` rescaled to [0, 1) for them)."""
+    """Returns whether `choice`, in [0, 1), selects a light other than the environment, and `choice` rescaled to [0, 1)."""
     environment_chance = scene.environment_frame[3]
     nearby = not_(choice < environment_chance)
     if environment_chance > _ZERO:
@@ -196,7 +199,7 @@ def nearby_choice(scene, choice):
 
 @device
 def sample_light(scene, p, n, choice, u, time=None):
-    """Samples the light at the point p with normal n: a LightSample. `choice` selects the light, u the point on it.
+    """Samples the direct light at the world point p with normal n: a LightSample. `choice` selects the light, u the point on it.
 
     n: zero for light from all sides. time: as for `sample_one_light`.
     """
@@ -256,7 +259,7 @@ def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
 
 @device
 def environment_seen(scene, w, judged):
-    """Returns (environment's radiance from direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`)."""
+    """Returns (environment radiance from world direction w, pdf of w under `sample_light`, per steradian; 0 unless `judged`)."""
     chance = scene.environment_frame[3]
     radiance, pdf = environment_light(scene, w, judged & (chance > _ZERO))
     return radiance, chance * pdf

@@ -32,7 +32,7 @@ def _edges(shape):
 
 @device
 def _brought(shape, p, n):
-    """Returns the relative contributions of the four corners to p: each 0 ... 1 times the distance of the nearest corner."""
+    """Returns the relative contributions of the four corners to p, scaled to 0 ... 1 times the distance of the nearest corner."""
     u, v = _edges(shape)
     to_corner = vec.sub((shape[0], shape[1], shape[2]), p)
     along = vec.add(to_corner, u)

@@ -68,7 +68,10 @@ def spot_falloff(kind, cosine, scale, offset):
 
 @device
 def _sphere_towards(axis, distance, radius, u):
-    """Samples a direction to a sphere seen from outside, uniform in solid angle: (direction, distance to its near side, pdf)."""
+    """Samples a direction to a sphere seen from outside, uniform in solid angle.
+
+    Returns (unit world direction, distance to its near side, pdf per steradian).
+    """
     sine2 = (radius / distance) * (radius / distance)
     one_minus_cos = sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
     local = square_to_cone(u, one_minus_cos)

@@ -38,7 +38,10 @@ def _cone(square, radius):
 
 @device
 def _sample_cap(to_center, square, radius, u):
-    """Samples the visible cap of a sphere seen from outside, uniformly in solid angle: (sphere's normal at the sample, pdf)."""
+    """Samples the visible cap of a sphere seen from outside, uniformly in solid angle.
+
+    Returns (the sphere's world-space normal at the sample, pdf per steradian).
+    """
     one_minus_cos = _cone(square, radius)
     local = square_to_cone(u, one_minus_cos)
     axis = vec.scale(to_center, _ONE / math.sqrt(square))

@@ -33,7 +33,7 @@ _CODES = np.uint32(256)
 
 @device
 def is_rare(scene, number):
-    """Returns a mask of the textures that `image_colors` does not support: those with layers or with 16 bits a channel.
+    """Returns a mask of the textures that `image_colors` does not support: those with layers or with 16 bits per channel.
 
     number: u32x8.
     """
@@ -43,7 +43,7 @@ def is_rare(scene, number):
 
 @device
 def _wrapped(i, size, mode):
-    """Returns the texel indices for positions i (int32x8) under the wrap modes."""
+    """Returns the texel indices for integer positions i (int32x8) under the wrap modes."""
     outside = i >= size
     if any_of(outside):
         at, width = to_float(i), to_float(size)  # below 2**24, so only the quotient is rounded
@@ -70,9 +70,9 @@ def _mix(a, b, t):
 
 @device
 def image_colors(scene, number, uv, uv1):
-    """Returns the linear RGB, 0 ...
+    """Returns the linear RGB, 0 ... 1, of eight textures (number: u32x8).
 
-    1, of eight textures (u32x8), looked up at uv or uv1 (two f32x8 each), as each texture selects.
+    Each is looked up at uv or uv1 (two f32x8 each), as selected by the texture.
     """
     first, width, height, by_x, by_y, srgb, second = columns(scene.texture, number, TEXTURE_COLUMNS, 0, 7)
     nearest = columns(scene.texture, number, TEXTURE_COLUMNS, NEAREST, 1)[0] != _NO

@@ -90,10 +90,9 @@ def _resolve_layers(textures, base, metallic, pane, m):
 
 @device
 def _leave_to_inside(m):
-    """Moves the subsurface share of diffuse light to the light that is transmitted, with the colour scaled so that it does not
-    leave.
+    """Moves the subsurface share of diffuse light to the transmitted light, and scales the colour to conserve energy.
 
-    It is handled by kernel/medium/subsurface.py. SUBSURFACE becomes the share of all diffuse light that enters the interior.
+    It is then handled by kernel/medium/subsurface.py. SUBSURFACE becomes the share of all diffuse light that enters the interior.
     """
     below = m[rows.DIFFUSE_TRANSMISSION]
     inside = (_ONE - below) * m[rows.SUBSURFACE]

@@ -1,8 +1,8 @@
-"""Material evaluation: texture lookups, and the only place that dispatches to the BSDF models.
+"""Material evaluation: texture lookups, and the only module that dispatches to the BSDF models.
 
 To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in
-rare_materials.py), the list
-of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py and packing.py.
+rare_materials.py), the list of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py
+and packing.py.
 """
 
 from __future__ import annotations
@@ -236,7 +236,7 @@ def is_transparent(scene, number):
 
 @device
 def is_lamp(scene, number):
-    """Whether material `number` emits light and lets rays pass unchanged."""
+    """Whether material `number` emits light and does not affect rays that pass through."""
     return scene.has.textures is not None and scene.material_flags[number] & rows.LAMP != 0
 
 
@@ -301,7 +301,10 @@ def is_specular(material):
 
 @device
 def eval_material(material, wo, wi):
-    """Returns (f |cos|, pdf) for local unit directions; wi may be below the surface where the material `transmits`."""
+    """Returns (f |cos| per channel, pdf per steradian) for local unit directions.
+
+    wi may be below the surface if the material `transmits`.
+    """
     if material.kind == METALLIC_ROUGHNESS:
         return eval_and_pdf_metallic_roughness(
             material.base, material.metallic, material.roughness, material.f0, material.f90, wo, wi
@@ -315,10 +318,10 @@ def eval_material(material, wo, wi):
 
 @device
 def sample_material(material, wo, choose, u):
-    """Samples a local direction: (wi, weight, pdf, radiance scale).
+    """Samples a local direction: (wi, weight, pdf per steradian, radiance scale).
 
-    pdf is 0 for a discrete direction. The radiance scale is eta**2 for a refraction, by which it reduced the radiance and which
-    Russian roulette compensates; else 1.
+    pdf is 0 for a discrete direction. The radiance scale is eta**2 for a refraction, the inverse of its effect on the radiance,
+    which Russian roulette compensates; else 1.
     """
     if material.kind == DIFFUSE:
         wi, weight, pdf = sample_diffuse(material.base, wo, u)

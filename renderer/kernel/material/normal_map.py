@@ -42,7 +42,7 @@ def _tangents(n, tangent):
 
 @subroutine
 def _read_normal(color, strength, s, t, n):
-    """Returns the unit normal encoded by a texel's linear values in the frame (s, t, n); n where they are all 1/2."""
+    """Returns the unit normal encoded by a texel's linear values in the frame (s, t, n); n if all values are 1/2."""
     x = (_TWO * color[0] - _ONE) * strength
     y = (_TWO * color[1] - _ONE) * strength
     z = _TWO * color[2] - _ONE

@@ -42,7 +42,9 @@ def _conductor(m):
 
 @device
 def _turned(m, w, sign):
-    """Returns w rotated about the normal by the anisotropy's angle: into the anisotropy's frame (sign 1) or back (-1)."""
+    """Returns w rotated about the normal by the anisotropy's angle: into the anisotropy's frame (sign 1) or back to the local one
+    (-1).
+    """
     c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 
@@ -57,7 +59,7 @@ def _kd_ks(m):
 
 @subroutine
 def eval_rare(has, kind, m, eta, wo, wi):
-    """Returns `eval_material`, (f |cos|, pdf), for the rarer kinds from their looked-up parameters m."""
+    """Returns (f |cos|, pdf per steradian), as `eval_material`, for the rarer kinds from their looked-up parameters m."""
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
@@ -79,7 +81,10 @@ def eval_rare(has, kind, m, eta, wo, wi):
 
 @subroutine
 def sample_rare(has, kind, m, eta, wo, choose, u):
-    """Returns `sample_material`, (wi, weight, pdf, radiance scale), for the rarer kinds from their looked-up parameters m."""
+    """Samples a local direction, as `sample_material`, for the rarer kinds from their looked-up parameters m.
+
+    Returns (wi, weight, pdf per steradian, radiance scale).
+    """
     out_of_line()
     if has.layers is not None and kind == LAYERED:
         return sample_layered(m, eta, wo, choose, u)

@@ -26,7 +26,7 @@ _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
 @subroutine
 def _nest_at(scene, stack, o, time):
-    """Returns the nest of media that contains point o.
+    """Returns the stack of media that contains the world point o.
 
     These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them.
     """
@@ -53,7 +53,7 @@ def _nest_at(scene, stack, o, time):
 
 @device
 def nest_of_camera(scene, stack, camera, samples):
-    """Returns the nest in which all paths of an image begin: at the origin of the central ray, in the middle of the shutter.
+    """Returns the stack of media in which all paths of an image begin: at the central ray's origin, in the middle of the shutter.
 
     None for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
     """

@@ -1,4 +1,4 @@
-"""Nested media of a path: the numbers of up to three media in a uint32, ten bits each, the innermost lowest.
+"""The stack of nested media of a path: the numbers of up to three media in a uint32, ten bits each, the innermost lowest.
 
 Beyond the third is the world's medium, number 0. For one path or for eight lanes.
 """
@@ -25,7 +25,7 @@ NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 @device
 def entered(nest, medium):
-    """Returns the nest after a path in `nest` has entered the medium; a fourth medium drops the outermost."""
+    """Returns the stack after entering the medium; a fourth medium drops the outermost."""
     return u32(u32(u32(nest << _DIGITS) | medium) & _THREE)
 
 
@@ -36,14 +36,14 @@ def _parts(nest):
 
 @device
 def holds(nest, medium):
-    """Whether the medium is in the nest."""
+    """Whether the medium is in the stack."""
     first, second, third = _parts(nest)
     return (first == medium) | (second == medium) | (third == medium)
 
 
 @device
 def left(nest, medium):
-    """Returns the nest after a path has left the medium; where bodies overlap, those entered later stay in the nest."""
+    """Returns the stack after leaving the medium; where bodies overlap, media entered later remain."""
     first, second, third = _parts(nest)
     without_third = where(third == medium, u32(nest & _TWO), nest)
     without_second = where(second == medium, u32(u32(third << _DIGITS) | first), without_third)
@@ -52,13 +52,13 @@ def left(nest, medium):
 
 @device
 def beneath(nest, depth, medium):
-    """Returns the nest with the medium added at an empty depth, 0 ... 2; unchanged for greater depths."""
+    """Returns the stack with the medium added at an empty depth, 0 ... 2; unchanged for greater depths."""
     return u32(nest | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else nest
 
 
 @device
 def crossed(scene, nest, material, front):
-    """Returns the nest after crossing a surface of that material; front: whether the surface was hit from its front."""
+    """Returns the stack after crossing a surface of that material; front: whether the surface was hit from its front."""
     inside = u32(lookup(scene.material_medium, material))
     beyond = where(front, entered(nest, inside), left(nest, inside))
     return where(inside == NO_MEDIUM, nest, beyond)

@@ -50,7 +50,7 @@ _YES, _NO = np.bool_(True), np.bool_(False)
 
 
 class Within(NamedTuple):
-    """The outcome at a surface with subsurface scattering: whether a path enters it, and where it leaves."""
+    """The outcome at a surface with subsurface scattering: whether a path enters it, and where it exits."""
 
     enters: bool  # else it scatters at the surface
     surface: Surface  # at the exit, seen from outside
@@ -76,10 +76,10 @@ def albedo_of(color, g):
 
 @device
 def _entrance(kind, share, color, m, wo):
-    """Returns (the share of the light from wo that enters, the probability with which a path enters).
+    """Returns (the share of the light from wo that enters, the probability that a path enters).
 
     share: of diffuse light; m: as for `go_within`. The probability is proportional to the root of the light that may return from
-    the interior, against the root of what stays outside, so that the layers' reflections keep enough paths.
+    the interior, against the root of the light that stays outside, so that the layers' reflections get enough paths.
     """
     if kind == rows.DIFFUSE:
         return share, share
@@ -99,8 +99,8 @@ def _share_in_the_end(sigma_t, sigma_s):
 def _in_the_end(sigma_t, sigma_s):
     """Returns the share of light, rgb, that still leaves the body after a walk has used all its steps.
 
-    Equals what diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white bodies would
-    be slightly gray.
+    Equal to the light that diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white
+    bodies would be slightly gray.
     """
     return (
         _share_in_the_end(sigma_t[0], sigma_s[0]),

@@ -11,9 +11,9 @@ __all__ = ["place_all_normals", "place_all_points", "place_normals", "place_poin
 
 @entry
 def place_points(point, transform, first, end, placed):
-    """Transforms points first ...
+    """Transforms points first ... end - 1 by a 4x4 matrix into `placed`.
 
-    end - 1 by a 4x4 matrix into `placed`; returns the largest absolute coordinate, NaN if one is NaN.
+    Returns the largest absolute coordinate, NaN if one is NaN.
     """
     largest = 0.0
     for i in range(first, end):
@@ -27,9 +27,9 @@ def place_points(point, transform, first, end, placed):
 
 @entry
 def place_normals(normal, matrix, first, end, placed, length):
-    """Transforms normals first ...
+    """Transforms normals first ... end - 1 by a 3x3 matrix into `placed`, normalised.
 
-    end - 1 by a 3x3 matrix into `placed`, normalised; stores their previous lengths in `length`.
+    Stores their lengths before normalisation in `length`.
     """
     for i in range(first, end):
         x, y, z = np.float64(normal[i, 0]), np.float64(normal[i, 1]), np.float64(normal[i, 2])

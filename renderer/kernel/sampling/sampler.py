@@ -236,7 +236,5 @@ def draw1(stream, block):
 
 @device
 def substream(stream, k, count):
-    """Returns the k-th of `count` streams that replace a sample's stream; all of them together are as well stratified as the
-    original.
-    """
+    """Returns the k-th of `count` streams that replace a sample's stream; together they are stratified like the original."""
     return Stream(stream.sampler, stream.seed, stream.pixel, np.uint32(stream.sample * np.uint32(count) + np.uint32(k)))

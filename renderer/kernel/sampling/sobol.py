@@ -34,10 +34,9 @@ _QUARTET = ir.VectorType(_I32, _DIMENSIONS)
 
 
 def direction_numbers() -> np.ndarray:
-    """Returns the columns of the Sobol' generator matrices, (4, 32) uint32, most significant bit first (Joe & Kuo 2008,
-    new-joe-kuo-6).
+    """Returns the columns of the Sobol' generator matrices, (4, 32) uint32, most significant bit first.
 
-    Column k is added, by exclusive or, where bit k of the index is set.
+    Source: Joe & Kuo 2008, new-joe-kuo-6. Column k is added, by exclusive or, where bit k of the index is set.
     """
     # Degree, inner coefficients and first odd numbers of a primitive polynomial over GF(2), for dimensions 2, 3, 4.
     columns = [[1 << (31 - k) for k in range(32)]]

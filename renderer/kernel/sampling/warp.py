@@ -40,7 +40,7 @@ _INV_4PI = np.float32(0.25 / math.pi)
 
 @device
 def _concentric(u):
-    """Returns the concentric map of the square to the unit disk (Shirley & Chiu 1997): (radius, sin, cos); the radius may be
+    """Maps the square to the unit disk by the concentric map (Shirley & Chiu 1997): (radius, sin, cos); the radius may be
     negative.
     """
     a = _TWO * u[0] - _ONE

@@ -47,6 +47,6 @@ def departure(surface, reflected, d):
 
 @device
 def leave(point, error, normal, towards):
-    """Returns the point offset from its surface, to the side of `towards`, as an origin for rays."""
+    """Returns the world point offset from its surface, to the side of the direction `towards`, as an origin for rays."""
     distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
     return vec.add(point, vec.scale(normal, distance))

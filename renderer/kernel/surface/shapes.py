@@ -44,7 +44,7 @@ def _three(fixed, keys, count, i, j, k, time):
 
 @device
 def corners_at(scene, i, j, k, time):
-    """Returns the positions of three vertices, for one triangle or, if `time` is None, for eight lanes."""
+    """Returns the positions of three vertices, in their tree's space; for one triangle or, if `time` is None, eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         return _three(scene.position, scene.key_position, scene.bvh.keyed[1], i, j, k, time)
     return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
@@ -58,7 +58,7 @@ def _unit(n):
 
 @device
 def corner_normals_at(scene, i, j, k, time):
-    """Returns the normals of three vertices, for one triangle or, if `time` is None, for eight lanes."""
+    """Returns the unit normals of three vertices, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed[1], i, j, k, time)
         return _unit(a), _unit(b), _unit(c)

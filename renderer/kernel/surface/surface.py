@@ -194,7 +194,7 @@ def _tangent(array, i, j, k, u, v):
 
 @device
 def _facing(shading, geometric, wo):
-    """Returns the shading normal on the geometric normal's side, rotated towards the viewer if it would face away."""
+    """Returns the shading normal on the geometric normal's side, rotated towards the viewer if it faces away (world space)."""
     shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
     cosine = vec.dot(shading, wo)
     low = cosine < _LEAST_COSINE
