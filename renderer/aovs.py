@@ -1,8 +1,7 @@
-"""The AOVs of a frame: each one's values, its channels in an EXR, and its conversion to 8 bits for a screen.
+"""The AOVs of a frame: what there is beside colour. Each is declared once, by an entry of the table at the end.
 
-The film holds all of them except motion, which is rendered by a separate pass (renderer/vectors.py).
-
-Channels are named as in Blender and Cycles, so that compositors recognise them.
+The film holds all of them but motion, which is a pass of its own (renderer/vectors.py). Channels are named as Blender and Cycles
+name theirs, so that compositors recognise them.
 """
 
 from __future__ import annotations
@@ -49,7 +48,10 @@ class _Aov(NamedTuple):
 
 
 def known(names: Iterable[str]) -> list[str]:
-    """Returns the AOVs of a list of names; `all` selects every AOV of the film. Raises SettingsError for an unknown name."""
+    """Returns the AOVs that a list of names means, `all` for every one of the film.
+
+    Raises SettingsError for one that is not known.
+    """
     wanted = list(names)
     for name in wanted:
         if name not in (*NAMES, "all"):
@@ -65,9 +67,7 @@ def described() -> list[dict[str, Any]]:
 
 
 def planes(name: str) -> tuple[int, ...]:
-    """Returns the film's planes that hold an AOV, or `color`."""
-    if name == "error":
-        return _numbers(film.COLOR, film.COLOR_HALF, film.SAMPLES, film.SAMPLES_HALF)
+    """Returns the planes of a film that an AOV's values, or `color`, are made of."""
     if name == "color":
         return _numbers(film.COLOR, film.SAMPLES)
     aov = _ALL[name]
@@ -79,20 +79,20 @@ def _numbers(*channels: slice | int) -> tuple[int, ...]:
 
 
 def size(name: str) -> int:
-    """Returns the number of values per pixel of an AOV, or of `color`."""
-    return 3 if name == "color" else len(_CHANNELS[name])
+    """Returns the count of a pixel's values of an AOV, or of `color`."""
+    return 3 if name == "color" else len(_ALL[name].channels)
 
 
 def channels(name: str) -> tuple[str, ...]:
-    """Returns an AOV's channel names in an EXR."""
-    return _CHANNELS[name]
+    """Returns an AOV's channels in an EXR."""
+    return _ALL[name].channels
 
 
 def values(sums: Sums, film_exponent: int, name: str) -> F32:
-    """Returns an AOV's values from the film's sums: (h, w, 3) float32 for albedo, normal and position, else (h, w).
+    """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
 
-    albedo: 0 ... 1; normal, position, depth: in world space; object, material: 1 + the number, 0 where nothing is hit;
-    samples: those that were finite and are in the film; error: the standard error of the pixel's luminance (film.error).
+    albedo 0 ... 1; normal, position, depth in the world; object, material: 1 + the number, 0 where nothing is hit; samples:
+    those that count; error: the standard error of the pixel's luminance (film.error).
     """
     if name == "error":
         return film.error(sums, film_exponent)
@@ -101,7 +101,7 @@ def values(sums: Sums, film_exponent: int, name: str) -> F32:
 
 
 def layers(pictures: dict[str, F32]) -> dict[str, F32]:
-    """Returns AOVs by name as an EXR's channels by name, (h, w) each."""
+    """Returns AOVs by name as an EXR's channels by name, each (h, w)."""
     found = {}
     for name, plane in pictures.items():
         for i, channel in enumerate(_ALL[name].channels):
@@ -110,27 +110,75 @@ def layers(pictures: dict[str, F32]) -> dict[str, F32]:
 
 
 def span(name: str, plane: F32) -> Span:
-    """Returns the range of values that is mapped to the display's range, computed over a whole plane, so that its tiles match.
+    """Returns the values of a whole plane between which it is shown: parts of it that are shown by themselves then go together.
 
-    Positions and depths: minimum and maximum; samples and error: 0 and the maximum, for error the 99th percentile.
-    None for AOVs that need no range.
+    Positions and depths: the least and the greatest; samples and error: 0 and the greatest, of errors the 99th percentile.
+    None for what needs none.
     """
     return _ALL[name].span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
-    """Returns an AOV as (h, w, 3) uint8 for display.
+    """Returns an AOV as (h, w, 3) uint8 to look at.
 
-    albedo as colour; normals mapped from -1 ... 1; positions and depths over the picture's own range, near light and nothing
-    black; object and material numbers in fixed colours; samples and error as heat maps; motion, to the next frame's position,
-    about grey: red to the right, green upwards. between: `span` of the whole plane, where `plane` is a part of it.
+    albedo as colour; normals from -1 ... 1; positions and depths over the picture's own range, near light and nothing black;
+    ids in colours that stay; samples and error as heat maps; motion, to the next frame's place, about grey: red to the right,
+    green upwards. between: `span` of the whole, where the plane is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
     return (np.clip(np.nan_to_num(_ALL[name].shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def _palette(ids: npt.NDArray[np.int64]) -> F32:
-    """Returns a colour for each number, the same in every picture; black for 0."""
+def _span_of_position(plane: F32) -> Span:
+    return plane.min(axis=(0, 1)), plane.max(axis=(0, 1))
+
+
+def _span_of_depth(plane: F32) -> Span:
+    hit = plane > 0
+    return (np.float32(plane[hit].min()), np.float32(plane[hit].max())) if hit.any() else (np.float32(0), np.float32(1))
+
+
+def _span_of_motion(plane: F32) -> Span:
+    return np.float32(0), np.abs(plane).max(initial=np.float32(0))
+
+
+def _span_of_samples(plane: F32) -> Span:
+    finite = plane[np.isfinite(plane)]
+    return np.float32(0), np.float32(finite.max() if finite.size else 0.0)
+
+
+def _span_of_error(plane: F32) -> Span:
+    finite = plane[np.isfinite(plane)]
+    return np.float32(0), np.float32(np.percentile(finite, 99) if finite.size else 0.0)
+
+
+def _encoded(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    from renderer.image.tonemap import encode_srgb
+
+    return encode_srgb(np.clip(plane, 0, 1))
+
+
+def _signed(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    return plane * 0.5 + 0.5
+
+
+def _stretched(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    return np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
+
+
+def _near_is_light(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
+    return np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
+
+
+def _about_grey(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    way = np.concatenate([-plane[..., 2:], np.zeros_like(plane[..., :1])], axis=2)
+    return np.asarray(0.5 + 0.5 * way / max(float(high), 1e-30), np.float32)
+
+
+def _palette(plane: F32, low: Any, high: Any) -> F32:
+    """Returns a colour for every number, the same in every picture; black for 0."""
+    ids = plane.astype(np.int64)
     found, where = np.unique(ids, return_inverse=True)
     colors = [colorsys.hsv_to_rgb(i * _GOLDEN % 1, 0.45 + 0.3 * (i % 2), 0.95 - 0.25 * (i // 2 % 2)) for i in found.tolist()]
     table = np.array(colors, np.float32)

@@ -87,8 +87,8 @@ class LiveJob:
             self._begin()
             socket = self._socket
         if socket is not None:
-            with contextlib.suppress(ConnectionClosed, OSError):  # requested again after the reconnection
-                socket.send(json.dumps({"frame": frame}))
+            with contextlib.suppress(ConnectionClosed, OSError):  # it is asked for when it is there again
+                socket.send(WatchFrame(frame).to_text())
 
     def _begin(self) -> None:
         self._versions.clear()
@@ -112,7 +112,7 @@ class LiveJob:
                     self._wake()
                     return
                 self.trouble = "The farm is away; it is tried again."
-            except Exception as error:  # the screen must end with an error message instead of freezing
+            except Exception as error:  # the screen must end with a sentence, and not stand still
                 self.error = ClientError(f"What {self._farm.url} tells of the job cannot be read ({error}).")
                 self._wake()
                 return

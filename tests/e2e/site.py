@@ -36,7 +36,7 @@ def radiances() -> np.ndarray:
 
 def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
     """Returns a whole film as one live tile."""
-    return HEADER.pack(1, 1, 0, seq, 0, 0, WIDTH, HEIGHT, spp) + rgbe9995.pack(film).astype("<u4").tobytes()
+    return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
 
 
 class Site:

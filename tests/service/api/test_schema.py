@@ -112,7 +112,9 @@ def spare(path: str, alive: Alive) -> str:
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
-    """Calls an operation many times; returns the number of responses by status."""
+    """Calls an operation many times; returns how often it answered with which status."""
+    from schemathesis import GenerationMode
+
     seen: dict[int, int] = {}
     operation = schema[path][method]
     live = [known for known in ids(path, alive) if len(known) == 20]

@@ -10,13 +10,14 @@ from renderer.image import rgbe9995
 from renderer.settings import Tile
 
 
-def seen(tiles: list[Shown]) -> list[np.ndarray]:
+def seen(tiles: list[ViewTile]) -> list[np.ndarray]:
     """Returns the radiance (3, h, w) of each tile as decoded by the page."""
-    message = packet(tiles, (64, 64), (128, 128), 7, 9)
-    assert HEADER.unpack_from(message)[2:] == (len(tiles), 7, 9, 64, 64, 128, 128)
-    heads = [TILE.unpack_from(message, HEADER.size + i * TILE.size) for i in range(len(tiles))]
-    assert heads == [(*tile.rect, tile.samples + tile.is_exact * EXACT) for tile in tiles]
-    return [np.moveaxis(rgbe9995.unpack(words), -1, 0) for words in unpacked(heads, body_of(message))]
+    message = encode_view(tiles, (64, 64), (128, 128), 7, 9)
+    picture = decode_view(message)
+    assert picture.head == (len(tiles), 7, 9, 64, 64, 128, 128)
+    told = [(tile.rect, tile.samples, tile.is_exact) for tile in picture.tiles]
+    assert told == [(tile.rect, tile.samples, tile.is_exact) for tile in tiles]
+    return [tile.mean for tile in picture.tiles]
 
 
 def shown(mean: np.ndarray, is_exact: bool = False, samples: int = 3) -> ViewTile:

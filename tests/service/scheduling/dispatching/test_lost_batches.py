@@ -20,8 +20,8 @@ from tests.service.scheduling.fake_clock import FakeClock
 PATIENCE_S = 30.0
 
 
-class World:
-    """The observed state of the farm, with a simulated clock."""
+class World(FakeClock):
+    """A farm without Redis and workers: its queues, fleet, results and clock."""
 
     def __init__(self) -> None:
         super().__init__()

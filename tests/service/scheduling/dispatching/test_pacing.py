@@ -5,18 +5,7 @@ from __future__ import annotations
 import pytest
 
 from service.scheduling.dispatching.pacing import FIRST_GUESS_S, MOST_JOINT, MOST_OF_A_TILE, SHARE, Pace
-
-
-class Clock:
-    """Simulated wall and processor clocks; the processor is busy during `busy`."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    thread_time = monotonic
+from tests.service.scheduling.fake_clock import FakeClock
 
 
 @pytest.fixture
@@ -114,9 +103,9 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) ->
         assert (of.batch_s(1) > 0.5) == longer
 
 
-def test_batches_take_as_long_as_their_results_travel(clock: Clock) -> None:
+def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
     """Otherwise a slot on a slow connection would spend its time sending."""
-    of = Pace(0.5, 10.0, 1 << 20)
+    of = Pace(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
         of.travelled(seconds)
         assert of.batch_s(2) == 0.5, "a few have waited for a kernel"

@@ -8,21 +8,9 @@ from service.scheduling.jobs.noise_budget import AT_ONCE_S, SHARE, Looks
 from tests.service.scheduling.fake_clock import FakeClock
 
 
-class Clock:
-    """Simulated wall and processor clocks; the processor is busy during an estimate."""
-
-    now = 50.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    thread_time = monotonic
-
-
-def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = Clock()
-    monkeypatch.setattr(noise_budget, "time", clock)
-    of = Looks()
+def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> None:
+    clock = FakeClock()
+    of = Looks(clock)
     clock.now += 1000.0  # no more is saved up than at the beginning
 
     def take(look_s: float) -> int:
