@@ -10,10 +10,6 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./tile-packet.js").TilePacket} TilePacket */
 
-/** Close codes for a job that was deleted or does not exist. */
-const GONE = [4404, 4410];
-const NOT_THERE = 4404;
-
 /**
  * @typedef {object} LiveHandlers
  * @property {(tile: TilePacket) => void} tile
@@ -69,8 +65,8 @@ export class Live extends LastingSocket {
 
   /** @override @param {number} code @param {string} reason */
   ended(code, reason) {
-    const isClosedToUs = code === NOT_THERE && this.hasHeard; // a deleted job is reported differently
-    if (isClosedToUs || !GONE.includes(code)) super.ended(code, reason); // otherwise the farm's events report it too
+    const isClosedToUs = code === NOT_FOUND && this.hasHeard; // a deleted job is reported differently
+    if (isClosedToUs || ![NOT_FOUND, GONE].includes(code)) super.ended(code, reason); // otherwise the farm's events report it too
   }
 
   /**

@@ -3,12 +3,6 @@
 import { EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
 import { encode } from "../film/rgb9e5.js";
 
-const VERSION = 2;
-const KIND_VIEW = 3;
-const HEADER_BYTES = 20;
-const TILE_BYTES = 12;
-const EXACT = 2 ** 31;
-
 /** Sum of red, green and blue for each brightness code. */
 const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
   code ? 2 ** (((code - 1) >> 5) - 24) * (1 + ((code - 1) & 31) / 32) : 0,
