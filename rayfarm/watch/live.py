@@ -87,7 +87,7 @@ class LiveJob:
             self._begin()
             socket = self._socket
         if socket is not None:
-            with contextlib.suppress(ConnectionClosed, OSError):  # it is asked for when it is there again
+            with contextlib.suppress(ConnectionClosed, OSError):  # requested again after the reconnection
                 socket.send(WatchFrame(frame).to_text())
 
     def _begin(self) -> None:

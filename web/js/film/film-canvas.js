@@ -210,7 +210,7 @@ export class FilmCanvas {
   drawLayer(layer, left, width, shift = 0) {
     const { gl, canvas, viewport, look, uniforms } = this;
     if (!layer.texture || !layer.size || width <= 0) return;
-    if ((layer.film?.isBlank || layer.film?.isPartial) && !layer.image) return; // what lies under the canvas is seen
+    if ((layer.film?.isBlank || layer.film?.isPartial) && !layer.image) return; // the element under the canvas stays visible
     gl.scissor(left, 0, width, canvas.height);
     gl.bindTexture(gl.TEXTURE_2D, layer.texture);
     gl.uniform1i(uniforms?.film ?? null, 0);

@@ -9,7 +9,7 @@ import { Store } from "../base/store.js";
  * @extends {Store<T[] | null>}
  */
 export class Listing extends Store {
-  /** @param {(offset: number) => Promise<import("./api.js").Page<T>>} get a page, of what comes after so many */
+  /** @param {(offset: number) => Promise<import("./api.js").Page<T>>} returns a page after this number of items */
   constructor(get) {
     super(/** @type {T[] | null} */ (null));
     this.get = get;
@@ -36,7 +36,7 @@ export class Listing extends Store {
     this.set([item, ...(this.value ?? [])]);
   }
 
-  /** @param {number} count at least so many, as far as there are */
+  /** @param {number} count load at least this many, if they exist */
   async upTo(count) {
     /** @type {T[]} */
     const found = [];

@@ -55,7 +55,7 @@ function upright(view) {
 }
 
 /**
- * A direction turned about `up` by an angle to the left, and raised by another, not beyond the steepest.
+ * Rotates a direction about `up` to the left and raises it, up to the maximum elevation.
  *
  * @param {Vec3} direction
  * @param {Vec3} up

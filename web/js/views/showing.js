@@ -98,7 +98,7 @@ export function showViews(main, markSection) {
     const address = ahead.viewAt(location.hash);
     let make = here.get(address) ?? null;
     if (!make && address !== null) {
-      // What the view before shows stays meanwhile, though nothing can be done with it.
+      // The previous view stays visible meanwhile, but inactive.
       main.inert = !isFirst;
       main.setAttribute("aria-busy", "true");
       make = await fetched(address);
