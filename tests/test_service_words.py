@@ -34,6 +34,7 @@ SHOWN = (
 )
 # Who may say what is translated.
 SPEAKERS = (
+    "protocol",
     "service",
     "worker",
     "renderer/scene",

@@ -52,7 +52,7 @@ export const setHidden = (id, hide) => setMember(hidden, id, hide);
 export const setLink = (connection, up) => setMember(lost, connection, !up);
 
 /**
- * @template {Identified} T
+ * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store newest first
  * @param {T} item replaces the one with its id, or is inserted in order
  */
