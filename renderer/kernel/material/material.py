@@ -1,8 +1,7 @@
 """Material evaluation: texture lookups, and the only module that dispatches to the BSDF models.
 
-To add a model: a file in bsdf/, a number in rows.py, a branch in `eval_material` and `sample_material` (or in
-rare_materials.py), the list of renderer/kernel/pool/surfaces.py for its vertices, and its name in renderer/scene/parameters.py
-and packing.py.
+To add a model: a file in bsdf/, its `Kind` in renderer/arrays/rows.py, its parameters in renderer/scene/material.py, a branch in
+`eval_material` and `sample_material` (or in rare_materials.py), and in renderer/kernel/pool/surfaces.py the list of its vertices.
 """
 
 from __future__ import annotations
