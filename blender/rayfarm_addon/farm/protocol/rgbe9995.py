@@ -18,7 +18,7 @@ MAX = 65408.0  # (2**9 - 1) / 2**9 * 2**16
 
 
 def pack(rgb: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
-    """(..., 3) float32 radiance as (...) uint32 words. Negative values and NaN become 0, and what is above MAX becomes MAX."""
+    """Packs (..., 3) float32 radiance into (...) uint32 words. Negative values and NaN become 0; values above MAX become MAX."""
     clean = np.fmin(np.fmax(np.asarray(rgb, np.float32), np.float32(0)), np.float32(MAX))
     brightest = np.maximum(np.maximum(clean[..., 0], clean[..., 1]), clean[..., 2])
     # floor(log2(x)) is a float's exponent field; half a mantissa step is added first, so that rounding up to 2**9 moves
@@ -32,7 +32,7 @@ def pack(rgb: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
 
 
 def unpack(words: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
-    """(...) uint32 words as (..., 3) float32 radiance: mantissa times 2**(exponent - 24)."""
+    """Unpacks (...) uint32 words into (..., 3) float32 radiance: mantissa times 2**(exponent - 24)."""
     words = np.asarray(words, np.uint32)
     mantissa = np.stack([words & 511, words >> 9 & 511, words >> 18 & 511], axis=-1).astype(np.float32)
     step = ((words >> 27).astype(np.int32) + (127 - BIAS - MANTISSA_BITS)) << 23
