@@ -9,6 +9,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.e2e.conftest import SOON_CLEAR
 from tests.e2e.screen import rendered
 from tests.helpers import ROOT, Farm
 
@@ -31,8 +32,9 @@ def job(farm: Farm) -> str:
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
     """A page in a browser with another language than English."""
-    context = browser.new_context(viewport={"width": 1024, "height": 640}, reduced_motion="reduce", locale=request.param)
+    context = browser.new_context(viewport={"width": 800, "height": 480}, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
+    context.add_init_script(SOON_CLEAR)
     yield context.new_page(), request.param
     context.close()
 
