@@ -51,7 +51,6 @@ def pytest_configure(config: pytest.Config) -> None:
     Every process imports every file. In a fresh clone the first to import one rewrites its assertions and keeps the result for
     the others, which takes longer than all other imports: each process begins with a share of its own.
     """
-    gc.disable()  # until all is collected, and frozen
     if not is_ordinary(config):
         return
     hypothesis.settings.load_profile("ordinary")
@@ -63,9 +62,19 @@ def pytest_configure(config: pytest.Config) -> None:
         config.args = [*files[begin:], *files[:begin]]
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Collects no garbage meanwhile: nearly all that is imported stays."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Makes no items of tests marked `long` in an ordinary run, which would deselect them: they are half of all."""
+    """Makes no items of tests marked `long` in an ordinary run, which would deselect them: a quarter of all."""
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -93,7 +102,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Takes what is imported and collected, which stays, from the garbage collector's sight: a twentieth of the tests' time."""
-    gc.enable()
     gc.freeze()
 
 
