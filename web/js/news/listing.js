@@ -9,7 +9,7 @@ import { Store } from "../base/store.js";
  * @extends {Store<T[] | null>}
  */
 export class Listing extends Store {
-  /** @param {(offset: number) => Promise<import("./api.js").Page<T>>} returns a page after this number of items */
+  /** @param {(offset: number) => Promise<import("./api.js").Page<T>>} get returns a page after this number of items */
   constructor(get) {
     super(/** @type {T[] | null} */ (null));
     this.get = get;
