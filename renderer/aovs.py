@@ -24,9 +24,9 @@ Span = tuple[F32 | np.float32, F32 | np.float32] | None
 
 MOTION = "motion"
 
-# Of a heat map: black body, with a blue beginning so that little is told from nothing.
+# Colours of a heat map: black body, starting with blue so that small values differ from 0.
 _HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
-_GOLDEN = 0.6180339887498949  # hues this far apart never come close to an earlier one soon
+_GOLDEN = 0.6180339887498949  # fraction of the hue circle between consecutive numbers; avoids similar hues
 
 
 class _Aov(NamedTuple):

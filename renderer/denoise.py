@@ -16,7 +16,7 @@ from renderer.errors import SettingsError
 __all__ = ["Clean", "cleaned", "denoise", "for_a_glance", "is_available"]
 
 F32 = npt.NDArray[np.float32]
-_RANGE = np.float32(1e6)  # beyond half precision's range nothing is gained; infinities would spread
+_RANGE = np.float32(1e6)  # clamps radiance to half precision's range; infinities would spread
 
 
 def is_available() -> bool:
@@ -67,7 +67,7 @@ def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
         raise SettingsError(f"Open Image Denoise cannot be loaded ({error}). Install it: pip install 'pyoidn>=2.5,<3'") from error
     with pyoidn.Device(pyoidn.OIDN_DEVICE_TYPE_CPU) as device:
         device.set_int("numThreads", threads)
-        device.set_bool("setAffinity", False)  # pinned threads would fight with those who render
+        device.set_bool("setAffinity", False)  # pinned threads would compete with rendering threads
         device.commit()
 
         def run(output: F32, images: dict[str, F32], **options: bool) -> F32:

@@ -42,21 +42,21 @@ __all__ = [
 
 # Planes of a film or a batch's sums: an int64 array of shape (CHANNELS, height, width).
 COLOR = slice(0, 3)  # linear Rec.709 radiance
-COLOR_HALF = slice(3, 6)  # the same over about half of the sample numbers (`in_half`): it and the rest tell the noise
+COLOR_HALF = slice(3, 6)  # the same over about half of the samples (`in_half`): its difference from the rest estimates the noise
 ALBEDO = slice(6, 9)  # first hit's reflectance
 NORMAL = slice(9, 12)  # first hit's world-space shading normal
-DEPTH = 12  # distance to the first hit from the eye, or the point of the lens; 0 where nothing is hit
-SAMPLES = 13  # samples that count (finite ones); a plain count, not fixed point
-SAMPLES_HALF = 14  # those of them that are in the half
-POSITION = slice(15, 18)  # first hit's place in the world; 0 where nothing is hit
+DEPTH = 12  # distance to the first hit from the eye or lens; 0 where nothing is hit
+SAMPLES = 13  # number of finite samples; a plain count, not fixed point
+SAMPLES_HALF = 14  # number of finite samples that are in the half
+POSITION = slice(15, 18)  # first hit's world position; 0 where nothing is hit
 OBJECT = 18  # 1 + the number of the object that sample 0 hits first, 0 where it hits nothing; a plain number, not fixed point
-MATERIAL = 19  # 1 + the number of its material, likewise
+MATERIAL = 19  # 1 + the number of the object's material, likewise
 CHANNELS = 20
 
 SAMPLE_MAX = 262144.0
 
-_LEAST_SAMPLES = 16  # a pixel, and
-_LEAST_OF_ALL = 512  # over all pixels, before an estimate of the noise may end a frame or a tile
+_LEAST_SAMPLES = 16  # per pixel, and
+_LEAST_OF_ALL = 512  # over all pixels, before a noise estimate may end a frame or a tile
 
 Sums = npt.NDArray[np.int64]
 

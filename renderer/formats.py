@@ -28,20 +28,20 @@ class Format(NamedTuple):
 
     suffix: str
     reader: str  # in renderer/scene/readers
-    is_mesh_file: bool = True  # which scene files of ours may place
-    names_files: bool = False  # whether it may need others beside it
-    has_variants: bool = False  # of its materials
-    moves: bool = False  # whether it may say how things move
-    has_lines: bool = False  # and points, which are shown where they are given a thickness
+    is_mesh_file: bool = True  # our scene files may place it as a mesh
+    names_files: bool = False  # may refer to other files
+    has_variants: bool = False  # has material variants
+    moves: bool = False  # may be animated
+    has_lines: bool = False  # and points, rendered if given a thickness
 
 
-# What assimp opens by the bytes of one file, and whose importers are kept up.
+# Formats that assimp reads from a single file, with maintained importers.
 LONG_TAIL = (
     *(".3ds", ".x3d", ".lwo", ".lxo", ".ac", ".ac3d", ".x", ".ase", ".b3d", ".cob", ".ms3d", ".dxf", ".amf", ".ogex", ".xgl"),
     *(".zae", ".smd", ".md2", ".md5mesh", ".nff", ".ndo", ".q3o", ".irrmesh", ".iqm", ".pmx"),
 )
 
-# Best first: where an upload holds several kinds, the one that says most about the scene is taken.
+# Best first: if an upload contains several formats, the one with the most scene information is chosen.
 FORMATS = (
     Format(".yaml", "yaml", is_mesh_file=False, names_files=True, moves=True),
     Format(".yml", "yaml", is_mesh_file=False, names_files=True, moves=True),
@@ -67,13 +67,13 @@ SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
 NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl", ".mtlx")
 
-# Blender itself opens its files and Alembic's, where it is: renderer/blender. Else this helps.
+# .blend and Alembic files need Blender (renderer/blender); this is the advice without it.
 BY_BLENDER = tuple(format.suffix for format in FORMATS if format.reader == "blend")
 WITHOUT_BLENDER = (
     'in Blender, choose File > Export > glTF 2.0, with "Punctual Lights" and "Cameras" ticked, and give what that writes'
 )
 
-# What other programs keep their scenes in, and how to get out of each what can be read.
+# Native formats of other programs, and how to export each.
 _UNPACK = "Unpack it, and give the folder or a .zip of it"
 FOREIGN = {
     ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
@@ -84,11 +84,11 @@ FOREIGN = {
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
 
-# What a name holds where the file stands for another one: the cage of a subdivision surface, a shape for collisions.
+# Parts of names of auxiliary files: the cage of a subdivision surface, a collision shape.
 _AUXILIARY = ("control", "cage", "collision", "collider", "proxy", "lowpoly", "low_poly")
 
 
-# What files of pbrt are called that a scene's main file includes.
+# Suffixes of pbrt files that a scene's main file includes.
 _INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", "camera", "objects", "models", "mesh", "meshes")
 
 
@@ -105,7 +105,7 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     an auxiliary file, shortest name, alphabetical. Raises SceneError if no name is a scene's.
     """
     readers = [format.reader for format in FORMATS]
-    # A USD scene's layers may be of all of USD's kinds: the kind does not tell which is at the top.
+    # The layers of a USD scene may have any of USD's suffixes: the suffix does not identify the root layer.
     rank = {format.suffix: readers.index("usd") if format.reader == "usd" else i for i, format in enumerate(FORMATS)}
     found = []
     for name in names:
@@ -117,7 +117,7 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     if not found:
         for name in sorted(names):
             suffix = PurePosixPath(name).suffix.lower()
-            if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip that is not inside another is unpacked
+            if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip inside another is not unpacked
                 then = "" if advice == _UNPACK else "; give what that writes"
                 raise SceneError(f"{name[:200]} cannot be read here. {advice}{then}.")
         listed = ", ".join(sorted(names)[:5]) or "nothing"
@@ -127,7 +127,7 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     found.sort(key=lambda each: (each[-1] != preferred, each))
     main = found[0][-1]
     rivals = [f[-1] for f in found[1:] if f[0] == found[0][0] and not _is_included(f[-1])]
-    # What a scene may be made of is none; beside a file that names no others, every scene is one.
+    # A file that a scene may include is not a scene; beside a format that includes no files, every scene is one.
     alone = _format_of(main).is_mesh_file
     rivals += [f[-1] for f in found[1:] if f[0] != found[0][0] and (alone or not _format_of(f[-1]).is_mesh_file)]
     if not rivals:

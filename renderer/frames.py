@@ -21,8 +21,8 @@ __all__ = [
 ]
 
 MAX_FRAMES = 100_000
-MOST_RUNS = 200  # written one by one
-MOST_NAMED = 2 * MAX_FRAMES  # those that are named again included
+MOST_RUNS = 200  # runs written in full
+MOST_NAMED = 2 * MAX_FRAMES  # including repeated ones
 MAX_FRAME = 10_000_000
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
 _PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
@@ -37,7 +37,7 @@ def parse_frames(text: str) -> list[float]:
     return list(_parsed(text))
 
 
-@lru_cache(4)  # a request is asked for its frames by some, one after the other
+@lru_cache(4)  # several parts of a request parse it
 def _parsed(text: str) -> tuple[float, ...]:
     found: dict[float, None] = {}
     named = 0

@@ -56,7 +56,7 @@ def _sum_with_product(combine: Callable[..., Any], product_first: bool) -> Any:
             return None
         pair = (product.return_type, c) if product_first else (c, product.return_type)
         function, whole = combine, _signature(typingctx, combine, pair)
-        if whole is None:  # as Numba does for types that have no operation in place
+        if whole is None:  # as Numba does for types without in-place operators
             function, whole = _PLAIN[combine], _signature(typingctx, _PLAIN[combine], pair)
         if whole is None:
             return None
@@ -123,7 +123,7 @@ def _fuse(func_ir: Any, block: Any) -> bool:
             continue
         name = statement.target.name
         if value.fn is operator.mul and value.op == "binop":
-            if statement.target.is_temp and uses[name] == 2:  # where it is made, and in the sum
+            if statement.target.is_temp and uses[name] == 2:  # its assignment, and its use in the sum
                 products[name] = statement
         elif (value.fn, True) in _SUMS:
             side = next((each for each in (value.lhs, value.rhs) if each.name in products), None)

@@ -130,16 +130,16 @@ def local_floats(typingctx: Any, count: Any) -> Any:
 
 
 def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool = True) -> Function:
-    # Every option is said aloud: one left out is taken over from whichever caller happens to be compiled first.
+    # All options are explicit: a missing one would be inherited from whichever caller is compiled first.
     options: Any = {
         "nogil": True,
-        # IEEE 754 as written: every operation is rounded by itself, but for the products that renderer/fused_multiply_add.py
+        # IEEE 754 as written: every operation is rounded separately, except products that renderer/fused_multiply_add.py
         # fuses.
         "fastmath": False,
         "error_model": "numpy",
         "_nrt": heap,
         "forceinline": inline,
-        # To take arguments from Python, a scene's forty arrays above all, costs two fifths of the compiler's time (measured).
+        # Unpacking arguments from Python, mainly a scene's forty arrays, takes two fifths of the compile time (measured).
         "no_cpython_wrapper": not from_python,
         "no_cfunc_wrapper": True,
     }
@@ -221,7 +221,7 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
             fetch()
         with noted() as files, contextlib.nullcontext() if done.exists() else rare_collections():
             yield not done.exists()
-        with contextlib.suppress(OSError):  # a folder that can only be read: the next process compiles what is not there
+        with contextlib.suppress(OSError):  # read-only folder: the next process compiles what is missing
             _list(done, {path.relative_to(folder).as_posix() for path in files})
     _ready.add(name)
 
@@ -268,5 +268,5 @@ def _is_taken(lock: IO[bytes] | None) -> bool:
     except BlockingIOError:
         return False
     except OSError:
-        return True  # there are no locks here
+        return True  # this platform has no file locks
     return True

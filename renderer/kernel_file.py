@@ -23,7 +23,7 @@ from renderer.zips import DAMAGED
 
 __all__ = ["MAX_BYTES", "ArtefactError", "is_name", "is_signed", "name_of", "pack", "signed_anew", "unpack"]
 
-MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth of that
+MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth
 _MAX_UNPACKED = 4 * MAX_BYTES
 _SIGNATURE = 32
 _CHUNK = 1 << 20
@@ -56,7 +56,7 @@ def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
     with zipfile.ZipFile(out, "w") as archive:
         done = f"{kernel}.done"
         for member in (*(folder / done).read_text().split(), done):
-            if _MEMBER.fullmatch(member):  # without its date: the same files make the same artefact
+            if _MEMBER.fullmatch(member):  # without its date: equal files make equal artefacts
                 archive.writestr(zipfile.ZipInfo(member), (folder / member).read_bytes(), zipfile.ZIP_DEFLATED, 1)
     out.seek(start)
     signature = _signature(out, key)
@@ -87,7 +87,7 @@ def unpack(file: IO[bytes], key: str, folder: Path) -> int:
             members = archive.infolist()
             if not all(_MEMBER.fullmatch(m.filename) for m in members) or sum(m.file_size for m in members) > _MAX_UNPACKED:
                 raise ArtefactError("the kernels' archive holds what no archive of kernels holds")
-            # What says that a kernel is complete comes last.
+            # The file that marks a kernel as complete is written last.
             for member in sorted(members, key=lambda m: m.filename.endswith(".done")):
                 _write(folder / member.filename, archive.read(member))
     except DAMAGED as error:

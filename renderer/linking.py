@@ -15,9 +15,9 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 
 __all__ = ["ChooseLibrary", "rebuilt", "stay_apart"]
 
-_APART = ".apart"  # the name of a library whose function is never merged into its callers ends so, in files too
-_PART, _KERNEL = "part", "kernel"  # of what was kept
-_ENVIRONMENT = "_ZN08NumbaEnv"  # the names of what a function knows of Python begin so
+_APART = ".apart"  # suffix of libraries whose function is never inlined, in file names too
+_PART, _KERNEL = "part", "kernel"  # kinds of cached libraries
+_ENVIRONMENT = "_ZN08NumbaEnv"  # prefix of a function's Numba environment symbol
 
 
 def stay_apart(library: Any) -> None:
@@ -68,7 +68,7 @@ class _Kernel(JITCodeLibrary):
         self._finalize_final_module()
 
     def _finalize_final_module(self) -> None:
-        for module in reversed(self.beneath.values()):  # what nothing before it calls is left out
+        for module in reversed(self.beneath.values()):  # unused functions are dropped
             self._final_module.link_in(llvm.parse_bitcode(module) if isinstance(module, bytes) else module, preserve=True)
         self._final_module.verify()
         super()._finalize_final_module()
@@ -110,7 +110,7 @@ class _Part(_Kernel):
 
     def _optimize_final_module(self) -> None:
         for variable in self._environments():
-            variable.linkage = "linkonce_odr"  # left out where it is not used
+            variable.linkage = "linkonce_odr"  # dropped if unused
         super()._optimize_final_module()
         if any(self._environments()):
             raise NotImplementedError(f"{self.name} asks for something of Python's while it runs")
@@ -123,7 +123,7 @@ class _Part(_Kernel):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 self.own_name = function.name
-                function.linkage = "linkonce_odr"  # each caller has its copy, or none where it is merged
+                function.linkage = "linkonce_odr"  # each caller has a copy, dropped if inlined
         self._shared_module = self._final_module
         self._finalized = True
 

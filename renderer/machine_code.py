@@ -67,7 +67,7 @@ class MachineCode:
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Returns the function compiled for a signature, None if it is not cached."""
-        context.refresh()  # it may not know yet of what the machine code is linked with
+        context.refresh()  # so that it knows the symbols that the machine code links to
         kept = self._files.load(self._key(signature, context.codegen()))
         return None if kept is None else rebuilt(context, kept)
 
@@ -86,7 +86,7 @@ class MachineCode:
         path = Path(inspect.getfile(self._function))
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"
         name = f"{path.stem}.{self._function.__qualname__}".replace("<", "").replace(">", "")
-        if path.is_relative_to(ROOT):  # all that it depends on is in the folder's name, and its name is unique in its module
+        if path.is_relative_to(ROOT):  # its dependencies are in the folder's name, and its name is unique in its module
             module = path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".")
             return _Files(self._folder() / module, f"{name}-1.{python}", self._stamp, self._is_kernel)
         status = path.stat()

@@ -29,9 +29,9 @@ from renderer.threads import cores
 
 __all__ = ["Helpers", "main"]
 
-MOST = 3  # helpers: more than these wait for what the others compile
+MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
-NEEDS = 400 << 20  # bytes that one of them takes while it compiles, with room to spare
+NEEDS = 400 << 20  # bytes that a helper takes while it compiles, with a margin
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
@@ -69,19 +69,19 @@ class Helpers:
         _close(self._giving)
         self._working = self._giving = -1
         if len(parts) == 0:
-            return  # what prepares scenes is for a helper, while this process compiles another kernel
+            return  # a helper compiles the kernels that prepare scenes, while this process compiles another kernel
         parts.compile(self._taking)
         until = time.monotonic() + COMPILE_PATIENCE_S
         while select.select([self._over], [], [], max(until - time.monotonic(), 0.0))[0]:
-            if os.read(self._over, 1) == b"":  # it was open as long as one of them was at work
+            if os.read(self._over, 1) == b"":  # end of file once no helper is working
                 break
 
     def finish(self) -> None:
         """Waits until the last helper has ended."""
-        _close(self._giving)  # where nothing was shared
+        _close(self._giving)  # if nothing was shared
         self._giving = -1
         for child in self._forked:
-            with contextlib.suppress(ChildProcessError):  # somebody else has heard of its end
+            with contextlib.suppress(ChildProcessError):  # already reaped elsewhere
                 os.waitpid(child, 0)
         for process in self._started:
             process.wait()
@@ -112,7 +112,7 @@ class Helpers:
                 _close(self._over)
                 _help(self._edition, self._taking, self._working, parent, is_first=number == 0)
             finally:
-                os._exit(0)  # whatever went wrong will go wrong in the parent, which says it
+                os._exit(0)  # the parent will meet the same error and report it
         return child
 
     def _start(self, number: int) -> subprocess.Popen[bytes]:

@@ -18,7 +18,7 @@ from renderer.settings import RenderSettings, Vec3, View
 
 __all__ = ["MODELS", "MOST_SAMPLES", "Bounce", "PixelPath", "PixelPaths", "Spot", "bounce_of", "pixel_paths", "spot_of"]
 
-MOST_SAMPLES = 4096  # looked at: the first so many
+MOST_SAMPLES = 4096  # the number of first samples that are examined
 
 Choice = Literal["first", "median", "brightest", "asked"]
 Bounce = Literal["reflected", "transmitted"]
@@ -45,7 +45,7 @@ class PixelPath:
     chosen: list[Choice]
     sample: int
     replay: Replay
-    spots: list[Spot]  # of the eye's side of each vertex; of the environment, in its direction
+    spots: list[Spot]  # of each vertex, on the viewer's side; of the environment, in its direction
     lamps: list[Spot | None]  # of the lights' points
 
 
@@ -76,7 +76,7 @@ def pixel_paths(
         chosen[asked] = ["asked"]
     chosen.setdefault(0, []).append("first")
     if count > 0:
-        light = np.where(is_finite, luminance(values), np.inf)  # what is no number comes first: it is what one looks for
+        light = np.where(is_finite, luminance(values), np.inf)  # non-finite samples count as brightest: users look for them
         order = np.argsort(light, kind="stable")
         chosen.setdefault(int(order[(count - 1) // 2]), []).append("median")
         chosen.setdefault(int(order[-1]), []).append("brightest")

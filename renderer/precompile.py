@@ -25,8 +25,8 @@ from renderer.threads import cores
 
 __all__ = ["main"]
 
-MEMORY = 1 << 30  # bytes that a process takes while it compiles an edition
-PREPARING = "preparing"  # a job beside the editions: the kernels that prepare scenes
+MEMORY = 1 << 30  # memory that a process needs to compile an edition
+PREPARING = "preparing"  # the job of the kernels that prepare scenes
 
 
 def _compile(job: str, prepares: bool) -> None:
@@ -61,7 +61,7 @@ def _compile_all(jobs: list[str], begin: float) -> None:
             for ready, each in enumerate(as_completed(waiting), 1):
                 each.result()
                 print(f"{ready} of {len(jobs)} after {time.perf_counter() - begin:.0f} s: {waiting[each]}", flush=True)
-        except BaseException:  # Ctrl-C among them: begin no other
+        except BaseException:  # including Ctrl-C: start no further job
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 

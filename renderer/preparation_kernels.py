@@ -26,7 +26,7 @@ def _mesh(triangles: int) -> Mesh:
 @functools.cache
 def prepare_first() -> None:
     """Compiles or loads the kernels for a static scene of a few triangles."""
-    for count in (1, CROWD):  # by itself, and placed together with others
+    for count in (1, CROWD):  # placed alone, and in a batch
         meshes, instances = [_mesh(1)] * count, [Instance(number) for number in range(count)]
         compile_scene(SceneDescription(meshes=meshes, instances=instances, materials=[Material()], environment=Environment()))
 

@@ -18,7 +18,7 @@ from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, mod
 __all__ = ["Reference", "by_reference"]
 
 _TUPLES = (types.NamedTuple, types.NamedUniTuple)
-_USED = ("nitems", "itemsize", "data", "shape", "strides")  # of an array, by kernels that have no heap
+_USED = ("nitems", "itemsize", "data", "shape", "strides")  # the array fields that kernels without a heap use
 
 
 class Reference(types.Type):
@@ -26,7 +26,7 @@ class Reference(types.Type):
 
     def __init__(self, whole: types.NamedTuple | types.NamedUniTuple) -> None:
         self.whole = whole
-        # Short, as it becomes a part of the names of all functions that take one.
+        # Short, since it is part of the names of all functions that take one.
         digest = hashlib.sha256(_written_out(whole).encode()).hexdigest()[:12]
         super().__init__(f"Reference({whole.instance_class.__name__} {digest})")
 

@@ -51,10 +51,10 @@ __all__ = [
 PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = EDITIONS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
-_LAST_TILES = 2  # for each thread: of so many the samples are cut into
-_CUTS = 4  # parts, so that the threads come to an end together
+_LAST_TILES = 2  # per thread: the last tiles' samples are divided into
+_CUTS = 4  # parts, so that the threads end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-_MOST_PASSED = 56 << 10  # surfaces passed through that a replay records
+_MOST_PASSED = 56 << 10  # alpha-transparent surfaces that a replay records
 _NO_LOG = np.empty((0, record.COLUMNS))
 
 
@@ -64,7 +64,7 @@ class RenderStats:
 
     samples: int = 0
     rays: int = 0
-    bad: list[BadSample] = field(default_factory=list)  # samples left out, at most MAX_BAD of them
+    bad: list[BadSample] = field(default_factory=list)  # dropped samples, at most MAX_BAD of them
     bad_count: int = 0
 
 
@@ -160,7 +160,7 @@ def render_frame(
                     done += future.result()
                     if progress is not None:
                         progress(done, total)
-            except BaseException:  # Ctrl-C among them: do not first render what waits
+            except BaseException:  # including Ctrl-C: cancel pending batches
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
             first += count
@@ -219,7 +219,7 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
 def edition_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """Returns the name of the kernel edition that renders the scene with these settings."""
     edition = edition_of(scene, len(settings.views) > 0)
-    if settings.integrator in ("whitted", "ao"):  # which know nothing of media
+    if settings.integrator in ("whitted", "ao"):  # which have no media
         edition = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(edition, edition)
     return FULL if edition == PLAIN and not has_editions(settings) else edition
 

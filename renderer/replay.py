@@ -28,17 +28,17 @@ ENDS: dict[End, str] = {
     "passed": "it passed too many surfaces by their alpha",
 }
 _BY_KIND: dict[float, End] = {DIFFUSE_LIMIT: "diffuse", GLOSSY_LIMIT: "glossy", TRANSMISSION_LIMIT: "transmission"}
-FAR = 1e17  # units away: where the kernel puts what is infinitely far, less some
+FAR = 1e17  # scene units; the kernel puts infinitely distant points slightly beyond
 
 
 class Lamp(NamedTuple):
     """The light sample of a vertex: a point on a light chosen by next-event estimation."""
 
     point: Vec3 | None  # None: infinitely far
-    direction: Vec3  # unit, towards it
-    pdf: float  # per steradian, with which it was chosen
-    share: float  # the weight of multiple importance sampling against the BSDF's sample of the same direction
-    brought: Vec3  # the radiance that it adds to the sample where nothing is in the way: throughput and share are in it
+    direction: Vec3  # unit, towards the light
+    pdf: float  # per steradian, of the light sample
+    share: float  # MIS weight against the BSDF's sample of the same direction
+    brought: Vec3  # the radiance added to the sample if unoccluded, including throughput and MIS weight
 
 
 class Vertex(NamedTuple):
@@ -47,24 +47,24 @@ class Vertex(NamedTuple):
     Colours are linear Rec.709, positions in world space.
     """
 
-    kind: str  # surface; passed: one that its alpha let the ray through; medium: a point in one; missed: the environment
-    object: int | None  # numbers, as in the film less one; None where no surface was met
+    kind: str  # surface; passed: a surface that the ray passed by alpha; medium: a point in a medium; missed: the environment
+    object: int | None  # number, as in the film minus 1; None without a surface
     material: int | None
-    distance: float  # from the last vertex
-    # Per steradian, with which the BSDF gave the direction, or one of two where the path had split; None: the camera's, a single
-    # one, or not weighed.
+    distance: float  # from the previous vertex, scene units
+    # Per steradian, of the BSDF's sample, or of one of two where the path had split; None: camera ray, discrete direction,
+    # or without MIS.
     pdf: float | None
-    point: Vec3 | None  # None where nothing was met
-    normal: Vec3 | None  # unit, on the viewer's side, before any normal map; None where no surface was met
-    direction: Vec3  # unit, in which the ray came
-    throughput: Vec3  # what radiance from here counts
-    emitted: Vec3  # the radiance that the vertex's own light adds to the sample
-    direct: Vec3  # the radiance that the lights it sees add through it
-    beside: Vec3  # the radiance that the path's other branch adds, where this is the vertex that splits it
-    # These, of the path tracer for pictures alone (settings' `path` without what only comparisons need), else None:
-    share: float | None = None  # the weight of multiple importance sampling that `emitted` has; None also where it has no light
-    lamp: Lamp | None = None  # None also where none was to be had
-    survival: float | None = None  # the chance with which Russian roulette let it go on; None also where that was not asked
+    point: Vec3 | None  # None for the environment
+    normal: Vec3 | None  # unit, on the viewer's side, without normal map; None without a surface
+    direction: Vec3  # unit, of the incoming ray
+    throughput: Vec3  # factor of radiance from here to the sample
+    emitted: Vec3  # the radiance of the vertex's own emission in the sample
+    direct: Vec3  # the radiance of direct light at the vertex in the sample
+    beside: Vec3  # the radiance of the path's other branch, if this vertex splits it
+    # Only for the production path tracer (settings' `path` without options for comparisons), else None:
+    share: float | None = None  # MIS weight of `emitted`; None also if it emits nothing
+    lamp: Lamp | None = None  # None also without a light sample
+    survival: float | None = None  # survival probability of Russian roulette; None also if not applied
 
 
 class Replay(NamedTuple):
@@ -75,8 +75,8 @@ class Replay(NamedTuple):
 
     value: Vec3 | None
     vertices: list[Vertex]
-    end: End | None = None  # why it is over (ENDS); None where that is not told
-    time: float = 0.0  # of the shutter, 0 ... 1; 0 where nothing moves or it is not told
+    end: End | None = None  # why the path ended (ENDS); None if unknown
+    time: float = 0.0  # of the shutter, 0 ... 1; 0 if nothing moves or unknown
 
 
 _KINDS = {record.SURFACE: "surface", record.PASSED: "passed", record.MISSED: "missed", record.IN_MEDIUM: "medium"}
@@ -98,7 +98,7 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     kind = int(row[record.KIND])
     met = kind != record.MISSED
     before, emitted, direct = (np.array(_vec(row, c)) for c in (record.BEFORE, record.EMITTED, record.DIRECT))
-    with np.errstate(invalid="ignore"):  # an infinite radiance less itself
+    with np.errstate(invalid="ignore"):  # inf - inf
         own, seen = emitted - before, direct - emitted
     end = float(row[record.SURVIVAL])
     is_told = int(row[record.TOLD])
@@ -142,7 +142,7 @@ def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) 
         return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
     if survival == record.AGAIN:
-        return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit has no count of its own
+        return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit is not counted separately
     return "absorbed" if survival == 0 else "roulette"
 
 

@@ -183,5 +183,5 @@ def whole(value: float | None) -> float | None:
 def number_text(value: Any) -> str:
     """Returns a number as short text."""
     if isinstance(value, Integral):
-        return str(value) if abs(int(value)) < 10**18 else "too large"  # Python writes out no more than 4300 digits
+        return str(value) if abs(int(value)) < 10**18 else "too large"  # Python formats at most 4300 digits
     return f"{float(value):g}"

@@ -12,7 +12,7 @@ from renderer.work import SHOT, WORK
 
 __all__ = ["LARGE", "described", "sentences", "values"]
 
-LARGE = 1e6  # bounds from here on are nobody's concern
+LARGE = 1e6  # larger bounds are not shown
 
 
 def values(each: Declared) -> str:

@@ -109,8 +109,8 @@ MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
 MAX_SPLITTING = 2
 MAX_SHUTTER = 64.0  # frames
-MOST_KEYS = 65  # of a shutter
-MAX_FLOOR = 0.95  # what a path goes on with at most: renderer/kernel/pool/scatter.py
+MOST_KEYS = 65  # keys of a shutter
+MAX_FLOOR = 0.95  # maximum of the least survival probability: renderer/kernel/pool/scatter.py
 MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
@@ -396,7 +396,7 @@ class RenderSettings:
         known = {
             name: value
             for name, value in data.items()
-            if value is not None or name not in SETTINGS or SETTINGS[name].optional  # null: of an older release, its default
+            if value is not None or name not in SETTINGS or SETTINGS[name].optional  # null of older releases: the default
         }
         try:
             views = tuple(map(View.from_json, known.pop("views", ())))
@@ -408,10 +408,10 @@ class RenderSettings:
 SETTINGS = table(RenderSettings)
 _LATER = ("transparency_depth",)
 
-# What a request may leave to the scene file, and the scene file to the defaults.
+# Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)
 
-# Settings under the names that a request's environment has for them.
+# Settings by their names in a request's environment.
 ENVIRONMENT = {
     "color" if name == "environment" else name.removeprefix("environment_"): each
     for name, each in SETTINGS.items()

@@ -14,8 +14,8 @@ from renderer.sources import ROOT
 
 __all__ = ["FOLDER", "copy_loaded", "take_shipped"]
 
-FOLDER = "RAYFARM_KERNELS"  # names a folder with one folder for each state of the sources, as the cache has
-IN_WHEEL = ROOT / "kernels"  # such a folder, where hatch_build.py has put one into the wheel
+FOLDER = "RAYFARM_KERNELS"  # a folder with a subfolder per state of the sources, as in the cache
+IN_WHEEL = ROOT / "kernels"  # such a folder, if hatch_build.py added one to the wheel
 LISTS = "*.done"
 
 log = logging.getLogger(__name__)

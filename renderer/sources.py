@@ -20,7 +20,7 @@ __all__ = ["ARRAYS", "MACHINE_CODE", "files_of", "kept_meaning", "meaning"]
 
 ROOT = Path(__file__).parent
 
-# What kernels are compiled from (folders with all that is in them). tests/renderer/test_sources.py holds that nothing else is.
+# The sources of kernels (folders completely). tests/renderer/test_sources.py checks that the list is complete.
 MACHINE_CODE = (
     "jit.py",
     "target.py",
@@ -45,7 +45,7 @@ MACHINE_CODE = (
     "wide",
     "scene/readers/obj_lines.py",
 )
-# What decides besides them which arrays a kernel reads, and what is asked of it.
+# Further sources that decide which arrays and settings a kernel reads.
 ARRAYS = (
     "render.py",
     "preparation_kernels.py",
@@ -65,7 +65,7 @@ ARRAYS = (
     "image/tonemap.py",
 )
 
-WORDS = "Shown"  # what is called with what people read of a setting
+WORDS = "Shown"  # the class of user-facing texts
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:
@@ -96,7 +96,7 @@ def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
     Computing it takes a good part of a second.
     """
     files = list(files)
-    raw = hashlib.sha256(Path(__file__).read_bytes())  # what is kept must not outlive the way it was found
+    raw = hashlib.sha256(Path(__file__).read_bytes())  # the cached hash depends on this module too
     for path in files:
         raw.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     with contextlib.suppress(OSError, ValueError):
@@ -104,7 +104,7 @@ def kept_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
         if known == raw.hexdigest() and len(found) == 64:
             return found
     found = meaning(files, root)
-    with contextlib.suppress(OSError):  # where nothing can be written it takes that time again, no more
+    with contextlib.suppress(OSError):  # if it cannot be stored, it is computed again
         make_private(kept.parent)
         beside = kept.with_name(f"{kept.name}.{os.getpid()}")
         beside.write_text(f"{raw.hexdigest()} {found}")

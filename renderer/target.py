@@ -24,7 +24,7 @@ from renderer import cpu
 __all__ = ["NAME", "KernelDispatcher"]
 
 NAME = "rayfarm"
-# Kernels say themselves what is to be SIMD. LLVM's vectorisers and its third level of optimisation take a fifth of the time that
+# Kernels use explicit SIMD. LLVM's vectorisers and its third level of optimisation take a fifth of the time that
 # a cold kernel takes to compile, and make none faster (measured).
 _OPTIMISATION = {"opt": 2, "loop_vectorize": False, "slp_vectorize": False}
 
@@ -80,7 +80,7 @@ class _TypingContext(typing.Context):
 class _Context(CPUContext):
     """The target context: lowers typed code and generates machine code."""
 
-    enable_boundscheck = False  # whatever NUMBA_BOUNDSCHECK says: the cache has one version of each function
+    enable_boundscheck = False  # overrides NUMBA_BOUNDSCHECK: the cache has one version of each function
 
     def init(self) -> None:
         """Sets up the code generator."""

@@ -26,10 +26,10 @@ Mask = npt.NDArray[np.bool_]
 
 REACH = 2  # frames before and after
 _LEAST_COSINE = 0.9
-_ASTRAY = 0.5  # pixels that a vector and the one back may lack of meeting
-_ALIKE = 0.12  # light that differs by this share counts exp(-1)
-_WHOLE = 0.05  # pixels by which a shift may lack of a whole number
-_DARK = 0.02  # the least albedo to divide by
+_ASTRAY = 0.5  # pixels: tolerance between a motion vector and the reverse one
+_ALIKE = 0.12  # relative difference of light with weight exp(-1)
+_WHOLE = 0.05  # pixels: tolerance of a whole-pixel shift
+_DARK = 0.02  # minimum divisor for albedo
 
 
 class Still(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 
 __all__ = ["PART", "Team", "cores", "parts_of"]
 
-PART = 1 << 16  # vertices or triangles of one part: some tenths of a millisecond's work
+PART = 1 << 16  # vertices or triangles per part: some tenths of a millisecond's work
 
 _Part = TypeVar("_Part")
 _Result = TypeVar("_Result")

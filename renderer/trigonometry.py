@@ -10,11 +10,11 @@ import math
 
 __all__ = ["angle_between", "sin_cos"]
 
-_BITS = 160  # behind the point; what is left of them where a sine is smallest, at multiples of pi, still rounds correctly
+_BITS = 160  # fraction bits; enough for correct rounding near multiples of pi
 _ONE = 1 << _BITS
 _PI = (314159265358979323846264338327950288419716939937510582097494459230781640 << _BITS) // 10**71
 _MOST = 1e6
-_SMALL = 2.0**-28  # below it a sine is its angle, and a cosine 1
+_SMALL = 2.0**-28  # below it sin(x) = x and cos(x) = 1
 
 _ARCTANGENT = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
@@ -52,7 +52,7 @@ def angle_between(across: float, along: float) -> float:
     if across == 0:
         return 0.0
     tangent = across / along
-    for _ in range(2):  # twice halved it is below pi / 16, where the series is short
+    for _ in range(2):  # halving twice brings it below pi / 16, where the series converges fast
         tangent = tangent / (1.0 + math.sqrt(1.0 + tangent * tangent))
     square, total = tangent * tangent, 0.0
     for coefficient in reversed(_ARCTANGENT):

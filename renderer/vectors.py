@@ -33,7 +33,7 @@ F64 = npt.NDArray[np.float64]
 
 _MOVING = "moving"
 _KERNEL = "vectors"
-_ROWS = 16  # of pixels: a part of the work
+_ROWS = 16  # rows of pixels per part
 _FURTHEST = 1e7  # pixels
 
 
@@ -77,7 +77,7 @@ def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F
     """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or too far."""
     way = end - start
     if views[1].projection == "panorama":
-        way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way round
+        way[..., 0] -= settings.width * np.rint(way[..., 0] / settings.width)  # the shorter way around the panorama
     way[..., 1] = -way[..., 1]
     nowhere = ~(np.abs(way) < _FURTHEST).all(axis=2)
     way[nowhere] = 0.0
@@ -101,7 +101,7 @@ def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
             across, down = turn / (2.0 * math.pi) * settings.width, -rise / math.pi * height
         elif view.projection == "orthographic":
             pixel = view.height / height
-            across, down = near * x / pixel, near * -y / pixel  # what is infinitely far stays where it is
+            across, down = near * x / pixel, near * -y / pixel  # infinitely distant points do not move
         else:
             pixel = extent_at_one(view) / height
             behind = z <= 0
@@ -114,7 +114,7 @@ def _angle(y: F64, x: F64) -> F64:
     """Returns arctan2(y, x) in radians, with the same bits on every host."""
     low, high = np.minimum(abs(x), abs(y)), np.maximum(abs(x), abs(y))
     tangent = low / np.maximum(high, 1e-300)
-    for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short
+    for _ in range(2):  # halving twice brings the angle below pi / 16, where the series converges fast
         tangent = tangent / (1.0 + np.sqrt(1.0 + tangent * tangent))
     square, total = tangent * tangent, np.zeros_like(tangent)
     for k in reversed(range(12)):

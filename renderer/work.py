@@ -11,10 +11,10 @@ from renderer.settings import MAX_SPP
 
 __all__ = ["DEFAULT_SIZE", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]
 
-# Of a picture for which neither its request nor its scene file says any.
+# Size and spp of a picture if neither its request nor its scene file sets any limit.
 DEFAULT_SIZE = (960, 540)
 DEFAULT_SPP = 64
-NOISE_SPP = 16384  # where only a noise level is asked for
+NOISE_SPP = 16384  # the limit if only a noise level is requested
 
 
 @dataclass(frozen=True)

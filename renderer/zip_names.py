@@ -22,13 +22,13 @@ __all__ = ["EntryNames", "entry_names"]
 
 _UTF8_FLAG = 0x800
 _UNICODE_PATH = 0x7075
-# In the order in which they are believed; a byte that one does not have excludes it. An umlaut in CP437 and the letter behind it
+# Encodings in order of preference; an undefined byte excludes one. An umlaut in CP437 and the letter after it
 # are a rare character in GBK.
 _ENCODINGS = ("utf-8", "gb2312", "cp932", "cp437", "gb18030", "big5", "cp949", "cp1252", "cp1251")
-_PLAIN = "cp437"  # what the format says
+_PLAIN = "cp437"  # the default by the format's specification
 _TITLES = {"gb2312": "GBK", "gb18030": "GBK", "cp932": "Shift-JIS", "big5": "Big5", "cp949": "EUC-KR"}
 _FIRST_OF_EAST_ASIA = 0x2E80
-_MOST_FILES, _MOST_BYTES = 16, 1 << 18  # of scene files that are looked into
+_MOST_FILES, _MOST_BYTES = 16, 1 << 18  # limits of scene files that are searched
 
 
 class EntryNames(NamedTuple):

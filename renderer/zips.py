@@ -9,14 +9,14 @@ import zlib
 
 __all__ = ["DAMAGED", "is_bomb", "most_unpacked"]
 
-# Its documentation names the first alone; bytes that were changed at random gave all of them.
+# The documentation names only the first; fuzzing raised all of them.
 DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
     *(EOFError, IndexError, NotImplementedError, OverflowError, RuntimeError, ValueError),
 )
 
-_FREE = 16 << 20  # bytes: small files may shrink as well as they like
-_RATIO = 200  # as the service has it for uploads (max_unzip_ratio)
+_FREE = 16 << 20  # bytes: no limit on the ratio below
+_RATIO = 200  # as the service's limit for uploads (max_unzip_ratio)
 
 
 def most_unpacked(packed: int) -> int:

@@ -31,23 +31,23 @@ __all__ = [
 
 LIGHT_WIDTH = 8
 LIGHT_ROWS = 15
-# What is asked of each child comes first, so that it lies in few of the cache's lines.
-PLACE = 0  # three rows: the sphere's middle, negated; of distant lights, their axis
-NEAR = 3  # 1; of distant lights 0
-RADIUS = 4  # of distant lights the sine of their spread, or 2 where that is a right angle or more: one stands among them
+# The rows needed first for each child come first, so that they share few cache lines.
+PLACE = 0  # three rows: the sphere's centre, negated; for distant lights, their axis
+NEAR = 3  # 1; 0 for distant lights
+RADIUS = 4  # for distant lights the sine of their spread, or 2 if that is a right angle or more: the shading point is inside
 INTENSITY = 5
-COS_SPREAD = 6  # that of the angle by which axes differ from the common one; -1 of distant lights, and where there is no child
+COS_SPREAD = 6  # of the maximum angle between the axes and the common axis; -1 for distant lights and empty lanes
 CHILD = 7  # int32, bit for bit: a node, or ~ the number of a light
-AXIS = 8  # three rows, a unit vector; of distant lights 0
-MIRROR = 11  # -1 where one shines to both sides, else 1
+AXIS = 8  # three rows, a unit vector; 0 for distant lights
+MIRROR = 11  # -1 if a light emits to both sides, else 1
 SIN_SPREAD = 12
-COS_REACH = 13  # that of the angle by which light leaves its axis; 0 beyond a right angle, where the tree expects none
-END = 14  # int32: one more than the number of the last light of a child; NO_END in a lane without one
+COS_REACH = 13  # of the maximum angle between emitted light and its axis; 0 beyond a right angle, where the tree expects none
+END = 14  # int32: one more than the number of a child's last light; NO_END in an empty lane
 NO_END = 2**31 - 1
 
-# Of a parallelogram, a cache line; all 0 of other lights.
+# Columns of a parallelogram's row, one cache line; all 0 for other lights.
 PARALLELOGRAM = 16
 CORNER = 0  # three columns
-EDGES = 3  # three columns each: from there to the corners beside it; their cross product points to the side that is in front
-RECIPROCAL = 9  # three each: by which the dot product of a point less the corner is how far it is along an edge, 0 ... 1
-CORNER_ERROR = 15  # how far a point may be off in float32; more than 0
+EDGES = 3  # three columns each: from the corner to its neighbours; their cross product points to the front
+RECIPROCAL = 9  # three each: dot product with a point minus the corner is its coordinate along an edge, 0 ... 1
+CORNER_ERROR = 15  # bound of a point's rounding error in float32; more than 0

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-# Columns of `part`, int32: what all triangles of a part have in common.
+# Columns of `part`, int32: properties common to all triangles of a part.
 PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
@@ -22,15 +22,15 @@ class Kind(NamedTuple):
     """
 
     number: int
-    name: str  # in scene files, unless it is only made by packing
+    name: str  # in scene files, unless the kind is created by packing only
     stage: Literal["diffuse", "metallic_roughness", "conductor", "specular", "rare", "medium", "none"]
     part: Literal["", "layers", "media"] = ""
     in_files: bool = True
-    faceted: bool = False  # whether its microfacets may be distributed by Beckmann
+    faceted: bool = False  # whether its microfacets may have Beckmann's distribution
     model: str | None = None  # its name in the explanation of a path
 
 
-# Every kind; those of scene files in the order of the schema.
+# All kinds; those of scene files in the order of the schema.
 KINDS = (
     Kind(DIFFUSE, "diffuse", "diffuse", model="diffuse"),
     Kind(MIRROR, "mirror", "specular", model="mirror"),
@@ -42,9 +42,9 @@ KINDS = (
     Kind(PLASTIC, "plastic", "rare", "layers", faceted=True, model="plastic"),
     Kind(INTERFACE, "interface", "none"),
     Kind(LAYERED, "layered", "rare", "layers", in_files=False, faceted=True, model="layered"),
-    Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # of vertices within a medium
+    Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # for vertices within a medium
 )
-RARE_KINDS = sum(1 << kind.number for kind in KINDS if kind.stage == "rare")  # a bit for each kind that scatters alone
+RARE_KINDS = sum(1 << kind.number for kind in KINDS if kind.stage == "rare")  # kinds shaded one path at a time
 
 # Columns of `material`, float32.
 BASE = 0
@@ -69,11 +69,11 @@ ANISOTROPY = 28
 ROTATION = 29  # cosine and sine of the anisotropy's angle to the tangent
 IRIDESCENCE = 31
 IRIDESCENCE_IOR = 32
-THICKNESS = 33  # of the thin film: least and greatest, nanometres
+THICKNESS = 33  # of the thin film: minimum and maximum, nanometres
 DISPERSION = 35
 DIFFUSE_TRANSMISSION = 36
 DIFFUSE_TRANSMISSION_COLOR = 37
-ETA = 40  # a conductor's
+ETA = 40  # of a conductor
 K = 43
 SHININESS = 46
 F0 = 47  # a dielectric's reflectance at normal incidence
@@ -83,14 +83,14 @@ SUBSURFACE_RADIUS = 54
 SUBSURFACE_ANISOTROPY = 57
 COLUMNS = 58
 
-# What renderer/kernel/material/layers.py adds to a row where it looks up a material's textures.
+# Columns that renderer/kernel/material/layers.py appends to a row when it looks up a material's textures.
 COAT_NORMAL = COLUMNS  # in the shading frame
 ALPHA_X = COLUMNS + 3
 ALPHA_Y = COLUMNS + 4
 IS_PANE = COLUMNS + 5  # 0 or 1: glass does not refract
 FILM_MEAN = COLUMNS + 6  # reflectance over the hemisphere with a film: metal, then dielectric
 HAS_BECKMANN = COLUMNS + 12  # 0 or 1: facets are distributed by Beckmann, else GGX
-HAS_NONLINEAR = COLUMNS + 13  # 0 or 1: of plastic
+HAS_NONLINEAR = COLUMNS + 13  # 0 or 1: for plastic
 LAYER_SLOTS = COLUMNS + 14
 
 # Slots of `material_texture`, int32: the texture's row, or -1.
@@ -113,42 +113,42 @@ DIFFUSE_TRANSMISSION_TEXTURE = 15
 DIFFUSE_TRANSMISSION_COLOR_TEXTURE = 16
 SLOTS = 17
 
-# Columns of `texture`, int32, behind the first texel, the size and how it repeats.
+# Columns of `texture`, int32, after first texel, size and wrap modes.
 ENCODING = 5  # of the texels: one of the four below
 UV_SET = 6
-ABOVE = 7  # the row of the layer that lies on this one; -1 for none
-BLEND = 8  # by which operation this one lies on what is beneath (renderer/kernel/material/blend.py)
-NEAREST = 9  # 0 or 1: each texel is seen as the square that it is
+ABOVE = 7  # the row of the layer above this one; -1 for none
+BLEND = 8  # blend operation onto the layer below (renderer/kernel/material/blend.py)
+NEAREST = 9  # 0 or 1: nearest filtering
 TEXTURE_COLUMNS = 10
 
-# How texels are stored. Codes of 16 bits are little-endian, and a texel then takes two rows of `texel`: RG, BA.
+# Texel encodings. 16-bit codes are little-endian, and a texel then takes two rows of `texel`: RG, BA.
 LINEAR_8, SRGB_8, LINEAR_16, HALF_16 = range(4)
-HALF_GAIN = 32768.0  # values 0 ... 1 are multiplied by it where they are stored as halves, for 29 bits of range
+HALF_GAIN = 32768.0  # factor for values 0 ... 1 stored as halves, for a range of 29 bits
 
-# Columns of `texture_transform`, float32, behind the matrix: what a row means in a stack.
+# Columns of `texture_transform`, float32, after the matrix: parameters of a layer.
 STRENGTH = 6
-GAIN = 7  # what its texels are multiplied by
-MOST = 8  # that the stack may become with it
+GAIN = 7  # factor of its texels
+MOST = 8  # maximum of the stack including this layer
 TRANSFORM_COLUMNS = 9
 
-# Bits of `material_flags`, int32: what a kernel asks before it looks at columns.
-TEXTURED = 1  # some texture is looked up
-SECOND_UV = 2  # one of them by the second set of coordinates
+# Bits of `material_flags`, int32, which a kernel tests before it reads columns.
+TEXTURED = 1  # has a texture
+SECOND_UV = 2  # a texture uses the second UV set
 NORMAL_MAPPED = 4
 NEEDS_TANGENT = 8
 MASKED = 16  # alpha is cut at ALPHA_CUTOFF
-BLENDED = 32  # alpha is a chance of being there
-THIN = 64  # light passes without refraction
+BLENDED = 32  # alpha is the probability of a hit
+THIN = 64  # transmits without refraction
 DISPERSIVE = 128
-ABSORBING = 256  # its inside is
-TRANSMITS = 512  # scatters to the far side, too, in more than single directions
-LAMP = 1024  # rays that meet it take its light and go on, and it casts no shadow
-UNSEEN = 2048  # by the camera
-SHADELESS = 4096  # no shadow ray meets it
-FACING = 8192  # a sphere's light is that of a disk through its middle which faces whoever looks
-SCATTERS_WITHIN = 16384  # some of its diffuse light goes through its inside: subsurface
-BECKMANN = 32768  # its facets are distributed by Beckmann, else GGX
-NONLINEAR = 65536  # plastic: colour changes of light that is reflected within it count
+ABSORBING = 256  # its interior absorbs light
+TRANSMITS = 512  # scatters to the far side, too, not only into discrete directions
+LAMP = 1024  # emits light without affecting rays that hit it, and casts no shadow
+UNSEEN = 2048  # invisible to the camera
+SHADELESS = 4096  # invisible to shadow rays
+FACING = 8192  # a sphere light that acts as a disk through its centre facing the shading point
+SCATTERS_WITHIN = 16384  # some diffuse light is scattered inside: subsurface
+BECKMANN = 32768  # microfacets have Beckmann's distribution, else GGX
+NONLINEAR = 65536  # plastic with nonlinear colour shifts from internal reflection
 TRANSPARENT = MASKED | BLENDED
 
 # Columns of `medium`, float32.
@@ -156,4 +156,4 @@ SIGMA_A = 0  # three, per unit length
 SIGMA_S = 3
 PHASE_G = 6
 MEDIUM_COLUMNS = 8
-MOST_MEDIA = 1024  # and one more than there are: a path keeps three in a word (renderer/kernel/medium/medium_stack.py)
+MOST_MEDIA = 1024  # one more than the number of media: a path stores three in a word (renderer/kernel/medium/medium_stack.py)

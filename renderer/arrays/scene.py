@@ -46,19 +46,19 @@ class CompiledScene(NamedTuple):
     bvh: Bvh
 
     to_world: Array  # (I, 3, 4) f64, from each instance's space: a matrix and, last column, a translation
-    instance_stretch: Array  # (I, 2) f32: the most and the least that to_world makes of a length of 1
-    instance_material: Array  # (I,) i32: its triangles' material, or -1 where they have their own
+    instance_stretch: Array  # (I, 2) f32: greatest and least scale of to_world
+    instance_material: Array  # (I,) i32: its triangles' material, or -1 for their own
     instance_object: Array  # (I,) i32
 
-    position: Array  # (V, 3) f32, world space; an instance's own where its triangles are
-    normal: Array  # (V, 3) f32, unit shading normals (the geometric one where the mesh is flat)
-    uv: Array  # (V, 2) f32, or no rows where there is no texture
-    uv1: Array  # (V, 2) f32, or no rows where no texture looks there
-    color: Array  # (V, 4) f32 RGBA 0..1, or no rows where no mesh has colours
-    tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros where unused, or no rows where no material needs them
-    triangle: Array  # (T, 4) i32: three vertices, and its part
+    position: Array  # (V, 3) f32, world space; instance space for triangles of instances
+    normal: Array  # (V, 3) f32, unit shading normals (geometric normals of flat meshes)
+    uv: Array  # (V, 2) f32, or no rows without textures
+    uv1: Array  # (V, 2) f32, or no rows if no texture uses the second set
+    color: Array  # (V, 4) f32 RGBA 0..1, or no rows without vertex colours
+    tangent: Array  # (V, 4) f32 unit and the bitangent's sign; zeros if unused, or no rows if no material needs them
+    triangle: Array  # (T, 4) i32: three vertices, and the part
     part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (scene/object_ids.py; counts of an instance), PART_SHINES
-    triangle_light: Array  # (T,) i32: its light, or -1; no rows where no part shines
+    triangle_light: Array  # (T,) i32: its light, or -1; no rows if no part emits
     sphere: Array  # (S, 4) f32: centre, radius
     sphere_material: Array  # (S,) i32
     sphere_light: Array  # (S,) i32: its light, or -1
@@ -69,36 +69,36 @@ class CompiledScene(NamedTuple):
     material: Array  # (M, COLUMNS) f32
     material_texture: Array  # (M, SLOTS) i32: rows of `texture`; -1 for none
 
-    medium: Array  # (m, MEDIUM_COLUMNS) f32: what light passes through, the world's first
-    material_medium: Array  # (M,) i32: the row of its inside; -1 where passing it does not change what one is in
+    medium: Array  # (m, MEDIUM_COLUMNS) f32: the media, the world's first
+    material_medium: Array  # (M,) i32: the row of its interior's medium; -1 for surfaces without interior
 
     # (X, 10) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), encoding, UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
     texture: Array
-    texture_transform: Array  # (X, 9) f32: the rows of the 2x3 matrix that UVs go through; strength, gain and most in a stack
-    texel: Array  # (N, 4) u8 RGBA, or two rows of 16-bit RG and BA a texel; all textures in turn, rows from the top
+    texture_transform: Array  # (X, 9) f32: rows of the 2x3 UV matrix; strength, gain and maximum as a layer
+    texel: Array  # (N, 4) u8 RGBA, or two rows of 16-bit RG and BA a texel; all textures consecutively, rows from the top
 
     light_primitive: Array  # (L,) i32: the emitting primitive, or T + S + a row of `punctual`; environments are not listed
-    light_cdf: Array  # (L + 1,) f32: lights chosen by power, 0 ... 1
-    light_node: Array  # (Y, LIGHT_ROWS, 8) f32: the tree by which many are chosen (renderer/arrays/light_rows.py); or none
+    light_cdf: Array  # (L + 1,) f32: cdf of lights by power, 0 ... 1
+    light_node: Array  # (Y, LIGHT_ROWS, 8) f32: the light tree (renderer/arrays/light_rows.py); no rows for few lights
     light_area: Array  # (L,) f32, 0 for punctual lights
-    light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows where no light is one
-    guide: Array  # (G,) i32: primitives that `sampling: mixture` aims at
-    sun: Array  # (U,) i32: the lights that are suns, which rays meet
+    light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows if no light is one
+    guide: Array  # (G,) i32: target primitives of `sampling: mixture`
+    sun: Array  # (U,) i32: the lights that are suns, which rays hit
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL, SUN
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
-    # What lights without a body send into each direction (renderer/kernel/light/emission_map.py). Of E maps: the first texel,
-    # width, height, kind; how their coordinates become columns and lines (scale and offset of each), and the first and the last
-    # column and line that are lit; linear light.
+    # Emission maps of punctual lights (renderer/kernel/light/emission_map.py). Of E maps: the first texel,
+    # width, height, kind; scale and offset from coordinates to columns and rows, and the first and last
+    # column and row with light; linear radiance factors.
     emission_map: Array  # (E, 4) i32
     emission_window: Array  # (E, 8) f32
     emission: Array  # (e, 3) f32
-    emission_frame: Array  # (K, 4) f32: unit vector r, and the light's map, -1 for none; no rows where no light has one
+    emission_frame: Array  # (K, 4) f32: unit vector r, and the light's map, -1 for none; no rows if no light has one
 
     environment: Array  # (H, W, 3) f32 radiance, colour and strength multiplied in; (1, 1, 3) if constant, zeros if none
     environment_marginal: Array  # (H + 1,) f32: cdf over rows: weight (renderer/scene/lights.py) times solid angle
     environment_conditional: Array  # (H, W + 1) f32: cdf within a row
-    environment_row_start: Array  # (A,) i32: where to search them for a number (renderer/scene/cutpoints.py)
+    environment_row_start: Array  # (A,) i32: guide tables of the cdfs (renderer/scene/cutpoints.py)
     environment_column_start: Array  # (H, B) i32
     # (12,) f32: cos and sin of the rotation, mean luminance, probability of choosing it over the lights; the sun's direction 3,
     # 1 - cos of its half angle (0: no sun), its radiance 3, its share of the environment's samples
@@ -106,7 +106,7 @@ class CompiledScene(NamedTuple):
 
     bounds: Array  # (2, 3) f32: lower and upper corner of all geometry
 
-    # While the shutter is open, at as many keys as bvh.keyed says, key by key: of the last vertices and the last spheres.
+    # While the shutter is open, at bvh.keyed[1] keys, key by key: the last vertices and the last spheres.
     key_position: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_normal: Array = np.zeros((0, 3), np.float32)  # (D, 3) f32
     key_sphere: Array = np.zeros((0, 4), np.float32)  # (Z, 4) f32
@@ -114,14 +114,14 @@ class CompiledScene(NamedTuple):
     key_emission_frame: Array = np.zeros((0, 4), np.float32)  # (J, 4) f32: rows of `emission_frame`, light by light
     key_texture: Array = np.zeros((0, 6), np.float32)  # (F, 6) f32: matrices of `texture_transform`, texture by texture
 
-    # (3,) f64: the place in the world that is (0, 0, 0) here (renderer/scene/origin.py); world space above means about it.
+    # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
-    has: Has = EVERYTHING  # which parts of the kernel the scene needs
+    has: Has = EVERYTHING  # the kernel features that the scene needs
 
 
-# Each array's element type and shape, in the file's order: what rays touch most comes first, where it is best aligned.
-# A letter stands for a length that must agree wherever the letter stands; E+1 is one more than E, E? is E or 0.
+# Each array's element type and shape, in the file's order: most frequently read first, where alignment is best.
+# A letter is a length that must agree in all arrays; E+1 is one more than E, E? is E or 0.
 LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.node": ("<f4", ("N", NODE_ROWS, WIDTH)),
     "bvh.packet": ("<f4", ("C", PACKET_ROWS, WIDTH)),

@@ -14,16 +14,16 @@ class Has(NamedTuple):
     textures (renderer/prune_absent_features.py), which saves compile time and registers.
     """
 
-    textures: Any  # and what goes with them: normal maps, vertex colours, alpha, and what not every ray meets
-    lights: Any  # without a body, or so many that a tree chooses among them
-    layers: Any  # materials of many properties, what they absorb, and how they spread colours
+    textures: Any  # and normal maps, vertex colours, alpha, and visibility by ray kind
+    lights: Any  # punctual ones, or so many that a light tree is used
+    layers: Any  # materials of many properties, absorption, and dispersion
     instances: Any
     motion: Any  # while the shutter is open: of the camera, or of anything else
-    media: Any  # that scatter, or are bounded by no surface; and what goes on beneath some
+    media: Any  # scattering media, or media without a surface; and subsurface scattering
 
 
-# From what compiles and runs fastest to what does all. One for every set of parts would be 64, each compiled when it is first
-# wanted, and somebody waits for each.
+# From the fastest to compile and run to the most complete. All combinations would be 64 editions, each compiled at its first
+# use, while a render waits.
 EDITIONS = {
     "plain": Has(None, None, None, None, None, None),
     "full": Has(True, True, True, True, None, None),
@@ -31,4 +31,4 @@ EDITIONS = {
     "media": Has(True, True, True, True, None, True),
     "moving-media": Has(True, True, True, True, True, True),
 }
-EVERYTHING = EDITIONS["full"]  # of what stands still
+EVERYTHING = EDITIONS["full"]  # of static scenes

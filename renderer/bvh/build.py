@@ -50,7 +50,7 @@ def build(
     if len(triangle) and not (triangle.min() >= 0 and triangle.max() < len(position)):
         raise ValueError(f"a triangle names a vertex outside 0 ... {len(position) - 1}")
     for array in (position, triangle, sphere):
-        array.flags.writeable = False  # one type for the compiler, whoever calls
+        array.flags.writeable = False  # one array type for the compiler, whoever calls
     with contextlib.nullcontext(team) if team is not None else Team() as crew:
         first = len(triangle) if first_sphere is None else first_sphere
         return _sealed(_levels(position, triangle, sphere, first, instances, crew), brute)

@@ -27,13 +27,13 @@ from renderer.threads import Team, parts_of
 
 __all__ = ["JOB", "Clusters", "gathered", "one_cluster", "split_clusters"]
 
-# A node that is still to be split, in so many numbers: its own, its first primitive, how many, the first of its rows, its depth,
-# its first cluster, their end.
+# A node that is still to be split: tree row, first primitive, count, first of its descendants' rows, depth,
+# first cluster, end of its clusters.
 JOB = 7
-CELL_BITS = 15  # of a cell's number: the surface of a mesh goes through some five thousand of so many
-FEWEST = 32  # clusters of a node: planes between fewer of them are too few to choose from
-TREELET = 4096  # primitives: 128 kB of boxes, which stay in a core's cache
-_ALL_BINS = np.int64(BINS)  # of the type that split.py's numbers of bins have: nothing is compiled twice
+CELL_BITS = 15  # bits of a cell's number: a mesh's surface crosses about five thousand of so many cells
+FEWEST = 32  # minimum number of clusters of a node: fewer offer too few planes to choose from
+TREELET = 4096  # primitives: 128 kB of boxes, which fit a core's cache
+_ALL_BINS = np.int64(BINS)  # in the type of split.py's bin numbers, so that nothing is compiled twice
 _BELOW_ONE = np.float32(1.0 - 1e-6)
 _ZERO = np.float32(0.0)
 
@@ -45,10 +45,10 @@ class Clusters(NamedTuple):
     """C clusters of primitives."""
 
     source: Any  # (N,) i32: the primitives, cluster by cluster
-    box: Any  # (C, 8) f32: boxes.py, their numbers those of the clusters
+    box: Any  # (C, 8) f32: boxes.py, numbered by cluster
     first: Any  # (C,) i64, in `source`
     count: Any  # (C,) i64, of primitives
-    weight: Any  # (C,) i64: as the heuristic counts them, an instance for eight
+    weight: Any  # (C,) i64: the count by the heuristic, where an instance counts eight times
 
 
 def one_cluster(source: Integers, whole: F32) -> Clusters:
@@ -166,7 +166,7 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
             found += 1
             continue
         bound_sides(bins, axis, bin, _ALL_BINS, tree_box, rows)
-        right, left = top, top + 1  # on the stack: the left one is next
+        right, left = top, top + 1  # on the stack, the left one on top
         middle = partition(box, begin, end, bins.grid, axis, bin, spread, left, right)
         below = 0
         for c in range(begin, middle):

@@ -30,7 +30,7 @@ from renderer.threads import Team
 
 __all__ = ["Shapes", "fold_all"]
 
-# Two units in the last place on each side: with the slack that traversal keeps for the origin, no rounding can lose a hit.
+# Two units in the last place on each side: with the traversal's slack for the origin, rounding never loses a hit.
 _SLACK = np.float32(4 * 2.0**-24)
 _MOST_ASIDE = MOST_PARTS * MAX_LEVELS * WIDTH  # children of nodes that are larger than a part
 _EIGHT = np.uintp(8)

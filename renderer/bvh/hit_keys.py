@@ -14,7 +14,7 @@ __all__ = ["beyond", "exceeding", "key_limit", "least", "masked", "nearest", "ne
 _I32 = ir.IntType(32)
 _FLOAT = ir.FloatType()
 _KEYS = ir.VectorType(_I32, LANES)
-_LANE = LANES - 1  # the bits of a key that tell its lane
+_LANE = LANES - 1  # the bits of a key that hold its lane
 _DONE = 2**31 - 1
 
 

@@ -18,8 +18,8 @@ _INSTANCE_SLACK = 2.0**-20
 class Instances(NamedTuple):
     """Instances of trees. Tree g is over the triangles first[g] ... first[g + 1] - 1, in its own space."""
 
-    first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; before first[0] they are the world's own
-    tree: npt.NDArray[Any]  # (I,) which tree each instance shows
+    first: npt.NDArray[Any]  # (G + 1,) ends with the number of all triangles; triangles before first[0] are the world's own
+    tree: npt.NDArray[Any]  # (I,) the tree of each instance
     to_world: npt.NDArray[Any]  # (I, 3, 4) f64, invertible
 
 
@@ -28,7 +28,7 @@ def instance_boxes(trees: list[Any], shown: npt.NDArray[Any], to_world: npt.NDAr
     boxes = [root_boxes(node) for node, _ in trees]
     first = np.cumsum([0, *map(len, boxes)])
     placed = np.empty((len(shown), 2, 3))
-    # A ray is rounded once more on its way into the instance's space: hence the slack.
+    # The ray is rounded once more on its transform into instance space: hence the slack.
     place_boxes(
         np.concatenate([np.zeros((0, 2, 3)), *boxes]),
         first.astype(np.int64),

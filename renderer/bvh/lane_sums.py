@@ -10,7 +10,7 @@ from renderer.bvh.simd import LANES, f32x8
 __all__ = ["running_sum", "whole_sum"]
 
 _PLACES = ir.VectorType(ir.IntType(32), LANES)
-_ZERO = LANES  # as a place: the first lane of a second vector, of zeros
+_ZERO = LANES  # as a shuffle index: the first lane of a second vector, of zeros
 _BEFORE = (
     [_ZERO, 0, _ZERO, 2, _ZERO, 4, _ZERO, 6],
     [_ZERO, _ZERO, 1, 1, _ZERO, _ZERO, 5, 5],

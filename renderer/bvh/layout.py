@@ -59,12 +59,12 @@ ROW_PRIMITIVE = 9
 NODE_SIZE = NODE_ROWS * WIDTH
 PACKET_SIZE = PACKET_ROWS * WIDTH
 KEY_COLUMNS = 18  # of `motion`: motion.py
-NEVER = 2**31 - 1  # a packet's number that is none
-PAGE = 4096  # bytes: where parts of arrays begin, so that files of them can be mapped one behind the other
+NEVER = 2**31 - 1  # an invalid packet number
+PAGE = 4096  # bytes: alignment of parts of arrays, so that files of them can be mapped consecutively
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
 
-# The builder halves by number below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each puts
-# at most seven children aside. A world's tree may have a tree as its top (subtrees.py), whose instances are fewer than 2**20:
+# The builder splits in halves below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each pushes
+# at most seven children. A world's tree may have a tree as its top (subtrees.py), with fewer than 2**20 instances:
 # over trees of together 2**25 primitives, 57 + 62 levels at most.
 MAX_LEVELS = 119
 STACK_SIZE = 512
@@ -80,5 +80,5 @@ class Bvh(NamedTuple):
     motion: npt.NDArray[Any] = np.zeros((0, KEY_COLUMNS))  # (R, KEY_COLUMNS) f64
     instance_motion: npt.NDArray[Any] = np.zeros((0, 2), np.int32)  # (I or 0, 2) i32
     keyed: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
-    begin: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: no ray begins but at 0
-    instances: Any = True  # None: the kernel need not know of any (renderer/arrays/scene_features.py)
+    begin: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: all rays start at node 0
+    instances: Any = True  # None: the kernel has no instances (renderer/arrays/scene_features.py)

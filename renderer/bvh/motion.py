@@ -18,11 +18,11 @@ from renderer.jit import device
 __all__ = ["ANGLE", "INVERSE_SINE", "KEY_COLUMNS", "PLACE", "POINT", "STRETCH", "TURN", "inverse_of", "placed_at", "step_at"]
 
 POINT = 0  # three columns: in the body's space
-PLACE = 3  # three: where it is
-TURN = 6  # four: x y z w, its scalar product with the key before not negative
+PLACE = 3  # three: its world position
+TURN = 6  # four: x y z w, with non-negative dot product with the previous key's
 STRETCH = 10  # six: xx xy xz yy yz zz
-ANGLE = 16  # half the angle to the next key's turn, at most a right angle,
-INVERSE_SINE = 17  # and 1 over its sine; 0 where turns are so near that they are mixed
+ANGLE = 16  # half the angle to the next key's rotation, at most a right angle,
+INVERSE_SINE = 17  # and 1 over its sine; 0 for nearly equal rotations, which are interpolated linearly
 
 
 @device

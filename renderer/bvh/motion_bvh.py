@@ -18,7 +18,7 @@ __all__ = ["keyed_tree", "motion_boxes"]
 
 Array = npt.NDArray[Any]
 
-_STEP = math.radians(3.0)  # half a turn's, between two looks at where a box is
+_STEP = math.radians(3.0)  # half the rotation between two samples of a box's position
 _SLACK = 2.0**-20
 _SYMMETRIC = STRETCH + np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 

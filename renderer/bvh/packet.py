@@ -28,8 +28,8 @@ from renderer.jit import device, out_of_line, subroutine
 __all__ = ["is_beyond", "meet_spheres", "meet_triangles"]
 
 _ZERO = np.float32(0.0)
-# Share of a distance by which front faces are nearer and back faces farther: 16 ulps, above the rounding of coincident faces.
-# The error of the coordinates is part of it: see `margin_of` in renderer/bvh/slabs.py.
+# Relative distance by which front faces are nearer and back faces farther: 16 ulps, above the rounding of coincident faces.
+# The error of the coordinates is added: see `margin_of` in renderer/bvh/slabs.py.
 _FACING = np.float32(2.0**-20)
 _W = np.uintp(WIDTH)
 _CORNER = np.uintp(3 * WIDTH)
@@ -73,7 +73,7 @@ def meet_triangles(base, axes, shear, origin, margin, t_max):
     u = product(cx, by) - product(cy, bx)
     v = product(ax, cy) - product(ay, cx)
     w = product(bx, ay) - product(by, ax)
-    # Hit where all three are of one sign; 0 goes with both. A determinant of 0 fails at the distance.
+    # A hit if all three have the same sign; 0 goes with both. A determinant of 0 fails the distance test.
     zero = splat(_ZERO)
     inside = less_equal(zero, minimum(u, minimum(v, w))) | less_equal(maximum(u, maximum(v, w)), zero)
     determinant = u + v + w
@@ -117,7 +117,7 @@ def meet_spheres(base, origin, direction, t_max, after, limit, numbers):
     a = dx * dx + dy * dy + dz * dz
     b = zero - (fx * dx + fy * dy + fz * dz)
     c = fx * fx + fy * fy + fz * fz - radius * radius
-    root = sqrt(b * b - a * c)  # NaN, and so no hit below, where the ray's line misses
+    root = sqrt(b * b - a * c)  # NaN, and so no hit below, if the ray's line misses
     near = (b - root) / a
     far = (b + root) / a
     if after is not None:

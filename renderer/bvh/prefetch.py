@@ -11,7 +11,7 @@ from renderer.jit import device
 __all__ = ["ask_for"]
 
 _NODE, _PACKET = np.uintp(NODE_SIZE), np.uintp(PACKET_SIZE)
-_LINES = 5  # of the cache: a node has four, a packet five
+_LINES = 5  # cache lines: a node has four, a packet five
 
 
 @device

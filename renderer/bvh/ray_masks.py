@@ -17,7 +17,7 @@ from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, Laid, padded
 __all__ = ["leave_out"]
 
 Array = npt.NDArray[Any]
-_CAMERA, _SHADOW = 0, 1  # whose rays begin there: places of Bvh.begin
+_CAMERA, _SHADOW = 0, 1  # indices into Bvh.begin
 
 
 def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> Laid:
@@ -29,7 +29,7 @@ def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[
     if not (unseen.any() or shadeless.any()):
         return laid
     bvh = laid.bvh
-    # What is new follows what is loose, from a page on (renderer/scene/compiled_parts.py).
+    # New rows follow the loose part, from a page boundary on (renderer/scene/compiled_parts.py).
     first_node, first_packet = padded(len(bvh.node), NODE_BYTES), padded(len(bvh.packet), PACKET_BYTES)
     nodes, packets = _Rows(first_node), _Rows(first_packet)
     begin = np.zeros(2, np.int32)

@@ -14,8 +14,8 @@ __all__ = ["motion_keys", "polar", "turned_by"]
 
 F64 = npt.NDArray[np.float64]
 
-_ROUNDS = 24  # Newton's; scaled, ten do for a matrix that squeezes by 1e6
-_STEADY = 1e-12  # of a body that turns by less than some 1e-3 a key, the origin moves straight
+_ROUNDS = 24  # Newton iterations; scaled, ten suffice for a condition of 1e6
+_STEADY = 1e-12  # for a body that rotates by less than about 1e-3 a key, the origin moves straight
 _SLACK = 1e-9
 _NEAR = 1e-9
 
@@ -95,7 +95,7 @@ def _inverse_transposed(m: F64) -> F64:
 def _quaternions(turn: F64) -> F64:
     """Returns unit quaternions x y z w (N, K, 4) of rotations, with signs on the shorter arc from the previous key."""
     m = [[turn[..., i, j] for j in range(3)] for i in range(3)]
-    # Four ways to the same up to a factor; the longest has the most digits (Shepperd 1978).
+    # Four formulas for the same quaternion up to a factor; the longest is the most precise (Shepperd 1978).
     ways = np.stack(
         [
             np.stack([1 + m[0][0] - m[1][1] - m[2][2], m[0][1] + m[1][0], m[0][2] + m[2][0], m[2][1] - m[1][2]], -1),
@@ -124,7 +124,7 @@ def _dot(a: F64, b: F64) -> F64:
 def _ways(rotation: F64) -> tuple[F64, F64]:
     """Returns half the angle from each key's rotation to the next's, (N, K - 1), and 1 / its sine; 0 if almost none."""
     before, after = rotation[:, :-1], rotation[:, 1:]
-    across, along = after - before, after + before  # by both chords, as an arc cosine has no digits for small angles (Kahan 2006)
+    across, along = after - before, after + before  # an arc cosine is imprecise for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
     apart = far > _NEAR
     with np.errstate(divide="ignore"):

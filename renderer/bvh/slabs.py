@@ -14,7 +14,7 @@ from renderer.jit import device
 __all__ = ["MORE", "NEARER", "begins_at", "margin_of", "planes_of"]
 
 NEARER = np.float32(1 - 2.0**-18)  # factor of the reciprocal direction, for boxes
-MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, before division by the determinant has rounded it
+MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, for the rounding of the division by the determinant
 _ZERO = np.float32(0.0)
 _SLACK = np.float32(4 * 2.0**-24)
 _OF_ORIGIN = np.float32(0.25)

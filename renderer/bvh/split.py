@@ -44,25 +44,25 @@ __all__ = [
 ]
 
 BINS = 16
-SAH_DEPTH = 40  # below, ranges are halved: see STACK_SIZE in layout.py
+SAH_DEPTH = 40  # below this depth ranges are halved: see STACK_SIZE in layout.py
 _FEW_BINS = 8
-_FEW = 24  # primitives, up to which so few bins find as good a plane
-_LEAST_BINS = 4  # for what fits a leaf
-_NODE_COST = np.float32(0.2)  # of one binary level, in units of one packet's test; measured on meshes and on Cornell boxes
+_FEW = 24  # primitives, up to which few bins find an equally good plane
+_LEAST_BINS = 4  # for nodes that fit a leaf
+_NODE_COST = np.float32(0.2)  # cost of one binary level, in units of a packet test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
-STACK = 128  # nodes that wait: one a level at most
+STACK = 128  # pending nodes: at most one per level
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
 _NOTHING = np.float32(-np.inf)
-_BELOW_ONE = np.float32(1.0 - 1e-6)  # the greatest centroid still falls into the last bin
+_BELOW_ONE = np.float32(1.0 - 1e-6)  # so that the greatest centroid falls into the last bin
 
 
 class Bins(NamedTuple):
     """The bins of one node, axis after axis; the arrays are reused for every node."""
 
-    box: Any  # (3 * BINS, 8) f32; where fewer are in use, those of the next axis follow at once
+    box: Any  # (3 * BINS, 8) f32; if fewer are used, those of the next axis follow immediately
     count: Any  # (3 * BINS,) i64, of primitives; an instance counts for eight
     grid: (
         Any  # (2, 8) f32, lanes 4 ... 6: where an axis' first bin begins; bins per length, 0 where all centroids are in one plane
@@ -75,7 +75,7 @@ class Plane(NamedTuple):
 
     axis: int
     bin: int
-    cost: float  # of both sides, in packets' tests times half their areas
+    cost: float  # of both sides, in packet tests times half their areas
 
 
 def new_bins() -> Bins:

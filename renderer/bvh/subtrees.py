@@ -25,7 +25,7 @@ from renderer.threads import Team
 __all__ = ["NODE_BYTES", "PACKET_BYTES", "Laid", "Tree", "lay", "padded"]
 
 Array = npt.NDArray[Any]
-Tree = tuple[Array, Array]  # nodes and packets, as `renderer.bvh.build.tree_of` gives them
+Tree = tuple[Array, Array]  # nodes and packets, as returned by `renderer.bvh.build.tree_of`
 Room = Callable[
     [str, int, tuple[int, ...], Any, tuple[object, ...]], tuple[Array, bool]
 ]  # Kept.room of renderer/scene/frame_reuse.py
@@ -50,7 +50,7 @@ class Laid(NamedTuple):
     bvh: Bvh
     node: tuple[int, ...]
     packet: tuple[int, ...]
-    kept: tuple[object, object]  # the trees of what stands still and of the bodies, as they were given
+    kept: tuple[object, object]  # the static tree and the bodies' trees, as passed in
 
 
 def lay(
@@ -84,7 +84,7 @@ def lay(
         NODE_BYTES,
     )
     packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
-    # Of what is kept lies there what was put there, where it would be put again.
+    # Rows of cached parts are reused if the same part was written to the same place.
     heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
     node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)
     packet, has_packets = room("packet", packets[-1], (PACKET_ROWS, WIDTH), np.float32, heads)

@@ -21,8 +21,8 @@ from renderer.threads import Team, parts_of
 
 __all__ = ["LEAST_PART", "MOST_PARTS", "Binary", "part_size", "split_all"]
 
-LEAST_PART = 1 << 15  # boxes: a megabyte of them, which a core's cache holds
-MOST_PARTS = 64  # of one tree: more would only cost
+LEAST_PART = 1 << 15  # boxes: one megabyte, which fits a core's cache
+MOST_PARTS = 64  # of one tree: more cost time without benefit
 _NOTHING = np.float32(-np.inf)
 
 F32 = npt.NDArray[np.float32]
@@ -86,7 +86,7 @@ def _top(box: F32, solids: int, part: int, binary: Binary, team: Team) -> Iterat
         parts = split_clusters(
             clusters, np.append(node, (0, len(clusters.box))), centroids, min(TREELET, part), binary.box, binary.tree
         )
-        large = parts[:, 2] > part if len(parts) > 1 else np.zeros(1, bool)  # if no plane divides it, it stays as it is
+        large = parts[:, 2] > part if len(parts) > 1 else np.zeros(1, bool)  # if no plane divides it, it remains one part
         waiting += [(each[:5], _sources(clusters, each)) for each in parts[large]]
         yield clusters, parts[~large]
 

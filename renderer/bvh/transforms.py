@@ -11,7 +11,7 @@ __all__ = ["inverted", "place_boxes", "stretches"]
 
 F64 = npt.NDArray[np.float64]
 
-_SWEEPS = 12  # of Jacobi's rotations: three columns are at right angles to the last bit after five or six
+_SWEEPS = 12  # of Jacobi rotations: three columns are orthogonal to the last bit after five or six
 
 
 def inverted(transform: F64) -> F64:
@@ -66,7 +66,7 @@ def _stretch(transform, column, found):
         for j in range(3):
             for k in range(3):
                 size = abs(transform[i, j, k])
-                largest = largest if size <= largest else size  # NaN stays
+                largest = largest if size <= largest else size  # preserves NaN
         if not largest < np.inf:
             found[i, 0] = found[i, 1] = np.nan
             continue

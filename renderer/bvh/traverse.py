@@ -76,33 +76,33 @@ _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
-FROM_ORIGIN = (_ZERO, _ANY_PRIMITIVE, _ANY_PRIMITIVE)  # `after` of a ray that has passed nothing yet
+FROM_ORIGIN = (_ZERO, _ANY_PRIMITIVE, _ANY_PRIMITIVE)  # `after` of a ray that has passed no surface yet
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
-_NEARBY = 8192  # nodes that the caches of a core hold: a ray that goes alone waits for little there, and asking takes time
+_NEARBY = 8192  # nodes that fit a core's caches: single rays wait little for them, and prefetching takes time
 _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
 _PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
 _PACKET = np.uintp(PACKET_SIZE)
 _BIT = np.uint32(1)
-_LANE = np.int32(WIDTH - 1)  # of a key: the lane
-_ENTRY = np.uintp(WIDTH + 2)  # words on the stack for the children of a node that wait: keys, the least of them, the node
-_BETWEEN = np.uintp(2 * MAX_LEVELS * (WIDTH + 2))  # where on it a packet between two keys is put
+_LANE = np.int32(WIDTH - 1)  # the bits of a key that hold the lane
+_ENTRY = np.uintp(WIDTH + 2)  # words on the stack for a node's pending children: keys, the least key, the node
+_BETWEEN = np.uintp(2 * MAX_LEVELS * (WIDTH + 2))  # position on the stack of an interpolated packet
 
 
 class Hit(NamedTuple):
     """The closest hit of a ray."""
 
-    t: float  # along the ray, in lengths of its direction
-    primitive: int  # triangles first, then spheres; NO_PRIMITIVE where nothing is met
+    t: float  # along the ray, in units of its direction's length
+    primitive: int  # triangles first, then spheres; NO_PRIMITIVE without a hit
     u: float  # barycentric coordinates of the triangle's corners b and c; 0 for spheres
     v: float
     instance: int  # whose space the primitive is in; -1 for the world's
-    time: Any = None  # of the ray, as `closest_hit` was told it
+    time: Any = None  # of the ray, as passed to `closest_hit`
 
 
 def new_stack() -> npt.NDArray[np.float32]:
     """Allocates the scratch stack of one thread's traversals."""
-    # For the world's tree, and an instance's; then for a packet between two keys.
+    # For the world's tree, and an instance's; then for an interpolated packet.
     return np.empty(2 * MAX_LEVELS * int(_ENTRY) + PACKET_SIZE, np.float32)
 
 
@@ -133,8 +133,8 @@ def _boxes(node, base, x, y, z, t_min, t_max):
     y_far = fma(load(node, base + two + y[4]), y[0], y[2])
     z_near = fma(load(node, base + four + z[3]), z[0], z[1])
     z_far = fma(load(node, base + four + z[4]), z[0], z[2])
-    # NaN, which both hand on from their second operand, must reach the end: a ray that is no number meets nothing, where
-    # it would else walk in circles through lanes without a child.
+    # NaN, which both propagate from their second operand, must reach the end: a ray with NaN hits nothing, where
+    # it would otherwise loop through lanes without a child.
     near = maximum(maximum(x_near, y_near), maximum(splat(t_min), z_near))
     far = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
     return less_equal(near, far), near
@@ -235,7 +235,7 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
         t = t * inverse
         if after is not None:
             hit = hit & is_beyond(after, limit, t, numbers)
-        distance, lane = nearest(hit, t)  # NaN, if the mask is empty
+        distance, lane = nearest(hit, t)  # NaN if the mask is empty
         primitive = load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
         if distance < found[1] or (distance == found[1] and primitive < tie):
             found = _YES, distance, primitive, extract(b * inverse, lane), extract(c * inverse, lane)
@@ -367,7 +367,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
             continue
         child = _child(bvh.node, base, key & _LANE)
         keys = beyond(keys, key)
-        key = least(keys)  # wanted next, and found while the leaf is looked at
+        key = least(keys)  # the next key, found while the leaf is tested
         ask_for(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
         if child >= 0:
             if key <= key_limit(found[1]):

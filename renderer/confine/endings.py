@@ -15,7 +15,7 @@ __all__ = ["Bounds", "TooLargeError", "error_of", "how_it_ended", "too_slow"]
 
 log = logging.getLogger(__name__)
 
-_OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP, signal.SIGILL)  # a failed one may end so
+_OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP, signal.SIGILL)  # of failed allocations
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import errno
 
 __all__ = ["is_of_machine"]
 
-# A full, read-only or failing file system; no more files, processes or file size. Not a file that may not be opened: a scene may
-# name one outside of its folder.
+# A full, read-only or failing file system; no more files, processes or file size. Not a file without permission: a scene may
+# refer to one outside of its folder.
 _OF_MACHINE = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO),
     *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ESTALE, errno.EFBIG),

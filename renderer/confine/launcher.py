@@ -30,8 +30,8 @@ from renderer.errors import MachineError
 __all__ = ["MOST_REQUEST", "main"]
 
 MOST_REQUEST = 1 << 15
-_POLL_MS = 2000  # how often the parent is looked for where the socket does not report its end (macOS)
-# Of the system: libraries, the time zone, the number of processors.
+_POLL_MS = 2000  # how often the parent is polled where the socket does not report its end (macOS)
+# System files: libraries, the time zone, the number of processors.
 _SYSTEM = (
     *("/usr/lib", "/usr/lib64", "/usr/local/lib", "/lib", "/lib64", "/etc/ld.so.cache", "/etc/localtime", "/usr/share/zoneinfo"),
     *("/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/sys/devices/system", "/sys/fs/cgroup"),
@@ -53,7 +53,7 @@ class _Launcher:
         self._control = control
         self._parent = os.getppid()
         self._running: dict[int, _Running] = {}
-        self._done: dict[str, str] = {}  # what was preloaded -> "", or why it failed
+        self._done: dict[str, str] = {}  # what was preloaded -> "", or the error
         self._woken, waking = os.pipe()
         os.set_blocking(waking, False)
         signal.signal(signal.SIGCHLD, lambda number, frame: None)
@@ -72,7 +72,7 @@ class _Launcher:
                         return
                 elif descriptor == self._woken:
                     os.read(self._woken, 1 << 12)
-                elif descriptor in self._running:  # the caller has let go of it
+                elif descriptor in self._running:  # the caller has closed its end
                     with contextlib.suppress(ProcessLookupError):
                         os.kill(self._running[descriptor].pid, signal.SIGKILL)
                     self._poll.unregister(descriptor)
@@ -133,7 +133,7 @@ class _Launcher:
             os.close(nothing)
             reader.live(asked, said, parent, system)
         self._running[asked] = _Running(pid, asked, status)
-        self._poll.register(asked, 0)  # reports that its other end is closed, and nothing else
+        self._poll.register(asked, 0)  # reports only that the other end is closed
         return None
 
     def _reap(self) -> None:

@@ -21,11 +21,11 @@ __all__ = [
 
 LARGEST_FILE = 16 << 30
 _CGROUPS = Path("/sys/fs/cgroup")
-_UNKNOWN = 8 << 30  # bytes taken to be available where the system does not say
+_UNKNOWN = 8 << 30  # bytes assumed to be available if the system does not report it
 _IMPORTER, _IMPORTER_PER_BYTE = 512 << 20, 200  # whole files take up to 30 times their size
 _GRACE_S = 5  # between SIGXCPU and SIGKILL
 
-# Limits by what a shell calls them; each as (resource, unit in bytes or seconds, what it limits).
+# Limits by their names in a shell; each as (resource, unit in bytes or seconds, what it limits).
 _NAMED = {
     "-v": (resource.RLIMIT_AS, "address space"),
     "-t": (resource.RLIMIT_CPU, "processor time"),

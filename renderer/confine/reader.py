@@ -35,12 +35,12 @@ __all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "live", 
 
 Send = Callable[[dict[str, Any]], None]
 
-LARGE = 1 << 30  # bytes in memory: a reader that has more does not wait for further requests
-TAKEN = b"null\n"  # the caller has dealt with all messages of a request
+LARGE = 1 << 30  # resident bytes: a larger reader does not wait for further requests
+TAKEN = b"null\n"  # the caller has handled all messages of a request
 _MOST_TRACE = 4000
 _OUT_OF_MEMORY_SCORE = "900"  # the kernel ends this process before others
 
-# Errors of a file system or kernel whatever the file: full, read-only, ill, or out of processes, files, memory.
+# File system or kernel errors independent of the file: full, read-only, damaged, or out of processes, files, memory.
 _OF_MACHINE = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM),
     *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ESTALE, errno.EFBIG),
@@ -156,7 +156,7 @@ def live(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
             signal.signal(number, signal.SIG_DFL)
         _confine_and_run(link, system)
         code = 0
-    except EOFError:  # the caller went away
+    except EOFError:  # the caller has gone
         pass
     except BaseException as error:
         with contextlib.suppress(OSError):

@@ -68,7 +68,7 @@ def die_with_parent(parent: int) -> None:
     """Makes the kernel kill this process when its parent ends. Linux only."""
     if _libc is not None:
         _libc.prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:  # it ended before the call
+        if os.getppid() != parent:  # the parent ended before the call
             os._exit(1)
 
 
@@ -86,7 +86,7 @@ def leave_network() -> bool:
 def available() -> tuple[list[str], list[str]]:
     """Returns the names of available and of missing kernel features, Landlock and seccomp. Changes nothing."""
     version = _libc.syscall(_CREATE, None, 0, _VERSION) if _libc is not None else 0
-    # Asked for a filter at no address, a kernel that has filters answers EFAULT, others EINVAL.
+    # For a filter at address 0, a kernel with filters returns EFAULT, others EINVAL.
     has_filters = (
         _libc is not None
         and platform.machine() in DENIED

@@ -34,12 +34,12 @@ __all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement",
 
 _ROOT = Path(__file__).resolve().parents[2]
 _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
-# Passed on to readers: where libraries and kernels are, and how many threads libraries take. Nothing else.
+# Environment variables passed to readers: locations of libraries and kernels, and numbers of threads. Nothing else.
 _PASSED = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "RAYFARM_AVX512", "TZ", "NUMBA_THREADING_LAYER")
 _PASSED_ENDINGS = ("_NUM_THREADS",)
 _MOST_MESSAGE = 256 << 20  # bytes
 _MOST_FILES = 10_000  # whose sizes are compared
-_ENDING_S = 10.0  # for which a reader that has closed its pipe may take to end
+_ENDING_S = 10.0  # within which a reader that has closed its pipe must end
 _READY_S = 600.0  # for a launcher that compiles kernels first
 
 

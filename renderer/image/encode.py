@@ -26,7 +26,7 @@ F32 = npt.NDArray[np.float32]
 FORMATS = ("png", "jpg", "exr", "hdr")
 RGB = ("R", "G", "B")
 
-# Rec.709 primaries and the D65 white point, said in the file so that no reader has to guess.
+# Rec.709 primaries and the D65 white point, written to the file so that readers need not guess.
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 
 

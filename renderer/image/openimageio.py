@@ -21,7 +21,7 @@ _MOST_CHANNELS = 1024  # of all layers together
 _BAND = 1 << 22  # pixels that are decoded at a time where an image is made smaller
 _RESOLUTION = re.compile(rb"\n([-+])([XY])\s+\d+\s+([-+])([XY])\s+\d+\s*\n")
 _LONGEST_HEADER = 1 << 20
-_MOST = 65504.0  # in place of infinity: the greatest half
+_MOST = 65504.0  # replaces infinity: the greatest half
 _FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 # Luminance weights of Rec. 709, by which OpenEXR's Y, RY and BY are made.
 _YR, _YG, _YB = 0.2126, 0.7152, 0.0722

@@ -48,7 +48,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         found = through_openimageio(data, name, suffix, limits, straight=not is_environment)
     except (SceneError, MemoryError):
         raise
-    except Image.DecompressionBombError as error:  # Pillow's own limit lies above ours, and is judged first
+    except Image.DecompressionBombError as error:  # Pillow's own limit is above ours, and is checked first
         raise SceneError(f"{name}: has too many pixels; at most {MAX_PIXELS >> 20} million fit. Give a smaller image") from error
     except Exception as error:  # the decoders raise nearly every type on damaged data
         raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error

@@ -188,7 +188,7 @@ def _scattering(air: Air, density: np.ndarray) -> np.ndarray:
     return np.asarray(density[..., 0, None] * (air.molecules * _RAYLEIGH) + density[..., 1, None] * (air.dust * _MIE_SCATTERING))
 
 
-@functools.lru_cache(maxsize=4)  # wherever the sun stands, it is the same
+@functools.lru_cache(maxsize=4)  # independent of the sun's position
 def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
     """Returns the isotropic radiance of multiply scattered light by height and sun elevation: (heights, suns, 18).
 

@@ -17,8 +17,8 @@ __all__ = ["set_apart"]
 
 I64 = npt.NDArray[np.int64]
 
-_APART = 2.0**-17  # of the size of the whole: some eight micrometres a metre
-_ULPS = 2.0**-21  # of the coordinates: what float32 tells apart
+_APART = 2.0**-17  # relative to the scene's size: about eight micrometres per metre
+_ULPS = 2.0**-21  # relative to the coordinates: the resolution of float32
 _ODD = [np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0x85EBCA77C2B2AE63)]
 _HALF = np.uint64(32)
 
@@ -36,9 +36,9 @@ def set_apart(position: F32, triangle: I32, material: I32, attributes: Sequence[
     if not len(numbers):
         return position
     space = np.searchsorted(np.asarray(begins, np.int64), numbers, "right")
-    corners = position[triangle[numbers]].astype(np.float64) + 0.0  # there are two zeros
+    corners = position[triangle[numbers]].astype(np.float64) + 0.0  # turns -0 into 0
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # Sums over corners do not depend on which of them comes first.
+    # Sums over corners do not depend on their order.
     sums = [each[triangle[numbers]].astype(np.float64).sum(axis=1) for each in attributes]
     chosen = _facing_away(_places(corners, space), normal, _numbered([material[numbers], *sums]))
     moved = np.zeros((len(position), 3))

@@ -91,7 +91,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     even = sends_evenly(packed, geometry)
     of_spheres = sphere, stood.sphere_material
     lights = list_lights(packed.emitted, emitters, double_sided, even, geometry, *of_spheres, punctual, sphere_keys)
-    lit_on_purpose = bool(description.lights or description.environment)  # whoever places lights means the dark between them
+    lit_on_purpose = bool(description.lights or description.environment)  # a scene with its own lights may be dark on purpose
     if description.studio_for_accents and not lit_on_purpose and are_accents(lights.power, stood.bounds):
         light_studio(whole)
         whole.warnings.append(STUDIO_TOO)
@@ -366,7 +366,7 @@ def _aimed(view: View, bounds: np.ndarray) -> View:
         return view
     x, y, z = (float(c) for c in eye + forward * distance)
     focus = view.focus
-    if focus is None and view.aperture > 0:  # what was sharp stays sharp
+    if focus is None and view.aperture > 0:  # preserves the focus distance
         focus = float(np.linalg.norm(target - eye))
     return replace(view, target=(x, y, z), focus=focus)
 

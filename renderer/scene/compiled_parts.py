@@ -29,7 +29,7 @@ from renderer.scene.frame_reuse import Cuts
 __all__ = ["MANIFEST_STARTS", "Find", "Part", "Saver", "load_parts", "parts_of", "save_changed"]
 
 Array = npt.NDArray[Any]
-Find = Callable[[str, int], Path]  # where the part of a hash and size lies
+Find = Callable[[str, int], Path]  # returns the path of a part by hash and size
 
 MANIFEST_STARTS = b"{"
 _FORMAT = "rayfarm-scene-parts 1"
@@ -37,7 +37,7 @@ _MOST_PARTS = 64
 _IS_SHA256 = re.compile("[0-9a-f]{64}")
 _MOST_SEEN = 10_000  # pieces
 _VERTICES = ("position", "normal", "tangent", "uv", "uv1", "color")
-_BENT = ("position", "normal", "tangent")  # what changes of a mesh that deforms
+_BENT = ("position", "normal", "tangent")  # the arrays that change in a deforming mesh
 _MATERIALS = (
     "material_kind",
     "material_flags",
@@ -71,7 +71,7 @@ class Saver:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # of a part that outlasts moments: what it was made of
+        self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # parts reused between frames: by what they were made from
 
     def save(self, scene: CompiledScene, cuts: Cuts, folder: Path | None = None) -> Path:
         """Writes the scene's manifest, and the parts not written yet, into another folder if one is given.

@@ -22,7 +22,7 @@ __all__ = ["Joined", "join"]
 Array = npt.NDArray[Any]
 
 _WIDTHS = {"position": 3, "normal": 3, "uv": 2, "uv1": 2, "color": 4, "tangent": 4}
-_ROW_BYTES = 4  # of the narrowest array of vertices or triangles: what ends at a page's end there does so in all
+_ROW_BYTES = 4  # of the narrowest vertex or triangle array: what ends at a page boundary there does so in all
 
 
 class Joined(NamedTuple):

@@ -50,7 +50,7 @@ def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArra
     """
     count = len(point)
     table = np.concatenate([np.zeros((count, 0), np.float32), *values], axis=1)
-    table += np.float32(0)  # there are two zeros
+    table += np.float32(0)  # turns -0 into 0
     last = np.full(points, -1, np.int32)
     before, first, kind = (np.empty(count, np.int32) for _ in range(3))
     found = join_at_points(np.ascontiguousarray(point, np.int64), table.view(np.uint32), last, before, first, kind)

@@ -98,7 +98,7 @@ class Texture:
     uv_set: int = 0  # 0 or 1
     transform: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     layers: tuple[TextureLayer, ...] = ()
-    filter: TexelFilter = "linear"  # between texels; nearest: each is seen as the square that it is
+    filter: TexelFilter = "linear"  # between texels; nearest: each texel is a square of constant colour
     keys: tuple[UvTransform, ...] = ()
 
 
@@ -115,7 +115,7 @@ class Mesh:
     uvs1: F32 | None = None  # (V, 2), the second set
     colors: F32 | None = None  # (V, 4) linear RGBA, multiplies the base colour
     tangents: F32 | None = None  # (V, 4), w the bitangent's sign, as glTF has them; None: from the UVs, where needed
-    deforms: bool = False  # whether its vertices are others at another moment
+    deforms: bool = False  # whether its vertices differ at another time
     keys: tuple[tuple[npt.NDArray[Any], F32 | None], ...] = ()  # positions and normals, as Instance.keys
 
 
@@ -130,8 +130,8 @@ class Instance:
     mesh: int
     transform: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     material: int | None = None
-    name: str = ""  # instances of one name are one object in the object id AOV; "": one of its own
-    moves: bool = False  # whether it is elsewhere, or not there, at another moment; or shines then
+    name: str = ""  # instances of one name are one object in the object id AOV; "": a separate object
+    moves: bool = False  # whether its transform, visibility or emission differs at another time
     keys: tuple[npt.NDArray[np.float64], ...] = ()
 
 
@@ -144,7 +144,7 @@ class Sphere:
     material: int = 0
     name: str = "sphere"
     guide: bool = False  # whether `sampling: mixture` aims at it, as at a light
-    moves: bool = False  # whether it is another at another moment
+    moves: bool = False  # whether it differs at another time
     keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 
 
@@ -185,7 +185,7 @@ class Light:
     kind: LightKind
     intensity: Vec3 = (1.0, 1.0, 1.0)
     position: Vec3 = (0.0, 0.0, 0.0)
-    direction: Vec3 = (0.0, -1.0, 0.0)  # in which it shines
+    direction: Vec3 = (0.0, -1.0, 0.0)  # of emission
     radius: float = number(0.0, high=math.inf, kinds=_PLACED)
     """Of a sphere that softens the shadows."""
     angle: float = number(0.0, high=180.0, kinds=_DISTANT)
@@ -222,9 +222,9 @@ class Sky:
     air: float = 1.0  # 0 ... 10: molecules, dust and ozone relative to a clear day's
     dust: float = 1.0
     ozone: float = 1.0
-    sun: bool = True  # whether its disk shines; the sky is lit by it in any case
-    sun_size: float = 0.545  # across, 0.01 ... 30; its irradiance stays the same
-    ground_albedo: Vec3 = (0.3, 0.3, 0.3)  # of what is below the horizon
+    sun: bool = True  # whether its disk is visible; the sky is lit by it in any case
+    sun_size: float = 0.545  # angular diameter, 0.01 ... 30; its irradiance is independent of it
+    ground_albedo: Vec3 = (0.3, 0.3, 0.3)  # of the ground below the horizon
 
 
 @dataclass
@@ -283,17 +283,17 @@ class SceneDescription:
     textures: list[Texture] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     environment: Environment | None = None
-    medium: Medium | None = None  # of the world, the camera in it unless it is inside of something
+    medium: Medium | None = None  # of the world; the camera is in it unless inside an object
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)
-    clips: list[Clip] = field(default_factory=list)  # what the file animates; which is shown, and when, is asked for
+    clips: list[Clip] = field(default_factory=list)  # the file's animations; the request selects clip and time
     fps: float = DEFAULT_FPS  # the file's
-    moves: bool = False  # whether another moment may show something else
-    keys: int = 0  # of what moves while the shutter is open; 0: nothing does
+    moves: bool = False  # whether another time may show something else
+    keys: int = 0  # number of keys of moving objects while the shutter is open; 0: nothing moves
     # An object that descriptions of several moments share, where they differ in cameras, lights without a body and what is marked
     # as moving alone: places of instances, and vertices of meshes that deform.
     still: object | None = None
-    variants: list[str] = field(default_factory=list)  # of the file's materials; which is shown is asked for when it is read
-    warnings: list[str] = field(default_factory=list)  # sentences a person can act on
+    variants: list[str] = field(default_factory=list)  # the file's material variants; selected when it is read
+    warnings: list[str] = field(default_factory=list)  # sentences that a user can act on

@@ -19,7 +19,7 @@ Flags = npt.NDArray[np.bool_]
 _MOST_WORK = 100_000  # examined corners: some seconds
 _AT_ONCE = 500  # reflex corners that are tested in the time of one call
 _NOISE = 1e-13  # of the square of the polygon's size: areas below are 0
-_CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is judged
+_CLEAN, _TOUCHING, _ANY = range(3)  # how strictly an ear is tested
 
 
 class Scissors:
@@ -62,7 +62,7 @@ class Scissors:
                     reflex[k] = turns[k] <= 0
             else:
                 missed += 1
-                if missed >= count:  # none is left that is as clean
+                if missed >= count:  # no ear of this strictness is left
                     missed, strictness = 0, strictness + 1
             i = c
         found.append((before[i], i, after[i]))
@@ -76,7 +76,7 @@ def flattened(place: F64) -> F64:
     axis = int(np.argmax(np.abs(normal)))
     flat = np.delete(place, axis, axis=1)
     flat = flat - flat[0]
-    return flat * (-1.0, 1.0) if (normal[axis] < 0) != (axis == 1) else flat  # dropping y turns the plane over
+    return flat * (-1.0, 1.0) if (normal[axis] < 0) != (axis == 1) else flat  # dropping y reverses the orientation
 
 
 def _is_ear(flat: F64, bends: npt.NDArray[np.int64], corners: tuple[int, int, int], turn: float, strictness: int) -> bool:

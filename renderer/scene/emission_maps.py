@@ -19,9 +19,9 @@ F64 = npt.NDArray[np.float64]
 
 _KINDS = {"sphere": SPHERE, "window": WINDOW, "screen": SCREEN}
 _MOST_TEXELS = 1 << 28  # of all maps together: 3 GiB
-_AROUND = 1e9  # columns: no angle is beyond
+_AROUND = 1e9  # columns: beyond any angle
 _SLACK = 1e-3  # of a row, by which float32 may miss a pole
-_FINE = 64  # a side of the grid over which thrown pictures are summed, at least
+_FINE = 64  # least side of the grid over which projected images are integrated
 _NO_EDGE = 1e-9
 
 

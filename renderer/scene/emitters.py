@@ -14,7 +14,7 @@ from renderer.scene.material_packing import Packed
 
 __all__ = ["emitting_triangles", "sends_evenly"]
 
-_SPREAD = 0.05  # of a mesh's light is taken to leave all its triangles alike: a mean over few points may miss a bright texel
+_SPREAD = 0.05  # of a mesh's light is assumed uniform over its triangles: a mean over few points may miss a bright texel
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:

@@ -43,7 +43,7 @@ class EnvironmentTables(NamedTuple):
     conditional: F32  # (H, W + 1)
     rotation: float  # radians
     mean: float  # luminance, averaged over all directions, the sun's included
-    contrast: float  # 0 for an even sky, towards 1 for a sun in a black one
+    contrast: float  # 0 for a uniform sky, towards 1 for a sun in a black one
     sun: np.ndarray  # (8,): direction 3, 1 - cos of the half angle, radiance 3, share of the samples; zeros without a sun
 
     def frame(self, chance: float) -> F32:

@@ -27,9 +27,9 @@ __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
 
 MAX_FILE_BYTES = 2 << 30
 MAX_DATA_URI_BYTES = 256 << 20
-MAX_SEARCHED = 20_000  # files looked at for one that is not where it is said to be
+MAX_SEARCHED = 20_000  # files searched for one that is not at its stated path
 _MOST_CHARACTERS = 4096  # of a reference: no system has a longer path
-_MOST_PARTS = 64  # of a reference, the last: of longer ones the rest is of another machine
+_MOST_PARTS = 64  # of a reference, the last ones: the rest of a longer path is of another machine
 
 Made = TypeVar("Made")
 
@@ -49,8 +49,8 @@ class SceneFiles:
         self._used: set[Hashable] = set()
         self._found: dict[tuple[str, str], str | None] = {}
         self._listed: dict[str, dict[str, list[str]]] = {}
-        self.encodings: Counter[str] = Counter()  # in which names that are not in UTF-8 led to files
-        self.is_numbered = False  # whether any file that was asked for has the frame's number in its name
+        self.encodings: Counter[str] = Counter()  # in which non-UTF-8 names led to existing files
+        self.is_numbered = False  # whether the name of any file read contains the frame's number
 
     def read_anew(self) -> None:
         """Begins reading another frame: drops entries that the last one did not use, so that numbered files do not accumulate."""
@@ -203,7 +203,7 @@ class SceneFiles:
         return path if path == self._root or self._root in path.parents else None
 
     def _match(self, base: PurePosixPath, parts: list[str]) -> str | None:
-        if str(base) not in self._listed:  # else a lookup there says more, and is quicker
+        if str(base) not in self._listed:  # else a lookup there is faster and has a better error
             exact = str(base.joinpath(*parts))
             if self._is_file(exact):
                 return exact

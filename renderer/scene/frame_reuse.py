@@ -15,7 +15,7 @@ __all__ = ["Cuts", "Kept"]
 Made = TypeVar("Made")
 Array = npt.NDArray[Any]
 
-_SLACK = 8  # an array has room for an eighth more, that it need not be made anew when its end grows: no memory until then
+_SLACK = 8  # spare room of an eighth in arrays whose end may grow; it takes no memory until used
 
 
 class _Entry(NamedTuple):
@@ -27,11 +27,11 @@ class _Entry(NamedTuple):
 class Cuts(NamedTuple):
     """The offsets of a compiled scene's parts in its arrays, and the objects each was made from: equal objects, equal bytes."""
 
-    vertex: tuple[int, ...]  # what stands still, bodies, what is loose; the last number is the end
+    vertex: tuple[int, ...]  # static, bodies, loose; the last number is the end
     triangle: tuple[int, ...]
     node: tuple[int, ...]  # the top, then those
-    packet: tuple[int, ...]  # of the top none
-    heads: dict[str, tuple[object, ...]]  # of the parts that may outlast a moment
+    packet: tuple[int, ...]  # no top
+    heads: dict[str, tuple[object, ...]]  # of the parts that may be reused by the next frame
 
 
 class Kept:
@@ -45,8 +45,8 @@ class Kept:
         self._buffers: dict[str, Array] = {}
         self._heads: dict[str, tuple[object, ...]] = {}
         self._used: set[Hashable] = set()
-        self.cuts: Cuts | None = None  # of the moment that was compiled last
-        self.lights_power = 0.0  # and what its lights send out together, the environment left out
+        self.cuts: Cuts | None = None  # of the last compiled frame
+        self.lights_power = 0.0  # its lights' total power, without the environment
 
     def begin(self) -> None:
         """Begins compiling a frame: drops entries that the last frame did not use."""
@@ -67,7 +67,7 @@ class Kept:
         if entry is not None and same(entry.key, wanted):
             made: Made = entry.made
         else:
-            self._entries.pop(slot, None)  # two of them need not fit into memory
+            self._entries.pop(slot, None)  # both need not fit into memory
             made = make()
         self._entries[slot] = _Entry(token, wanted, made)
         return made

@@ -43,9 +43,9 @@ __all__ = [
 
 MAX_TRIANGLES = 20_000_000
 NOWHERE = -2
-CROWD = 8  # small instances that are worth being placed together
+CROWD = 8  # number of small instances that is worth a batch
 _FEW_KEYS = 5
-_MOST_POINTS = 2_000_000  # instances times vertices whose places are looked at one by one
+_MOST_POINTS = 2_000_000  # instances times vertices that are transformed one by one
 
 F64 = npt.NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class Geometry(NamedTuple):
     triangle: I32  # (T, 3)
     first: I32  # (P + 1,) the first triangle of each part, and the number of all triangles
     material: I32  # (P,)
-    object: I32  # (P,); -1 in groups, NOWHERE of what fills a page
+    object: I32  # (P,); -1 in groups, NOWHERE for padding
     keys: F32 = np.zeros((0, 2, 0, 3), np.float32)  # (K or 0, 2, D, 3) positions and normals of the last vertices
 
 
@@ -80,11 +80,11 @@ class Placement(NamedTuple):
     """The placements of groups: first the static ones."""
 
     group: I32  # (I,) of each instance
-    still: int  # instances that stand still
+    still: int  # number of static instances
     to_world: F64  # (I, 3, 4)
     material: I32  # (I,) or -1: the triangles' own
     object: I32  # (I,)
-    number: list[int]  # (I,) the description's instance that each is
+    number: list[int]  # (I,) the index of the description's instance
 
 
 class _Part(NamedTuple):
@@ -100,9 +100,9 @@ class Section(NamedTuple):
     """Separately built triangles with their own numbering: the world's, then those of trees."""
 
     geometry: Geometry
-    world: int  # how many are the world's
+    world: int  # the number of world parts
     trees: tuple[tuple[int, int], ...]  # the triangles of each tree
-    corners: tuple[F64, ...]  # (n, 3): points whose box holds the world's, then those for each tree: its own, in its space
+    corners: tuple[F64, ...]  # (n, 3): points that bound the world's triangles, then for each tree those of its own, in its space
 
 
 def make_still(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:

@@ -8,7 +8,7 @@ from renderer.scene.description import F32, I32
 
 __all__ = ["MAX_GUIDES", "list_guides"]
 
-MAX_GUIDES = 64  # each is asked for its density at each bounce
+MAX_GUIDES = 64  # the density of each is evaluated at each bounce
 
 
 def list_guides(marked: list[bool], light_primitive: I32, second: I32, light_cdf: F32, triangles: int) -> I32:

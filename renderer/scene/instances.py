@@ -18,26 +18,26 @@ from renderer.scene.object_ids import number_objects
 
 __all__ = ["Group", "Sharing", "Standing", "goes_straight", "is_loose", "share", "share_movers", "share_still"]
 
-_FEW = 8  # triangles that are not worth a tree of their own
-_WORTH = 30_000  # triangles that copying would add: then a mesh is kept once
-_LARGE = 2_000_000  # triangles of all copies together, from which on everything is kept once
-_CONDITION = 1e6  # transforms that squeeze more than this leave too few digits to the rays
+_FEW = 8  # triangles: too few for a separate tree
+_WORTH = 30_000  # triangles that copying would add, from which on a mesh is stored once
+_LARGE = 2_000_000  # triangles of all copies together, from which on everything is stored once
+_CONDITION = 1e6  # transforms of a higher condition number are too imprecise for rays
 
 
 class Group(NamedTuple):
     """Meshes that are always placed together, and so form one tree, with their placements."""
 
     meshes: list[int]
-    instances: list[int]  # of the first of the meshes; the others' differ from them in the mesh alone
+    instances: list[int]  # of the first mesh; those of the other meshes differ in the mesh only
 
 
 class Sharing(NamedTuple):
     """How a scene's instances are stored. The first two fields are the same for all frames."""
 
-    copied: list[int]  # the instances to place in the world one by one
+    copied: list[int]  # the instances to place in world space one by one
     groups: list[Group]
-    bodies: list[Group]  # what moves and stays in shape
-    loose: list[int]  # what moves and is placed in the world at each moment
+    bodies: list[Group]  # moving rigid bodies
+    loose: list[int]  # moving geometry placed in world space for each frame
 
 
 class Standing(NamedTuple):

@@ -17,12 +17,12 @@ class LightBounds(NamedTuple):
     """The bounds of L lights: position, emission directions and power."""
 
     center: np.ndarray  # (L, 3); of a distant light, its axis
-    radius: np.ndarray  # (L,): it lies within that sphere; -1: infinitely far
-    axis: np.ndarray  # (L, 3) unit: normals or directions in which it shines
-    spread: np.ndarray  # (L,) radians that they differ from the axis by, at most
-    reach: np.ndarray  # (L,) radians that light leaves them by, at most
+    radius: np.ndarray  # (L,) of a bounding sphere; -1: infinitely far
+    axis: np.ndarray  # (L, 3) unit: normals or emission directions
+    spread: np.ndarray  # (L,) radians, maximum angle between the normals and the axis
+    reach: np.ndarray  # (L,) radians, maximum angle between emitted light and the normals
     intensity: np.ndarray  # (L,) radiant intensity along the axis, luminance; of a distant light, irradiance
-    both: np.ndarray  # (L,) 1 where it shines to the other side as well
+    both: np.ndarray  # (L,) 1 if it emits to both sides
 
 
 class LightTree(NamedTuple):

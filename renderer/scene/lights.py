@@ -17,9 +17,9 @@ from renderer.scene.punctual import Punctual
 
 __all__ = ["TREE_FROM", "Emitters", "LightList", "chosen_by", "cumulative", "list_lights", "with_area"]
 
-TREE_FROM = 3  # lights; of two triangles that are no parallelogram, the walk costs more than it saves (docs/speed-notes.md)
-_BETWEEN_KEYS = 0.1  # radians, by which a normal may stray further between two keys
-_SPREAD = 0.01  # of the choices by power fall on all lights evenly
+TREE_FROM = 3  # lights; for two triangles that form no parallelogram, the descent costs more than it saves (docs/speed-notes.md)
+_BETWEEN_KEYS = 0.1  # radians, by which a normal may deviate further between two keys
+_SPREAD = 0.01  # fraction of the choices by power that are uniform over all lights
 
 
 class Emitters(NamedTuple):
@@ -27,7 +27,7 @@ class Emitters(NamedTuple):
 
     triangle: npt.NDArray[np.int64]  # (n,) ascending
     material: I32  # (n,)
-    emitted: np.ndarray  # (n,) mean luminance, float64, of both sides where both shine
+    emitted: np.ndarray  # (n,) mean luminance, float64, of both sides if both emit
 
 
 class LightList(NamedTuple):
@@ -92,7 +92,7 @@ def list_lights(
         order, node = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
         primitive, area, power = primitive[order], area[order], power[order]
     chance = (1 - _SPREAD) * power / max(power.sum(), 1e-300) + _SPREAD / max(len(power), 1)
-    bodies = len(geometry.triangle) if len(triangles) else 0  # where none emits, none is asked
+    bodies = len(geometry.triangle) if len(triangles) else 0  # nothing to look up if no triangle emits
     light = np.full(bodies + len(sphere) + len(rest), -1, np.int32)
     light[primitive - (len(geometry.triangle) - bodies)] = np.arange(len(primitive))
     of_pairs = np.argsort(order)[pairs]
@@ -116,8 +116,8 @@ class _Lamps(NamedTuple):
     """Emitting triangles; of pairs that form parallelograms only the first."""
 
     emitters: Emitters
-    corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; of a triangle the last one twice
-    most: np.ndarray  # (n,) areas, the greatest while the shutter is open
+    corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; a triangle's last one twice
+    most: np.ndarray  # (n,) the greatest areas while the shutter is open
     pairs: npt.NDArray[np.int64]  # (m,) which of them are parallelograms,
     second: npt.NDArray[np.int64]  # (m,) their second triangles
     shapes: np.ndarray  # (m, 4, 3) and corners, as of `pair`

@@ -39,7 +39,7 @@ class Shot:
     def __init__(self, folder: Path, main: str, environment: str | None = None, variant: str | None = None) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
-        self._finite: dict[int, F32] = {}  # positions that were looked at, by their identity
+        self._finite: dict[int, F32] = {}  # positions already checked, by identity
 
     @property
     def start(self) -> float:

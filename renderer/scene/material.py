@@ -51,9 +51,9 @@ _FILM = "KHR_materials_iridescence."
 _DISPERSION = "KHR_materials_dispersion."
 _DIFFUSE = "KHR_materials_diffuse_transmission."
 
-MOST_DENSE = 1e9  # of what media absorb or scatter, per scene unit
-MOST_FORWARD = 0.999  # a phase function's g, and its negative
-ALL_REFLECTING_IOR = 1000.0  # by which normal incidence reflects 0.996
+MOST_DENSE = 1e9  # largest absorption or scattering coefficient of media, per scene unit
+MOST_FORWARD = 0.999  # largest absolute value of a phase function's g
+ALL_REFLECTING_IOR = 1000.0  # reflects 0.996 at normal incidence
 
 
 @dataclass

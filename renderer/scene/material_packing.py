@@ -21,7 +21,7 @@ _KINDS = {kind.name: kind.number for kind in rows.KINDS}
 _FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SPECIAL = ("glass", "blinn_phong", "conductor", "interface")
-_SMOOTH = ("glass", "conductor")  # where no roughness is given
+_SMOOTH = ("glass", "conductor")  # kinds that are smooth if no roughness is given
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
 
 
@@ -177,18 +177,18 @@ def _fill(row: F32, m: Material) -> None:
     def put(column: int, *values: float) -> None:
         row[column : column + len(values)] = values
 
-    if m.kind == "glass":  # the principled surface that lets everything pass
+    if m.kind == "glass":  # a principled surface that transmits everything
         put(rows.METALLIC, 0.0)
         put(rows.TRANSMISSION, 1.0)
         put(rows.SPECULAR, 1.0)
         put(rows.SPECULAR_COLOR, 1.0, 1.0, 1.0)
     if m.kind == "blinn_phong":
         most = max(d + s for d, s in zip(m.base_color, m.specular_color, strict=True))
-        share = 1 / max(most, 1.0)  # no surface reflects more than arrives
+        share = 1 / max(most, 1.0)  # no surface reflects more than it receives
         put(rows.BASE, *(c * share for c in m.base_color))
         put(rows.SPECULAR_COLOR, *(c * share for c in m.specular_color))
     if m.kind == "interface":
-        put(rows.OPACITY, 0.0)  # all of light passes as if it were not there
+        put(rows.OPACITY, 0.0)  # transmits all light unchanged
     if m.kind == "conductor":
         put(rows.MEAN_FRESNEL, *_mean_reflectance(m))
 

@@ -13,7 +13,7 @@ from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
 
 __all__ = ["Media", "absorption", "list_media"]
 
-_LEAST_COLOR = 1e-6  # what volumes leave of light at least, so that absorption stays finite
+_LEAST_COLOR = 1e-6  # minimum transmitted colour of volumes, so that absorption stays finite
 
 
 class Media(NamedTuple):
@@ -23,7 +23,7 @@ class Media(NamedTuple):
     """
 
     medium: F32  # (m, MEDIUM_COLUMNS): the world's first, each other one once
-    material_medium: I32  # (M,): the row of a material's inside; -1 for those that have none
+    material_medium: I32  # (M,): the row of a material's interior; -1 for those that have none
 
 
 def list_media(description: SceneDescription) -> Media:

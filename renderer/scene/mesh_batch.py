@@ -16,7 +16,7 @@ from renderer.scene.placed_mesh import MAX_COORDINATE, Placed, finite
 
 __all__ = ["MOST_VERTICES", "placed_together"]
 
-MOST_VERTICES = 2000  # of a mesh that is small
+MOST_VERTICES = 2000  # of a small mesh
 
 
 def placed_together(

@@ -78,7 +78,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
     triangle = read_only(_joined([each + np.int32(at) if at else each for each, at in zip(triangles, offset, strict=False)]))
     corners = triangle.reshape(-1)
     # Vertices that differ in UV or colour alone are one point of the surface.
-    first, number = unique_threes(positions + np.float32(0))  # there are two zeros
+    first, number = unique_threes(positions + np.float32(0))  # turns -0 into 0
     place, at_corner = number, triangle
     if surfaces is not None and all(isinstance(each, int) for each in surfaces):
         if len({*surfaces}) > 1:
@@ -103,7 +103,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
     angle = np.arctan2(across, along, out=along)
     angle *= across > 0
 
-    # Corners that agree in vertex and normal stay one vertex.
+    # Corners with equal vertex and normal remain one vertex.
     vertex = first[number[corners]]
     for mesh, a, b in zip(meshes, begin.tolist(), begin[1:].tolist(), strict=False):
         if any(values is not None for values in (mesh.uvs, mesh.uvs1, mesh.colors)):
@@ -112,7 +112,7 @@ def _smoothed(meshes: list[Mesh], limit: float, surfaces: list[int | I32] | None
     normal = np.empty((count, 3), np.float32)
     kept = kept[: round_corners(unit, angle, start, order, vertex, limit, MAX_VALENCE, normal, kind, kept)]
     mesh_of = np.searchsorted(begin, kept // 3, "right") - 1
-    if surfaces is not None and len(meshes) > 1:  # points of several meshes: their vertices are sorted out
+    if surfaces is not None and len(meshes) > 1:  # points of several meshes: group their vertices
         sorting = np.argsort(mesh_of, kind="stable")
         rank = np.empty(len(kept), np.int32)
         rank[sorting] = np.arange(len(kept), dtype=np.int32)

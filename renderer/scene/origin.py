@@ -22,8 +22,8 @@ __all__ = ["about_centre", "exact", "fixed_place", "origin_of", "rebased", "seen
 
 F64 = npt.NDArray[np.float64]
 
-_FAR = 16.0  # sizes of a scene: then a float32 coordinate is wrong by up to 1e-6 of the size
-_STRAYS_FAR = 4096.0  # sizes of the middle four fifths, where something else is elsewhere
+_FAR = 16.0  # relative to a scene's size: beyond, a float32 coordinate is wrong by up to 1e-6 of the size
+_STRAYS_FAR = 4096.0  # relative to the size of the middle four fifths, if there are outliers
 _SAMPLES = 4096
 _WORLD = np.zeros(3)
 _MOST_FIXED = 2.0**62
@@ -96,7 +96,7 @@ def _samples(description: SceneDescription, moving: bool) -> F64:
     count = int(ends[-1]) if shown else 0
     wanted = np.arange(0, count, max(1, -(-count // _SAMPLES)))
     places = np.searchsorted(ends, wanted, "right")
-    # Sparse things, a ground of two triangles, count for the size of the scene.
+    # Instances of few triangles, such as a ground of two, count for the scene's size.
     firsts = np.arange(0, len(shown), max(1, -(-len(shown) // _SAMPLES)))
     points = [_corners(description, shown[n], np.zeros(1, np.int64)) for n in firsts.tolist()]
     for n in np.unique(places).tolist():

@@ -10,8 +10,8 @@ from renderer.scene.description import F32
 
 __all__ = ["pair", "tabulate_parallelograms"]
 
-_CLOSED = 1e-6  # of its size: how far a parallelogram's fourth corner may be off
-_THIN = 1e-3  # of the product of the edges' lengths, the least area: thinner ones' reciprocal edges would be too long
+_CLOSED = 1e-6  # relative tolerance of a parallelogram's fourth corner
+_THIN = 1e-3  # relative to the product of the edges' lengths, the least area: thinner ones' reciprocal edges would be too long
 _ERROR = 32 * 2.0**-24  # as of a triangle's points, renderer/kernel/surface/surface.py
 
 

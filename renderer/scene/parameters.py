@@ -34,7 +34,7 @@ Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair"
 
 PRINCIPLED: tuple[str, ...] = ("metallic_roughness",)
 EVERY_KIND: tuple[str, ...] = tuple(kind.name for kind in KINDS if kind.in_files)
-SURFACES: tuple[str, ...] = tuple(kind for kind in EVERY_KIND if kind != "interface")  # the kinds that are seen
+SURFACES: tuple[str, ...] = tuple(kind for kind in EVERY_KIND if kind != "interface")  # the visible kinds
 
 _KEY = "parameter"
 
@@ -57,12 +57,12 @@ class Parameter:
     slot: int | None = None
     low: float = -math.inf
     high: float = math.inf
-    above: bool = False  # whether `low` itself is too low
+    above: bool = False  # whether `low` itself is excluded
     choices: tuple[str, ...] = ()
     gltf: str | None = None
     mtl: str | None = None
-    srgb: bool = False  # of textures: whether their colours are so encoded
-    layered: bool = True  # of textures: whether the slot takes a stack of them
+    srgb: bool = False  # for textures: whether their colours are sRGB-encoded
+    layered: bool = True  # for textures: whether the slot takes a stack of layers
 
     def clamped(self, value: float) -> float:
         """Returns the nearest valid number."""

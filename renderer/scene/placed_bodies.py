@@ -34,10 +34,10 @@ __all__ = ["Stood", "stand"]
 class Stood(NamedTuple):
     """All placed geometry of a scene."""
 
-    sections: tuple[Section, Section, Section]  # what stands still, the bodies that move, what is loose
+    sections: tuple[Section, Section, Section]  # static, rigid moving bodies, loose
     joined: Joined
     placement: Placement
-    spheres: list[int]  # the description's numbers, in the order of the arrays: those that move last
+    spheres: list[int]  # the description's indices, in the order of the arrays: moving ones last
     still_spheres: int
     sphere: F32  # (S, 4)
     sphere_material: I32  # (S,)

@@ -23,7 +23,7 @@ __all__ = ["MAX_COORDINATE", "Placed", "finite", "placed", "with_keys"]
 
 MAX_COORDINATE = 1e15  # squares and products of it stay within float32
 _NO_KEYS = np.zeros((0, 2, 0, 3), np.float32)
-_ANY = (0.0, 1.0, 0.0)  # the normal of what has none
+_ANY = (0.0, 1.0, 0.0)  # the normal of degenerate vertices
 
 
 class Placed(NamedTuple):
@@ -36,7 +36,7 @@ class Placed(NamedTuple):
     color: F32  # (V or 0, 4)
     tangent: F32  # (V or 0, 4)
     triangle: I32  # (T, 3)
-    dropped: int  # how many had no area
+    dropped: int  # number of triangles without area that were removed
     vertex: slice | npt.NDArray[np.int64] = slice(None)  # (V,) the mesh's, of each
     keys: F32 = _NO_KEYS  # (K or 0, 2, V, 3): positions and unit normals while the shutter is open
 

@@ -12,7 +12,7 @@ from renderer.scene.ear_clipping import Scissors
 __all__ = ["Cut", "triangulate"]
 
 Codes = npt.NDArray[np.int64]
-_NOISE = 1e-6  # of a polygon's area, which corners on straight lines turn over in positions of 32 bits
+_NOISE = 1e-6  # relative to a polygon's area: reversed triangles of collinear corners in 32-bit positions
 Points = npt.NDArray[np.floating]
 
 
@@ -21,7 +21,7 @@ class Cut(NamedTuple):
 
     triangles: Codes  # (T, 3) places in `corners`
     face: Codes  # (T,) the polygon of each
-    unfilled: int  # concave polygons that are fans, because cutting all of them takes too long
+    unfilled: int  # concave polygons triangulated as fans because clipping them takes too long
 
 
 def triangulate(counts: npt.NDArray[Any], corners: npt.NDArray[Any], points: Points) -> Cut:

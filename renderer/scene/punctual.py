@@ -30,9 +30,9 @@ _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
 _SUNS = {"never": DIRECTIONAL, "mirrored": SUN_UNSEEN, "always": SUN}
 _SPOTS = {"squared": SPOT, "smooth": SPOT_SMOOTH, "linear": SPOT_LINEAR, "smooth angle": SPOT_SMOOTH_ANGLE}
 _MAX_INTENSITY = 1e15
-_MAX_RADIANCE = 1e30  # what needs more is so small that it may as well have no extent
+_MAX_RADIANCE = 1e30  # an extent that needs more is negligible
 _LEAST_STEP = 1e-3  # KHR_lights_punctual's, between the cosines of the two cones
-_HARD = 1e-5  # the least step of the others
+_HARD = 1e-5  # the least step of other falloffs
 _LEAST_CONE = 1e-6  # steradians
 
 
@@ -46,14 +46,14 @@ class Punctual(NamedTuple):
     kind: I32  # (K,)
     row: F32  # (K, 12)
     frame: F32  # (K, 4), or no rows: as `emission_frames` gives them
-    power: np.ndarray  # (K,) float64, luminance; of a directional one, what the scene's bounding sphere catches
-    bounds: LightBounds  # for the tree of lights
+    power: np.ndarray  # (K,) float64, luminance; for a directional light, its power into the scene's bounding sphere
+    bounds: LightBounds  # for the light tree
 
 
 class _Sent(NamedTuple):
     """The flux and the emission cone of a light's map."""
 
-    flux: np.ndarray  # (3,) of the intensity 1
+    flux: np.ndarray  # (3,) for intensity 1
     reach: float  # radians from its axis, beyond which it is dark
 
 
@@ -91,7 +91,7 @@ def shines(light: Light) -> bool:
 def light_rows(lights: Sequence[Light]) -> F32:
     """Returns the rows (K, 12) of one light at several times, such that rows can be interpolated linearly."""
     rows = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
-    if rows[:, 9].any() and not rows[:, 9].all():  # one of radiance and one of intensity have nothing between them
+    if rows[:, 9].any() and not rows[:, 9].all():  # a row of radiance and one of intensity cannot be interpolated
         rows[:] = rows[len(rows) // 2]
     return rows.astype(np.float32)
 

@@ -22,7 +22,7 @@ _ASIDE = {
     "variants",
     "warnings",
     "defaults",
-}  # what no array is made of
+}  # attributes that affect no array
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:

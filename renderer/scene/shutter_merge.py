@@ -26,8 +26,8 @@ from renderer.settings import MOST_KEYS
 __all__ = ["between_files", "while_open"]
 
 _FIRST_KEYS = 5
-_MOST_TURN = math.radians(50.0)  # from key to key: that a whole turn is not taken for none
-_STRAIGHT_TURN = math.radians(12.0)  # of what goes straight from key to key
+_MOST_TURN = math.radians(50.0)  # from key to key: so that a full rotation is recognised
+_STRAIGHT_TURN = math.radians(12.0)  # for vertices interpolated linearly from key to key
 
 _Thing = TypeVar("_Thing")
 

@@ -12,7 +12,7 @@ from renderer.scene.description import F32, Environment, Image, SceneDescription
 
 __all__ = ["STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "light_studio", "studio_image"]
 
-# What is said of it. Neither is true of a picture that brings light of its own by its settings.
+# Warnings about it. Neither applies to a picture whose settings set its lighting.
 STUDIO_ALONE = "The scene has no light: lit by a soft studio light. Give an environment to change that."
 STUDIO_TOO = "The scene's own lights are weak: lit by a soft studio light as well."
 STUDIO_NOTES = (STUDIO_ALONE, STUDIO_TOO)

@@ -33,11 +33,11 @@ __all__ = ["MAX_EMISSION", "Texels"]
 
 MAX_EMISSION = 1e9
 _PATCHES = 32  # a side of the square over which a stack's mean is taken
-_LEAST_MEAN = 1e-4  # so that a bright spot between the points that are looked at does not go unsampled
+_LEAST_MEAN = 1e-4  # so that a bright spot between the sampled points is still sampled
 _WRAPS = {"repeat": REPEAT, "mirror": MIRROR, "clamp": CLAMP}
 _MAX_TEXELS = (1 << 31) - 1
 _BAND = 1 << 22  # pixels that are encoded at a time
-_MOST_TRANSFORMED = 1e30  # beyond, float32 ends; nobody can tell such textures from one another
+_MOST_TRANSFORMED = 1e30  # beyond, float32 overflows; such textures are indistinguishable
 
 
 class Texels:

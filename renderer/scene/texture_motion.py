@@ -17,7 +17,7 @@ __all__ = ["slid"]
 
 _SLOTS = tuple(parameter.name for parameter in PARAMETERS if parameter.form == "texture")
 
-_Over = list[tuple[SceneDescription, int]]  # a texture at each moment: the scene's, of that number
+_Over = list[tuple[SceneDescription, int]]  # a texture at each time: the scene and the texture's index in it
 
 
 def slid(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[SceneDescription, list[SceneDescription], bool]:

@@ -131,7 +131,7 @@ class TextureShelf:
         key = (f"\0{what}", False)
         if key not in self._images:
             pixels = [source.pixels for source in sources]
-            known = ("calculated", what, *map(id, pixels))  # which are kept beside it, so that no others get their place
+            known = ("calculated", what, *map(id, pixels))  # the pixels are stored with it, so that their ids are not reused
             self._images[key] = self.add(self._files.recall(known, lambda: (make(), pixels))[0])
         return self._images[key]
 

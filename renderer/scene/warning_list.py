@@ -4,7 +4,7 @@ from __future__ import annotations
 
 __all__ = ["MOST_WARNINGS", "Warned"]
 
-MOST_WARNINGS = 1000  # nobody reads more, and a file may have a hundred thousand materials without their textures
+MOST_WARNINGS = 1000  # more are not useful, and a file may have a hundred thousand materials without their textures
 
 
 class Warned:

@@ -8,7 +8,7 @@ from renderer.errors import SettingsError
 
 __all__ = ["ALL_CLIPS", "DEFAULT_FPS", "MAX_FRAME", "Moment"]
 
-DEFAULT_FPS = 24.0  # where neither the request nor the file says any
+DEFAULT_FPS = 24.0  # used if neither the request nor the file sets one
 LEAST_FPS, MOST_FPS = 1e-3, 1e4
 MAX_FRAME = 10_000_000
 ALL_CLIPS = "all"  # every clip of a file at once

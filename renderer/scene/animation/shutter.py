@@ -10,8 +10,8 @@ from renderer.scene.animation.moment import Moment
 
 __all__ = ["BETWEEN", "SHUTTER", "Shutter"]
 
-SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the settings that it is made of
-BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the share of it that lies before the frame's time
+SHUTTER = ("shutter", "shutter_at", "shutter_keys")  # the names of the settings of a shutter
+BEFORE = {"centred": 0.5, "trailing": 1.0, "leading": 0.0}  # the fraction of it before the frame's time
 
 
 @dataclass(frozen=True)
@@ -37,4 +37,4 @@ class Shutter:
         return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
 
-BETWEEN = Shutter(2.0, "centred", 3)  # from the frame before to the frame after, looked at in these and in between
+BETWEEN = Shutter(2.0, "centred", 3)  # from the previous frame to the next, with one key in between
