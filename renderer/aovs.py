@@ -245,7 +245,7 @@ _ALL = {
     "error": _Aov(
         "Error",
         "Heat map: how noisy each pixel still is",
-        ("Standard Error.X",),  # ours: Cycles has none
+        ("Standard Error.X",),  # not in Cycles
         ("Error",),
         _heat,
         (film.COLOR, film.COLOR_HALF, film.SAMPLES, film.SAMPLES_HALF),
@@ -262,4 +262,4 @@ _ALL = {
     ),
 }
 NAMES = tuple(_ALL)
-AOVS = tuple(name for name in NAMES if name != MOTION)  # those of the film
+AOVS = tuple(name for name in NAMES if name != MOTION)  # without the separate motion pass

@@ -108,9 +108,9 @@ def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places
 
 
 def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
-    """Interpolates the other frame's light from those of four pixels that show the same surface; also returns their weight, 0 ...
+    """Interpolates the other frame's light from those of four pixels that show the same surface.
 
-    1.
+    Also returns their total weight, 0 ... 1.
     """
     height, width = places.rows.shape
     light, normal = _light(there), here.clean.normal

@@ -20,14 +20,14 @@ __all__ = ["SUFFIX", "convert"]
 SUFFIX = ".blend"
 HERE = Path(__file__).resolve().parent
 SCRIPT = HERE / "inside" / "export.py"
-# Blender's add-on, whose modules know shaders: at the top of a clone, in the service's package where Rayfarm is installed.
+# The folder of Blender's add-on with shader modules: at the top of a clone, in the service's package of an installation.
 _ABOVE = HERE.parents[1]
 _ADDONS = tuple(place / "blender" / "rayfarm_addon" for place in (_ABOVE, _ABOVE / "service"))
 WRITTEN = ("blender-scene.yaml", "blender-scene.glb", "blender-world.exr", "blender-lamp-*.exr")
-OWN_MEMORY = 6 << 30  # address space that Blender takes before it has opened anything
+OWN_MEMORY = 6 << 30  # address space that Blender uses before opening a file
 MOST_BYTES = 8 << 30
 LAST_WORDS = 600
-# Of the system: libraries, fonts' settings, the time zone, how many processors there are.
+# System files: libraries, font settings, the time zone, the number of processors.
 SYSTEM = (
     *("/usr", "/lib", "/lib64", "/bin", "/opt", "/etc/ld.so.cache", "/etc/fonts", "/etc/localtime", "/etc/alternatives"),
     *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/sys/devices/system", "/sys/fs/cgroup"),

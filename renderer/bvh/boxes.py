@@ -124,9 +124,9 @@ def last_kind(box, i, triangles, solids):
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Sets row i of `whole` to the bounds of boxes first ...
+    """Writes the bounds of boxes first ... end - 1 to row i of `whole`.
 
-    end - 1, and row j of `spread` to those of their doubled centroids.
+    Row j of `spread` receives the bounds of their doubled centroids.
     """
     clear(whole, i)
     clear(spread, j)

@@ -10,15 +10,15 @@ from .exporter_support import is_followed, is_of_each, sees_from
 __all__ = ["bake"]
 
 BAKED = ("Base Color", "Metallic", "Roughness", "Alpha", "Emission Color")
-LIT = ("Base Color", "Emission Color")  # which may be beyond 1
-BENT = ("Normal", "Coat Normal")  # whose bumps become maps of normals
+LIT = ("Base Color", "Emission Color")  # inputs that may exceed 1
+BENT = ("Normal", "Coat Normal")  # inputs whose bumps are baked as normal maps
 LAYER = "rayfarm"
 SIZE, LEAST_SIZE = 1024, 256
 MARGIN = 8  # texels around each island
-MOST_FACES = 200_000  # of a material's meshes together: laying them out takes a minute or so
+MOST_FACES = 200_000  # of a material's meshes together: unwrapping them takes about a minute
 MOST_THINGS = 100
-MOST_LAYERS = 2  # of UVs, that the renderer knows
-PATIENCE = 120.0  # seconds for all of a file's
+MOST_LAYERS = 2  # UV sets that the renderer supports
+PATIENCE = 120.0  # total time limit of a file's baking, in seconds
 SAMPLES = 4
 
 
@@ -58,7 +58,7 @@ def _wanted(things: list[Any]) -> list[tuple[Any, list[Any], list[Any]]]:
     """Returns the materials with the sockets to bake, and one object for each mesh that uses them."""
     found: dict[str, tuple[Any, list[Any], list[Any]]] = {}
     seen = set()
-    split: list[Any] = []  # that shared their meshes with others
+    split: list[Any] = []  # objects that shared their meshes with others
     for thing in things:
         for slot in list(thing.material_slots):
             material = slot.material

@@ -10,7 +10,7 @@ from .keys import keyed
 
 __all__ = ["Cameras", "to_ours"]
 
-LEAST = 1e-6  # of a shift: what is less is rounding's
+LEAST = 1e-6  # of a lens shift: smaller values are rounding errors
 
 
 def to_ours(v: Any) -> tuple[float, float, float]:
@@ -66,7 +66,7 @@ class Cameras:
             "target": to_ours(eye + forward * away),
             "up": to_ours(up),
         }
-        corners = data.view_frame(scene=self._scene)  # of the right, the left below it, and on around
+        corners = data.view_frame(scene=self._scene)  # counter-clockwise, starting with the upper right corner
         height = max(c.y for c in corners) - min(c.y for c in corners)
         middle = [sum(getattr(c, axis) for c in corners) / 4 / max(height, 1e-12) for axis in ("x", "y")]
         if data.type != "PANO":

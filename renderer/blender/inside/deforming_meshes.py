@@ -8,8 +8,8 @@ from typing import Any
 
 __all__ = ["Bending", "without_bones"]
 
-NEAR = 1e-5  # of a coordinate: what is less is rounding's
-MOST = 6_000_000  # corners of all shape keys: each takes 24 bytes of what is written, and a microsecond or two of writing
+NEAR = 1e-5  # relative to a coordinate: smaller differences are rounding errors
+MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file, and a microsecond or two to write
 
 
 class Bending:
@@ -23,7 +23,7 @@ class Bending:
         self._bpy, self._scene, self._frames = bpy, scene, frames
         self._shapes: dict[str, list[Any]] = {}
         self._first: dict[str, Any] = {}
-        self._other: set[str] = set()  # those that have as many corners not always
+        self._other: set[str] = set()  # objects whose number of vertices changes
         self.left: list[str] = []
         names = [name for name in sorted(shown) if _may_bend(scene.objects[name])]
         if len(frames) < 2 or not names:

@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-if __name__ == "__main__":  # run as a file: the others beside it are a package all the same
+if __name__ == "__main__":  # run as a script: makes the modules next to it importable as a package
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     __package__ = "inside"
 
@@ -38,8 +38,8 @@ class Came:
 
     def __init__(self, folder: Path, copies: Path) -> None:
         self._folder, self._copies = folder, copies
-        self._files: dict[str, str] = {}  # by their names in small letters
-        self._bare: dict[str, str] = {}  # by what they are called without folders
+        self._files: dict[str, str] = {}  # by lower-case name
+        self._bare: dict[str, str] = {}  # by name without folders
         for here, folders, names in os.walk(folder):
             folders[:] = sorted(name for name in folders if not name.startswith("."))
             for name in sorted(names):
@@ -100,7 +100,7 @@ def copied(job: dict[str, Any]) -> Path:
         except DamagedError as error:
             if name == job["main"]:
                 raise
-            target.unlink(missing_ok=True)  # what it was to bring is missing, and named
+            target.unlink(missing_ok=True)  # its content is missing, and reported
             print(f"{name} {error}", file=sys.stderr)
             continue
         left -= target.stat().st_size
@@ -122,7 +122,7 @@ def imported(path: Path) -> Any:
     bpy = _started()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     try:
-        # Not in a job: that would be done when Blender has nothing else to do, which here it never has.
+        # Not as a background job, which would never run here.
         bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False, set_frame_range=True)
     except RuntimeError as error:
         raise DamagedError(f"cannot be opened by Blender {bpy.app.version_string} ({_reason(error)})") from None
@@ -178,7 +178,7 @@ def run() -> int:
     (out / "report.part").rename(out / "report.json")
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # Blender's own end takes its time, and may crash
+    os._exit(0)  # Blender's shutdown is slow, and may crash
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ __all__ = ["is_followed", "is_of_each", "lies_by_uv", "sees_from"]
 ENDS = {"ATTRIBUTE", "VERTEX_COLOR", "VALUE", "RGB"}
 PASSED = {"REROUTE", "SEPARATE_COLOR", "SEPRGB"}
 NEAR = 1e-6
-# What a picture cannot stand for, as it is another from elsewhere.
+# Nodes that depend on the view, and so cannot be baked to an image.
 FROM_ELSEWHERE = {"FRESNEL", "LAYER_WEIGHT", "LIGHT_PATH"}
 OUTPUTS_FROM_ELSEWHERE = {"Reflection", "Incoming"}
 OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}

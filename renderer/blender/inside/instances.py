@@ -49,7 +49,7 @@ def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int
         _put(bpy, scene, thing, each.place, moves.get(each.key), frames, notes)
     for each in found:
         if each.parent.instance_type in ON_MESHES and each.thing.parent == each.parent:
-            shown.discard(each.thing.name)  # in pictures, though not in a viewport, it is only where it is instanced
+            shown.discard(each.thing.name)  # in renders, unlike in a viewport, it is visible only as an instance
     for owner in sorted({each.parent.name for each in found}):
         thing = scene.objects[owner]
         thing.instance_type = "NONE"
@@ -66,7 +66,7 @@ def instances_as_objects(bpy: Any, scene: Any, shown: set[str], frames: list[int
 
 def _found(bpy: Any, shown: set[str]) -> list[_Shown]:
     graph = bpy.context.evaluated_depsgraph_get()
-    made: dict[Any, Any] = {}  # of a mesh that a modifier made, by the evaluated one
+    made: dict[Any, Any] = {}  # by evaluated mesh: its copy
     found: list[_Shown] = []
     for instance in graph.object_instances:
         if not _counts(instance, shown) or len(found) >= MOST_INSTANCES:

@@ -15,11 +15,11 @@ from .principled_materials import modules_of
 __all__ = ["put_back", "stand_ins"]
 
 LEAST = 20_000  # faces
-COLORED = {"VERTEX_COLOR", "ATTRIBUTE"}  # nodes for which the exporter writes attributes that are not put back
+COLORED = {"VERTEX_COLOR", "ATTRIBUTE"}  # nodes for which the exporter writes attributes that `put_back` does not restore
 FLOAT, UINT = 5126, 5125
 DEEPEST = 16
 
-Taken = dict[str, Any]  # rayfarm_addon's meshes, by what their stand-ins are called
+Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-ins
 
 
 def stand_ins(bpy: Any, things: list[Any], addon: Path | None) -> Taken:

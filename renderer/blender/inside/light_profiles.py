@@ -14,19 +14,19 @@ from .keys import animated_paths
 
 __all__ = ["Thrown", "is_thrown", "moves", "photographed"]
 
-WIDE = 120.0  # degrees of a cone, up to which its picture is taken through a lens
-SIDE, AROUND = 512, 1024  # pixels: through it a side, else the width of a picture all around
+WIDE = 120.0  # degrees: cones up to this are rendered by a perspective camera
+SIDE, AROUND = 512, 1024  # pixels: side of a perspective image, and width of a panorama
 MOST = 2048
 SAMPLES = 4
-FINE = (256, 128)  # of the ball's faces, around and from pole to pole
-FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # what another distance, or another ray, makes something else of
+FINE = (256, 128)  # faces of the sphere: around, and from pole to pole
+FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on the distance or the kind of ray
 
 
 class Thrown(NamedTuple):
     """A linear image beside the scene file, that multiplies the light's emission without its nodes."""
 
     file: str
-    is_window: bool  # whether it fills the lamp's cone, and is not all around
+    is_window: bool  # whether it covers the light's cone, instead of all directions
 
 
 def is_thrown(bpy: Any, data: Any) -> bool:
@@ -75,7 +75,7 @@ class _Studio:
             if hasattr(light, name):
                 setattr(light, name, value)
         if is_window:
-            light.spot_blend = 0.0  # its edge is that of the scene file's spot
+            light.spot_blend = 0.0  # the scene file's spot has the soft edge
         place = lamp.matrix_world.copy()
         self._camera = bpy.data.cameras.new("rayfarm lamp")
         self._ball = bpy.data.meshes.new("rayfarm lamp")

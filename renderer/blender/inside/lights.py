@@ -15,9 +15,9 @@ __all__ = ["Lights", "is_linked_to_lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
-WIDE = 0.1  # a ball, whose cone has no one edge
-LEAST = 1e-4  # of a point's radius
-MOST_PICTURES = 64  # of what lamps throw: each takes a second or two
+WIDE = 0.1  # scene units: larger points are spheres, whose spot cone has no single edge
+LEAST = 1e-4  # the least radius of a point light
+MOST_PICTURES = 64  # of emission images: each takes a second or two
 RAYS = {"diffuse": "what is matt", "glossy": "what is glossy", "transmission": "glass"}
 
 
@@ -127,7 +127,7 @@ class Lights:
         width, height = data.size * abs(scale.x), (data.size_y if has_two else data.size) * abs(scale.y)
         area = max(width * height * (math.pi / 4 if data.shape in ("DISK", "ELLIPSE") else 1.0), 1e-12)
         ours = self._math.Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
-        half_turn = self._math.Matrix(((-1, 0, 0), (0, 1, 0), (0, 0, -1)))  # theirs shine along -Z, ours along +Z
+        half_turn = self._math.Matrix(((-1, 0, 0), (0, 1, 0), (0, 0, -1)))  # Blender's lights point along -Z, ours along +Z
         turn = (ours @ world.to_quaternion().to_matrix() @ half_turn).to_euler("XYZ")
         if name in self._turns:
             turn.make_compatible(self._turns[name])

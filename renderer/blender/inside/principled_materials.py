@@ -16,7 +16,7 @@ from .texture_spaces import is_suited
 
 __all__ = ["Extensions", "modules_of", "simplify"]
 
-LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vectors, which no picture of colours stands for
+LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vector inputs, which no colour image represents
 BENT = {"Normal", "Coat Normal"}
 GLASS, LEAST_IOR = 1.5, 1e-4
 
@@ -32,7 +32,7 @@ class _Way(NamedTuple):
     extension: str
     interpolation: str
     scale: tuple[float, float]
-    offset: Any = None  # of patterns, which are not worked out here, the painter asks for these
+    offset: Any = None  # for procedural patterns, which the painter evaluates
     rotation: Any = None
 
 
@@ -174,7 +174,7 @@ class _Simplifier:
                 "diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color or [0.8] * 3],
             }
         ior, is_glass = number("IOR", 1.5), number("Transmission Weight") > 0
-        if abs(ior - GLASS) > LEAST_IOR:  # the exporter has no index of refraction but of glass
+        if abs(ior - GLASS) > LEAST_IOR:  # the exporter writes an index of refraction for glass only
             said["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
         if is_glass and ior <= 1.0:
             said["KHR_materials_ior"] = {"ior": 1.0}

@@ -10,7 +10,7 @@ from .lights import is_linked_to_lights
 
 __all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
 
-RAYS = "RAYFARM_node_rays"  # what renderer/scene/readers/gltf/nodes.py reads
+RAYS = "RAYFARM_node_rays"  # read by renderer/scene/readers/gltf/nodes.py
 OTHERS = {"diffuse": "by what it lights", "glossy": "in reflections", "transmission": "through glass"}
 FACTORS = ("baseColorFactor", "roughnessFactor")
 

@@ -6,7 +6,7 @@ from typing import Any
 
 __all__ = ["note_settings", "settings_of"]
 
-USUAL_CLAMP, MOST_CLAMP = 10.0, 1e9  # of which the former is not taken over: nobody has asked for it
+USUAL_CLAMP, MOST_CLAMP = 10.0, 1e9  # the first is Blender's default and is ignored, since the user did not choose it
 SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
@@ -23,7 +23,7 @@ def settings_of(scene: Any, layer: Any, known: Any) -> dict[str, Any]:
     }
     cycles = getattr(scene, "cycles", None)
     if render.engine == "CYCLES" and cycles is not None:
-        found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # their first bounce is what a camera's hit is lit by
+        found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # Cycles' first bounce is the direct light of a camera hit
         found |= known.depths_of(scene) if known is not None else {}
         if cycles.sample_clamp_indirect not in (0.0, USUAL_CLAMP):
             found["clamp_indirect"] = min(float(cycles.sample_clamp_indirect), MOST_CLAMP)

@@ -8,7 +8,7 @@ from .keys import animated_paths
 
 __all__ = ["note_surfaces"]
 
-# What Blender's exporter follows between a texture and a Principled BSDF.
+# Nodes that Blender's exporter supports between a texture and a Principled BSDF.
 FOLLOWED = {
     *("TEX_IMAGE", "MAPPING", "UVMAP", "TEX_COORD", "NORMAL_MAP", "SEPARATE_COLOR", "SEPRGB", "COMBINE_COLOR", "REROUTE", "RGB"),
     *(

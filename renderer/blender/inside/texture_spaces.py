@@ -6,7 +6,7 @@ from typing import Any
 
 __all__ = ["is_suited"]
 
-LEAST = 2 / 255  # by which the channels of a texel differ that is not grey
+LEAST = 2 / 255  # least channel difference of a texel that is not grey
 CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 

@@ -19,13 +19,13 @@ __all__ = ["DamagedError", "safe_copy"]
 
 PIECE = 1 << 20
 MAGIC = b"BLENDER"
-SHORTEST = 12  # its header
-PATH = 700  # characters from which an array holds a path: 768 and 1024 in Blender
-SHORT_PATH = 160  # and before 2.6, of what is known to have one
+SHORTEST = 12  # bytes of the header
+PATH = 700  # least length of an array that holds a path: 768 and 1024 in Blender
+SHORT_PATH = 160  # before 2.6, for fields known to hold a path
 WITH_PATHS = ("Library", "Image", "VFont", "bSound", "MovieClip")
 NO_PATHS = ("bNodeSocketValueString", "ID")
-TO_PATHS = ("*filepath", "*directory", "*bake_directory", "*simulation_bake_directory")  # pointers to characters
-IMPORTING = b"GeometryNodeImport"  # how the types of such nodes begin
+TO_PATHS = ("*filepath", "*directory", "*bake_directory", "*simulation_bake_directory")  # pointers to strings that are paths
+IMPORTING = b"GeometryNodeImport"  # prefix of the types of importing nodes
 LEFT_OUT = b"RayfarmLeftOut"
 MOST_BLOCKS = 20_000_000
 DEEPEST = 16
@@ -49,7 +49,7 @@ class _Places(NamedTuple):
 
     size: int
     paths: list[tuple[int, int]]
-    pointers: list[tuple[int, int]]  # that lead to paths
+    pointers: list[tuple[int, int]]  # to paths
     types: list[tuple[int, int]]  # of nodes
 
 

@@ -12,7 +12,7 @@ from .keys import animated_paths, rounded
 __all__ = ["world_medium", "write_world"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
-# By kind, whether the world is there for rays; and how that is said.
+# By kind of ray, whether the world is visible to it; and the phrase for it.
 RAYS = {
     "camera": "by the camera",
     "diffuse": "by what it lights",

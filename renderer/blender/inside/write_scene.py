@@ -45,7 +45,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     if driven := scripted(bpy):
         more = f" and {len(driven) - 5} more" if len(driven) > 5 else ""
         notes.append(f"{', '.join(driven[:5])}{more}: drivers written in Python do not run, as scripts are off")
-    scene.render.fps_base = 1.0  # the exporter's times are frames of whole numbers a second
+    scene.render.fps_base = 1.0  # the exporter assumes a whole number of frames per second
     fps = float(scene.render.fps)
     frames = frames_of(bpy, scene)
     layer = bpy.context.view_layer
@@ -72,7 +72,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     medium = world_medium(scene.world, getattr(known, "within", None), notes)
     if known is not None and (medium is not None or any(known.within.scatters(each) for each in surfaces.values())):
         known.cycles.tell_volumes(scene, notes.append)
-    # Nothing that is infinitely far away is seen through a medium that fills the world.
+    # Infinitely distant light is not visible through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(known, "skies", None), notes) if medium is None else (None, [])
     lamps, materials, shapes = lights.written(_of("light", seen), exposed, fps)
     if solid:
@@ -118,7 +118,7 @@ def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
         "export_cameras": False,
         "export_lights": False,
         "export_extras": False,
-        "export_apply": False,  # what is to be applied is applied
+        "export_apply": False,  # modifiers are applied already
         "export_yup": True,
         "export_tangents": False,
         "export_image_format": "AUTO",
@@ -131,7 +131,7 @@ def _write_glb(bpy: Any, path: Path, is_moving: bool) -> None:
         "export_frame_range": True,
         "export_force_sampling": True,
         "export_optimize_animation_size": True,
-        "export_current_frame": not is_moving,  # else it is the frame 0 that is written
+        "export_current_frame": not is_moving,  # otherwise frame 0 is written
         "export_gpu_instances": False,
     }
     known = set(bpy.ops.export_scene.gltf.get_rna_type().properties.keys())
