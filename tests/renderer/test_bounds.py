@@ -51,7 +51,7 @@ def test_no_index_is_outside_of_an_array(tmp_path: Path, kernel: str) -> None:
 
 @pytest.mark.long
 def test_bounds_are_checked(tmp_path: Path) -> None:
-    """Otherwise the test above would pass regardless."""
+    """Bounds checks raise for an access outside an array; otherwise the test above would always pass."""
     (tmp_path / "outside.py").write_text(
         "import numpy as np\nfrom renderer import jit, target\ntarget._Context.enable_boundscheck = True\n"
         "@jit.device\ndef inner(a, i):\n    return a[i]\n@jit.entry\ndef outer(a, i):\n    return inner(a, i)\n"
@@ -64,7 +64,7 @@ def test_bounds_are_checked(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_fence_stops_what_reads_beyond() -> None:
-    """Otherwise the tests above would pass regardless."""
+    """An access beyond a fence crashes; otherwise the tests above would always pass."""
     program = "import numpy as np; from tests.renderer.fenced import fenced; a = fenced(np.ones(3), '{}'); "
     program += "print(np.lib.stride_tricks.as_strided(a[{}:], (2,), ({},)))"
     for side, first, stride in (("behind", 2, 8), ("before", 0, -8)):

@@ -18,7 +18,7 @@ KEY = ("int64",), "target", "hashes"
 
 @pytest.fixture(autouse=True)
 def anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A cache of the test's own, and warnings that have not been given yet."""
+    """Isolates the test: a separate cache, and no warnings given yet."""
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cache_folders.tempfile, "tempdir", str(tmp_path))
     cache_folders._warn.cache_clear()

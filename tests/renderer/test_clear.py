@@ -1,4 +1,4 @@
-"""What lets all light pass takes none, however many there are of it: panes of clear glass, and layers of alpha 0."""
+"""Clear surfaces transmit all light, however many there are: panes of clear glass, and layers of alpha 0."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ LIT = 0.5  # reflectance, and radiance, of a wall under an irradiance of pi
 
 
 def mean(description: SceneDescription, spp: int, **settings: object) -> float:
-    """The mean of a picture of 16 x 16 pixels."""
+    """Returns the mean of a picture of 16 x 16 pixels."""
     asked = RenderSettings(16, 16, VIEW, **settings)
     sums = render_frame(compile_scene(description), asked, spp)
     return float(sums[COLOR].mean()) * 2.0**-asked.film_exponent / spp
 
 
 def panes(count: int, material: Material) -> SceneDescription:
-    """Closed panes, one behind the other, all around white."""
+    """Returns nested closed panes in constant white light."""
     x, y, z = (np.array([0, 0, 0, 0, 1, 1, 1, 1]), np.array([0, 0, 1, 1] * 2), np.array([0, 1] * 4))
     corners = np.stack([4.0 * x - 2, 4.0 * y - 2, 0.04 * z], 1)
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -45,7 +45,7 @@ def panes(count: int, material: Material) -> SceneDescription:
 
 
 def layers(count: int, **material: object) -> SceneDescription:
-    """Layers between the camera, a light behind it, and a wall, which they would both hide."""
+    """Returns layers between the camera, a light behind it, and a wall, which would hide both."""
     cards = [square((0, 0, -3.0 * k / count), (3, 0, 0), (0, 3, 0), 0) for k in range(count)]
     return SceneDescription(
         meshes=[*cards, square((0, 0, -5), (9, 0, 0), (0, 9, 0), 1)],
@@ -62,7 +62,7 @@ def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material:
 
 
 def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
-    """As other renderers count; two bounces of glass more than there may be let nothing through but what is reflected."""
+    """With transmissions counted as in other renderers, two more glass bounces than the limit leave only the reflected light."""
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
@@ -100,7 +100,7 @@ def test_what_is_behind_so_many_layers_as_the_limit_is_seen() -> None:
 
 
 def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
-    """Half-clear layers before a white wall, all around white: light that shadow rays find, or reflected ones."""
+    """Half-transparent layers before a white wall in white light: equal limits for shadow rays and for scattered rays."""
     room = layers(3, alpha_mode="mask")
     room.materials[0] = replace(room.materials[0], opacity=0.5, alpha_mode="blend")
     room = replace(room, lights=[], environment=Environment(color=gray(1.0)))
@@ -116,7 +116,7 @@ def test_boundaries_of_media_are_no_layers(medium: dict[str, object]) -> None:
 
 
 def test_bounces_have_limits_by_kind() -> None:
-    """In a closed white sphere of radiance 1 each diffuse bounce adds a reflectance of 0.5."""
+    """In a closed white sphere of radiance 1 each diffuse bounce adds a reflectance of 0.5, up to the limit of its kind."""
     light = Material(base_color=gray(0.5), emission=gray(1.0), double_sided=True)
     room = SceneDescription(spheres=[Sphere((0.0, 0.0, 0.0), 9.0, 0)], materials=[light])
     for bounces, expected in ((1, 1.5), (2, 1.75), (3, 1.875)):
@@ -142,7 +142,7 @@ def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: i
 
 
 def test_more_layers_than_there_are_random_numbers_hide_nothing() -> None:
-    """A path that passes through more than 65,536 surfaces uses the same numbers again."""
+    """A path that passes through more than 65,536 surfaces reuses its random numbers and still transmits all light."""
     count = 70_000
     corners = np.array([(-3, -3), (3, -3), (3, 3), (-3, 3)])
     positions = np.column_stack([np.tile(corners, (count, 1)), np.repeat(-3.0 * np.arange(count) / count, 4)]).astype(np.float32)

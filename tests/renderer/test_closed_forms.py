@@ -111,7 +111,7 @@ def test_glass_slab():
 
 @pytest.mark.parametrize("ior", [1.0, 1.5])
 def test_absorbing_slab(ior):
-    """exp(-sigma d) of the transmitted light at normal incidence, with all interreflections between its sides."""
+    """The transmitted light at normal incidence is exp(-sigma d), with all interreflections between the slab's sides."""
     thickness, left = 0.2, 0.4  # of white, after one unit
     slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 0) for z, s in ((thickness / 2, 1), (-thickness / 2, -1)))
     behind = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
@@ -123,7 +123,7 @@ def test_absorbing_slab(ior):
 
 
 def test_white_that_is_let_through_or_back_is_invisible_in_constant_light():
-    """A shell that reflects half of the light and transmits the other half loses none."""
+    """A shell that reflects half of the light and transmits the other half is invisible in constant light."""
     shell = Material(kind="metallic_roughness", base_color=gray(1.0), specular=0.0, diffuse_transmission=0.5)
     lit = scene([shell], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     assert_mean(render_frame(lit, settings((0, 0, 3), (0, 0, 0), 30, max_depth=200), 64), 1.0, slack=0.01)
@@ -142,7 +142,7 @@ WHITES = {
 
 @pytest.mark.parametrize("name", WHITES)
 def test_white_in_a_white_furnace_is_invisible(name):
-    """At all angles of a sphere, with light from both sides."""
+    """White materials on a sphere are invisible in constant light, at all angles and with light from both sides."""
     ball = scene([WHITES[name]], (), (Sphere((0, 0, 0), 1.0),), environment=1.0)
     sums = render_frame(ball, settings((0, 0, 8), (0, 0, 0), 14.6, max_depth=200), 48)
     assert_mean(sums, 1.0, slack=8e-3 if "glass" in name else 2e-3, tests=len(WHITES))
@@ -184,7 +184,7 @@ def test_environment_looks_where_the_description_says(rotation):
 
 @pytest.mark.parametrize("depth", [2, 5])
 def test_mirrors_multiply(depth):
-    """Between two parallel mirrors an oblique ray hits them in turn, then the sky."""
+    """An oblique ray between two parallel mirrors hits them alternately, then the sky."""
     mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
     lit = scene([Material(kind="mirror", base_color=gray(0.8))], mirrors, environment=3.0)
     # From the middle at 60 degrees from the normal: each crossing moves on by 2 tan 60 = 3.46; the first by half of that.
@@ -193,7 +193,7 @@ def test_mirrors_multiply(depth):
 
 
 def test_a_textured_light_shines_by_its_texels():
-    """Bilinear texels times the emission, integrated over the light: E = sum of L cos cos' / d^2 dA."""
+    """A light with bilinear texels yields the integral over its area: E = sum of L cos cos' / d^2 dA."""
     codes = np.random.default_rng(8).integers(0, 256, (4, 4, 4)).astype(np.uint8)
     light = square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)
     light.uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)

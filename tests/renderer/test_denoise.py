@@ -46,12 +46,12 @@ def rendered():
 
 @pytest.fixture(scope="module")
 def pictures(rendered):
-    """(reference, [those of 16 samples, one a seed])."""
+    """Returns (reference, [pictures of 16 samples, one per seed])."""
     return rendered(0, 1024), [rendered(seed, 16) for seed in SEEDS]
 
 
 def edges_of(albedo, normal):
-    """Pixels beside a change of reflectance or direction."""
+    """Returns the pixels next to a change of reflectance or normal."""
     guide = np.concatenate([albedo, normal], axis=-1)
     found = np.zeros(guide.shape[:2], bool)
     for axis in (0, 1):

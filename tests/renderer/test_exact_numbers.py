@@ -1,6 +1,6 @@
-"""What each worker computes from settings, and the tables in its kernels, have the same bits on every host.
+"""Values that workers compute from settings, and the tables in kernels, have the same bits on every host.
 
-numpy's functions, BLAS and the C library have last bits that depend on the processor and on the release.
+The last bits of numpy's functions, BLAS and the C library depend on the processor and on the release.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ VIEW = View((0.1, 1.7, 5.3), (-0.3, 0.7, 0.2), up=(0.1, 1.0, 0.3), fov=41.3)
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the functions whose bits depend on the host."""
+    """Removes the functions whose bits depend on the host."""
 
     def refuse(*_: Any, **__: Any) -> Any:
         raise AssertionError("the result depends on the host")
@@ -69,7 +69,7 @@ def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
 
 
 def test_decoded_srgb_lies_far_from_where_its_rounding_turns() -> None:
-    """It is computed with the host's pow. A power that is wrong by 1e-12 of itself gives the same float32."""
+    """sRGB decoding uses the host's pow: a relative error of 1e-12 yields the same float32."""
     getcontext().prec = 40
     for code in range(1, 256):
         value = Decimal(code) / 255

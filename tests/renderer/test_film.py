@@ -1,4 +1,4 @@
-"""The film's arithmetic, on hand-made sums."""
+"""The film's arithmetic, on synthetic sums."""
 
 import hashlib
 
@@ -28,7 +28,7 @@ EXPONENT = 24
 
 
 def film_of(values, height=2, width=3):
-    """Sums of the samples (n, height, width, 3), numbered from 0."""
+    """Returns the sums of samples (n, height, width, 3), numbered from 0."""
     fixed = np.rint(np.asarray(values, np.float64) * 2.0**EXPONENT).astype(np.int64)
     sums = np.zeros((CHANNELS, height, width), np.int64)
     sums[COLOR] = np.moveaxis(fixed.sum(0), -1, 0)
@@ -85,7 +85,7 @@ def test_digest_is_the_sha256_of_the_little_endian_planes():
 
 @given(st.integers(2, 9), st.integers(0, 2**32 - 1))
 def test_noise_is_the_standard_error_of_the_mean(n, seed):
-    """Compared with numpy, also for halves of unequal size: in expectation, over many pixels of independent noise."""
+    """The noise estimate equals numpy's standard error in expectation, also for halves of unequal size, over many pixels."""
     rng = np.random.default_rng(seed)
     spread, level, side = 0.3, 2.0, 64
     values = level + spread * rng.standard_normal((n, side, side, 3))

@@ -87,7 +87,10 @@ def test_every_strategy_of_finding_lights(glowing, sampling, sampler):
 
 @pytest.mark.parametrize("survival", [0.2, 0.5, 0.8])
 def test_roulette_of_any_probability(survival):
-    """A reflectance of 0.3: with 0.5, paths that go on with probability 0.2 have no finite variance (0.2 (0.5 / 0.2)^2 > 1)."""
+    """Any survival probability yields mean 1 at a reflectance of 0.3.
+
+    At 0.5, a probability of 0.2 would have infinite variance (0.2 (0.5 / 0.2)^2 > 1).
+    """
     darker = scene([emitter(0.7, 0.3, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     settings = _settings("perspective", "independent", "path", roulette=survival)
     assert_mean(render_frame(darker, settings, 512), 1.0, slack=1e-4, tests=3)

@@ -1,4 +1,4 @@
-"""A product in a sum is fused where the source has it so, and nothing else is: the same bits for one value and for eight."""
+"""Products in sums are fused exactly as in the source: the same bits for one value and for eight lanes."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def _eight(columns, sums, rounded):
 
 
 def _nearest(value: Fraction, dtype: Any) -> Any:
-    """The float nearest to a fraction: by way of float64, two steps away from it at most."""
+    """Returns the float nearest to a fraction, by way of float64; at most two ulps off."""
     middle = dtype(float(value))
     nearby = [middle, np.nextafter(middle, dtype(-np.inf)), np.nextafter(middle, dtype(np.inf))]
     return min(nearby, key=lambda each: abs(Fraction(float(each)) - value))
 
 
 def _given(dtype: Any) -> np.ndarray:
-    """Numbers whose products nearly cancel with the third: one rounding or two makes the whole difference."""
+    """Returns numbers whose products nearly cancel with the third, so that one rounding and two differ greatly."""
     rng = np.random.default_rng(0)
     a, b = rng.uniform(0.5, 2.0, (2, N)).astype(dtype)
     c = (-(a * b) * rng.choice([-1.0, 1.0, 1.0 + 2.0**-20], N)).astype(dtype)

@@ -14,7 +14,7 @@ from tests.renderer.judge import limit, mean_and_error
 
 
 def room(scale=1.0):
-    """A closed room with a lamp, smooth and flat balls that are instances, a sphere and glass."""
+    """Returns a closed room with a light, smooth and flat balls as instances, a sphere and glass."""
     ball = icosphere(2)
     smooth = Mesh("smooth", ball.positions, ball.triangles, ball.positions)
     rng = np.random.default_rng(0)
@@ -47,12 +47,12 @@ def view(scale=1.0, seed=0, size=32):
 
 @pytest.fixture
 def kept(monkeypatch):
-    """Keeps every repeated mesh once."""
+    """Makes every repeated mesh an instance."""
     monkeypatch.setattr("renderer.scene.instances._WORTH", 0)
 
 
 def test_instances_and_copies_give_one_picture(monkeypatch):
-    """Pixel by pixel: independent renders differ within their noise; ids and normals are the same at sample 0."""
+    """Independent renders differ within their noise, pixel by pixel; ids and normals are equal at sample 0."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
         monkeypatch.setattr("renderer.scene.instances._WORTH", worth)
@@ -73,7 +73,7 @@ def test_instances_and_copies_give_one_picture(monkeypatch):
 
 @pytest.mark.parametrize("scale", [2.0**-10, 2.0**10])
 def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
-    """All thresholds and offsets are relative; there is no absolute length."""
+    """All thresholds and offsets are relative: scaling by a power of two changes no bit of the picture."""
     one, other = (render_frame(compile_scene(room(s)), view(s), 4) for s in (1.0, scale))
     for plane in (COLOR, ALBEDO, NORMAL, OBJECT, MATERIAL):
         np.testing.assert_array_equal(one[plane], other[plane])

@@ -64,7 +64,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
-    """In a mirror, one lamp lies in front of another, and both in front of an emissive surface."""
+    """A mirror shows a light in front of another, and both in front of an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
     wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
     materials = [MIRROR, LAMP, emitter(2.0, lamp=True, unseen=True), emitter(0.5)]

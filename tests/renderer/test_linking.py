@@ -32,7 +32,7 @@ def _between(values):
 
 @entry
 def kernel(values):
-    """Three times the sum, and 1."""
+    """Returns three times the sum, plus 1."""
     return _between(values)
 
 
@@ -53,7 +53,7 @@ def test_only_the_kernel_is_machine_code(cold: None) -> None:
 
 
 def test_what_was_kept_is_linked_too(cold: None) -> None:
-    """As in another process: each of them once from its file, under callers that are compiled anew."""
+    """In a new process, each cached function is loaded once from its file and linked under newly compiled callers."""
     assert kernel(np.arange(4.0)) == 19.0
     kernel._cache.flush()
     for function in (_apart_from_all, _between, kernel):
@@ -63,7 +63,7 @@ def test_what_was_kept_is_linked_too(cold: None) -> None:
 
 @entry
 def caller(values):
-    """Twice what the kernel says."""
+    """Returns twice the kernel's result."""
     return 2.0 * kernel(values)
 
 

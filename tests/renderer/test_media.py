@@ -54,7 +54,7 @@ def seen(scene: Any, view: View = NARROW, spp: int = 1, **more: Any) -> np.ndarr
 
 
 def slab(depth: float, wide: float = 30.0, material: int = 0) -> Mesh:
-    """A slab from z = -depth to 0, 2 * `wide` across."""
+    """Returns a slab from z = -depth to 0, 2 * `wide` across."""
     mesh = box(material)
     stretched = mesh.positions * np.array((wide, wide, depth / 2)) - np.array((0.0, 0.0, depth / 2))
     return replace(mesh, positions=stretched.astype(np.float32))
@@ -82,7 +82,7 @@ def test_what_is_absorbed_follows_beer() -> None:
 
 
 def test_media_in_media_each_take_their_part() -> None:
-    """A ball in a slab, another in it; and one of the slab's own medium, that has no effect."""
+    """Nested balls in a slab absorb by their own media; one of the slab's own medium has no effect."""
     a, b, c = 0.2, 0.5, 0.7
     nested = described(
         [interface(sigma_a=gray(a)), interface(sigma_a=gray(b)), interface(sigma_a=gray(c))],
@@ -107,7 +107,7 @@ def test_bodies_that_overlap_are_left_one_by_one() -> None:
 
 @pytest.mark.parametrize("inside", [1, 2, 3])
 def test_a_camera_is_in_what_is_around_it(inside: int) -> None:
-    """A number of concentric balls with the camera at the centre."""
+    """A camera inside any number of concentric balls is in all their media: each attenuates its view."""
     sigma = (0.3, 0.5, 0.8)
     balls = tuple(Sphere((0, 0, 0), 1.0 + k, k) for k in range(inside))
     scene = described([interface(sigma_a=gray(s)) for s in sigma], balls)
@@ -126,7 +126,7 @@ def test_the_worlds_medium_hides_what_is_infinitely_far() -> None:
 
 
 def test_shadow_rays_pass_what_is_no_surface_and_lose_what_it_absorbs() -> None:
-    """A floor below a ball of smoke, under a small light."""
+    """Shadow rays through a ball of smoke above a floor are attenuated by its absorption."""
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     lights = [Light("point", gray(10.0), position=(0.0, 0.0, 3.0))]
     sigma = np.array((0.1, 0.4, 1.2))
@@ -152,7 +152,7 @@ FURNACES = {
 
 @grid("name", FURNACES, ordinary=("onwards", "glass"))
 def test_what_only_scatters_shows_the_sky_as_it_is(name: str) -> None:
-    """For any shape, density and phase function, also inside glass."""
+    """Scattering without absorption is invisible in constant light: any shape, density, phase function, also in glass."""
     assert_mean(film(described([FURNACES[name]], BALL), spp=128), 1.0, most_error=0.02, tests=len(FURNACES))
 
 
@@ -163,7 +163,10 @@ def test_from_inside_what_only_scatters_the_sky_is_as_it_is() -> None:
 
 @pytest.mark.parametrize("g", [0.0, 0.7])
 def test_light_that_is_scattered_once(g: float) -> None:
-    """A slab under a distant light, seen aslant: E p(cos) s / u * integral of exp(-t z (1 / u + 1 / v)), u and v the cosines."""
+    """Single scattering in a slab under a distant light, at oblique view.
+
+    E p(cos) s / u * integral of exp(-t z (1 / u + 1 / v)), u and v the cosines.
+    """
     sigma_s, sigma_t = np.array((0.2, 0.5, 1.0)), np.array((0.5, 0.7, 1.5))
     to_light, to_eye = np.array((0.6, 0.0, 0.8)), np.array((-0.28, 0.0, 0.96))
     lights = [Light("directional", gray(3.0), direction=tuple(-to_light))]
@@ -179,7 +182,7 @@ def test_light_that_is_scattered_once(g: float) -> None:
 
 @pytest.mark.parametrize("cosine", [1.0, 0.3])
 def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None:
-    """Under a white sky: 1 - sqrt(1 - albedo) H(cosine)."""
+    """A half-space under a white sky reflects 1 - sqrt(1 - albedo) H(cosine)."""
     albedos = np.array((0.5, 0.9, 0.99))
     deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0, 1e3),))
     eye = (5 * np.sqrt(1 - cosine**2), 0.0, 5 * cosine)
@@ -200,14 +203,14 @@ BODIES = {
 
 @grid("name", BODIES, ordinary=("wax",))
 def test_subsurface_looks_as_bright_as_the_colour_that_it_is_given(name: str) -> None:
-    """From afar and flat, under a white sky: within the two or three per cent of van de Hulst's approximation."""
+    """Seen from afar under a white sky, reflectance is within the two or three per cent of van de Hulst's approximation."""
     slack = 0.03 if name == "onwards" else 0.02
     body = BODIES[name]
     assert_colors(film(described([body], meshes=(slab(1e3, 1e4),)), spp=256), body.base_color, tests=4, slack=slack)
 
 
 def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
-    """A varnished body is as bright with it as without: what goes inside comes out, whatever the share."""
+    """A varnished body is equally bright with subsurface scattering as with a diffuse base: all light that enters exits."""
     skin = {"kind": "metallic_roughness", "base_color": COLORED, "roughness": 0.5, "clearcoat": 0.5, "clearcoat_roughness": 0.2}
     bodies = (Material(**skin), Material(**skin, **SKIN), Material(**skin, **{**SKIN, "subsurface": 0.4}))
     without, *others = (film(described([body], meshes=(slab(1e3, 1e4),)), spp=256) for body in bodies)
@@ -217,7 +220,7 @@ def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
 
 
 def test_subsurface_lets_light_through_that_a_wall_would_stop() -> None:
-    """A thin slab, lit from behind alone."""
+    """A thin slab transmits light from behind by subsurface scattering."""
     lights = [Light("point", gray(10.0), position=(0.0, 0.0, -4.0))]
     for share, expected in ((0.0, 0.0), (1.0, 0.01)):
         wax = Material(base_color=gray(0.9), subsurface=share, subsurface_radius=gray(0.2))

@@ -60,14 +60,14 @@ def picture(scene: CompiledScene, settings: RenderSettings, spp: int) -> np.ndar
 
 
 def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (x, y) of the pixel centres in the plane that FLAT views."""
+    """Returns (x, y) of the pixel centres in the plane viewed by FLAT."""
     y, x = np.mgrid[0:size, 0:size] + 0.5
     return (x / size - 0.5) * height, (0.5 - y / size) * height
 
 
 @pytest.mark.long
 def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
-    """At a distance r from its axis a bar of half width w covers 4 asin(w / r) of the circle."""
+    """At a distance r from its axis a rotating bar of half width w covers 4 asin(w / r) of the circle."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
     turning = over(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
     assert turning.keys == 9, "five keys would take a quarter of a turn for a step"
@@ -87,7 +87,7 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
 
 @pytest.mark.long
 def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
-    """A square that flies from -d to d is over a point for as long as its width takes, and shorter at the ends: a trapezoid."""
+    """A square that moves from -d to d covers a point for the time of its width, and less at the ends: a trapezoid."""
     w, d = 0.25, 1.0
     dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
     flying = over(lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)]))
@@ -101,7 +101,7 @@ def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
 
 
 def spinning_child(t: float) -> SceneDescription:
-    """A bar that turns about its own middle, which a parent swings around: half a turn and a whole one."""
+    """Returns a bar that rotates about its centre, under a parent that rotates too: half a turn and a whole one."""
     parent = turned(math.pi * t) @ turned(0, (1.2, 0, 0))
     return described(
         meshes=[square((0, 0, 0), (0.5, 0, 0), (0, 0.1, 0), UNLIT)],
@@ -110,7 +110,7 @@ def spinning_child(t: float) -> SceneDescription:
 
 
 def growing(t: float) -> SceneDescription:
-    """A mirrored and skewed body that grows, turns and flies; round and lit, with its shadow on a wall that stands still."""
+    """Returns a mirrored and skewed body that grows, rotates and moves; lit, with its shadow on a static wall."""
     skew = np.eye(4)
     skew[0, 0], skew[0, 1], skew[1, 1] = -0.8, 0.3, 0.7 + 0.4 * t
     ball = icosphere(3, 0, 0.7)
@@ -123,7 +123,7 @@ def growing(t: float) -> SceneDescription:
 
 
 def bending(t: float) -> SceneDescription:
-    """A flat mesh and a smooth one whose vertices move by themselves, lit from one side."""
+    """Returns a flat and a smooth mesh with moving vertices, lit from one side."""
     ball = icosphere(2, 0, 0.8)
     unit = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True)
     bent = (ball.positions * (1 + 0.8 * t * unit[:, :1]) + (-0.9, 0.5 * t, 0)).astype(np.float32)
@@ -139,7 +139,7 @@ def bending(t: float) -> SceneDescription:
 
 
 def rolling(t: float) -> SceneDescription:
-    """Spheres that fly and swell, beside one that stands still."""
+    """Returns spheres that move and grow, beside a static one."""
     return described(
         spheres=[
             Sphere((1.2 * t, -0.6, 0.0), 0.5 + 0.3 * t, GRAY, "a", moves=True),
@@ -151,7 +151,7 @@ def rolling(t: float) -> SceneDescription:
 
 
 def lamps(t: float) -> SceneDescription:
-    """A wall under lamps that move: a quad that flies and turns, a sphere that flies and swells, and one that stands still."""
+    """Returns a wall under moving lights: a rotating quad, a growing sphere, and a static one."""
     return described(
         meshes=[square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), square((0, 0, 0), (0.4, 0, 0), (0, 0.15, 0), LAMP)],
         instances=[
@@ -164,7 +164,7 @@ def lamps(t: float) -> SceneDescription:
 
 
 def turning_lamps(t: float) -> SceneDescription:
-    """Lamps that shine to one side and turn away: in the middle none of them faces the wall, or all of them do."""
+    """Returns one-sided lights that rotate: at the shutter's middle none of them, or all of them, face the wall."""
     scene = lamps(t)
     scene.materials[LAMP] = replace(scene.materials[LAMP], double_sided=False)
     for number, (angle, x) in enumerate(((3.0 * t, -1.0), (3.0 * t + math.pi, 1.0), (2.0 * t + math.pi, 0.0)), 1):
@@ -176,14 +176,14 @@ def turning_lamps(t: float) -> SceneDescription:
 
 
 def one_lamp(t: float) -> SceneDescription:
-    """Two triangles, between which no tree chooses, whose area changes."""
+    """Returns two emitting triangles of changing area, too few for a light tree."""
     scene = lamps(t)
     scene.instances[1].transform = turned(0.4 * t, (1.6 * t, 1.0, 0.2)) @ np.diag([1.0, 1.0 + t, 1.0, 1.0])
     return replace(scene, instances=scene.instances[:2], spheres=[])
 
 
 def punctual(t: float) -> SceneDescription:
-    """A wall under lights without a body that fly, turn and brighten."""
+    """Returns a wall under punctual lights that move, rotate and brighten."""
     wall = square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY)
     return described(
         meshes=[wall],
@@ -197,7 +197,7 @@ def punctual(t: float) -> SceneDescription:
 
 
 def striped() -> list[Image]:
-    """Soft stripes with alpha, bumps, and soft spots."""
+    """Returns images of soft stripes with alpha, bumps, and soft spots."""
     y, x = (np.mgrid[0:16, 0:16] + 0.5) * (2 * math.pi / 16)
     stripes = np.stack([0.5 + 0.45 * np.sin(x), 0.5 + 0.45 * np.sin(y), 0.6 + 0.3 * np.cos(x + y), 0.5 + 0.5 * np.cos(2 * x)], -1)
     bumps = np.stack([0.5 + 0.3 * np.sin(2 * x), 0.5 + 0.3 * np.cos(y), 0 * x + 0.9, 0 * x + 1], -1)
@@ -207,7 +207,7 @@ def striped() -> list[Image]:
 
 
 def sliding(t: float) -> SceneDescription:
-    """A lit wall whose colours slide and bumps grow, a pane that lets light pass where stripes turn, a lamp of moving spots."""
+    """Returns surfaces with moving textures: colours and bumps of a wall, alpha of a pane, and a light's spots."""
     c, s = math.cos(0.9 * t), math.sin(0.9 * t)
     textures = [
         Texture(0, transform=(1.0, 0.0, 0.6 * t, 0.0, 1.0, 0.2 * t)),
@@ -231,7 +231,7 @@ def sliding(t: float) -> SceneDescription:
 
 
 def everything(t: float) -> SceneDescription:
-    """All kinds of motion in one scene."""
+    """Returns a scene with all kinds of motion."""
     first, second = bending(t), lamps(t)
     shift = len(first.meshes)
     painted = sliding(t)
@@ -246,7 +246,7 @@ def everything(t: float) -> SceneDescription:
 
 
 def fly_by(t: float) -> SceneDescription:
-    """A camera that flies, turns and zooms, past a body that moves the other way."""
+    """Returns a camera that moves, rotates and zooms, past a body that moves the other way."""
     view = View((1.0 * t, 0.3, 5.0), (2.0 * t, 0.0, 0.0), fov=45 + 20 * t)
     scene = growing(t)
     scene.cameras = [Camera("flight", view)]
@@ -282,7 +282,7 @@ def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
 
 
 def under_a_lamp(t: float) -> SceneDescription:
-    """What deforms, by a wall close to a lamp that stands still and shines away from the camera."""
+    """Returns a deforming body next to a wall, under a static light that faces away from the camera."""
     sheet = replace(square((1.4, 0.6 * t, 0.5), (0.4, 0, 0), (0, 0.5, 0), GRAY), deforms=True)
     wall, lamp = square((0, 0, -1), (3, 0, 0), (0, 3, 0), GRAY), square((-0.2, -0.2, -0.5), (0, 1.1, 0), (1.1, 0, 0), LAMP)
     scene = described(meshes=[sheet, wall, lamp], instances=[Instance(i) for i in range(3)])
@@ -339,7 +339,7 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
 
 @pytest.mark.long
 def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
-    """What has flown for the time before the frame, or after it."""
+    """The streak covers the motion in the time before the frame, or after it."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
     for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0), ("leading", 0.0, 1.0)):

@@ -44,7 +44,7 @@ def test_a_pixel_without_samples_shows_its_first(made):
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 def test_what_a_pixel_sees_is_seen_in_the_pixel(made, projection):
-    """Its first vertex lies where the sample's point of the film is: no further off than its filter reaches."""
+    """The first vertex projects to the sample's film position, within the filter's radius."""
     view = View((0, 2, 6), (0.3, 0.5, 0), up=(0.1, 1, 0), fov=50, projection=projection, height=3, shift_x=0.2, shift_y=-0.1)
     asked = replace(settings(*VIEW, size=40, max_depth=2), view=view)
     for x, y in ((3, 9), (20, 30), (34, 22)):

@@ -1,4 +1,4 @@
-"""Text that is made safe to print, and the records of logs."""
+"""Text made safe to print, and log records."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ except ValueError as error:
 
 
 def test_nothing_is_printed_raw() -> None:
-    """Consoles are PlainConsole's, and what `print` prints is constant, JSON or printable."""
+    """All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable."""
     wrong = []
     # Programs that run by Python's own library alone, and print nothing from elsewhere.
     alone = {"worker/healthy.py", "service/healthy.py", "renderer/precompile.py"}

@@ -20,14 +20,14 @@ EYE = (0.3, 2.0, -0.2)
 
 
 def irradiance(*lights, at=(0.0, 0.0, 0.0), blockers=(), spp=4):
-    """The sums of a picture of the floor's point `at`, whose radiance is E / pi."""
+    """Returns the sums of a picture of the floor at point `at`, whose radiance is E / pi."""
     lit = scene([WHITE, Material(base_color=gray(0.0))], (FLOOR, *blockers), lights=lights)
     eye = (at[0] + EYE[0], EYE[1], at[2] + EYE[2])
     return render_frame(lit, settings(eye, at, 0.01, size=8, max_depth=2), spp)
 
 
 def assert_irradiance(sums, expected, rtol=1e-4):
-    """For what is sampled without noise."""
+    """Asserts the irradiance of noise-free sums."""
     found = mean(sums, 24).mean((0, 1)) * math.pi
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=rtol, atol=1e-6)
 
@@ -50,7 +50,7 @@ def test_what_stands_between_takes_all():
 
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
 def test_a_spot_falls_off_between_its_cones_as_gltf_says(inner, outer):
-    """att = clamp((cos - cos outer) / (cos inner - cos outer))^2, straight above the point lit, turned away from it."""
+    """A spot's intensity follows clamp((cos - cos outer) / (cos inner - cos outer))^2, as glTF defines."""
     cos_inner, cos_outer = math.cos(math.radians(inner)), math.cos(math.radians(outer))
     for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
         a = math.radians(degrees)
@@ -70,7 +70,7 @@ def smooth_step(x):
 )
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
 def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer):
-    """Cycles and pbrt, Mitsuba, USD: renderer/kernel/light/punctual.py names where they say so."""
+    """Falloffs equal those of Cycles and pbrt, Mitsuba and USD; renderer/kernel/light/punctual.py has the sources."""
     start, end = by(math.radians(inner)), by(math.radians(outer))
     for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
         a = math.radians(degrees)
@@ -90,7 +90,7 @@ def test_directional(degrees):
 @pytest.mark.parametrize("kind", ["point", "spot"])
 @pytest.mark.parametrize("degrees", [0, 55])
 def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(kind, degrees):
-    """E = pi L (r / d)^2 cos = I cos / d^2."""
+    """The irradiance of a sphere above the horizon is that of a point: E = pi L (r / d)^2 cos = I cos / d^2."""
     a = math.radians(degrees)
     place = (2 * math.sin(a), 2 * math.cos(a), 0)
     lamp = Light(kind, gray(5.0), place, tuple(-c for c in place), radius=0.8, inner_cone=30)
@@ -98,7 +98,7 @@ def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(ki
 
 
 def test_a_sphere_cut_by_the_horizon():
-    """Centre on the floor's plane: half the sphere; E by numerical integration over its cone."""
+    """A sphere with its centre in the floor's plane: half is visible; E by numerical integration over its cone."""
     distance, radius = 2.0, 1.0
     lamp = Light("point", gray(1.0), (distance, 0, 0), radius=radius)
     theta = (np.arange(2000) + 0.5) / 2000 * math.asin(radius / distance)
@@ -121,7 +121,7 @@ def test_an_angle_leaves_the_irradiance_of_a_sun_overhead(angle):
 
 
 def test_a_suns_angle_makes_a_penumbra():
-    """A half plane at height h: light grows from none to all over 2 h tan(half angle), half of it at the middle."""
+    """A half plane at height h casts a penumbra of width 2 h tan(half angle), with half of the light at its middle."""
     roof = square((-20, 1.0, 0), (20, 0, 0), (0, 0, 40), 1)
     sun = Light("directional", gray(1.0), direction=(0, -1, 0), angle=40)
     edge = math.tan(math.radians(20))

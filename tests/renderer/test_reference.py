@@ -55,7 +55,7 @@ def _read(outer, out):
 
 @entry
 def read(outer, out):
-    """Writes what is read by reference, and what is read by value."""
+    """Writes values read by reference and values read by value."""
     _read(by_reference(outer), out)
 
 

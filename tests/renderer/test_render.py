@@ -43,7 +43,7 @@ MANY = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=5)
 
 
 def varied():
-    """Every kind of material, both kinds of light, and a sky."""
+    """Returns a scene with every kind of material, both kinds of light, and a sky."""
     materials = [
         Material(base_color=(0.7, 0.6, 0.5)),
         Material(kind="glass", base_color=gray(1.0)),
@@ -62,7 +62,7 @@ def varied():
 
 @pytest.fixture(scope="module")
 def whole():
-    """A scene and its frame in one batch."""
+    """Returns a scene and its frame in one batch."""
     made = varied()
     return made, render_batch(made, MANY, Tile(0, 0, 40, 40), 0, SPP).sums
 
@@ -96,7 +96,7 @@ def test_any_number_of_threads_makes_the_same_film(whole, threads):
 @given(st.data())
 @hypothesis_settings(max_examples=15, deadline=None)
 def test_any_cut_into_batches_makes_the_same_film(whole, data):
-    """Tiles of any size, sample numbers in any portions, in any order: "more samples later" is one of these."""
+    """Batches of any tile sizes and sample ranges, in any order, add up to the same film."""
     made, expected = whole
     tiles = tiles_of(40, 40, data.draw(st.integers(9, 40)))
     cuts = sorted(data.draw(st.sets(st.integers(1, SPP - 1))) | {0, SPP})
@@ -142,7 +142,7 @@ def test_seeds_and_pixels_and_samples_differ(whole):
 
 
 def wall_and_sky(radiance=1.0):
-    """The lower half of the picture is a wall, the upper half sky."""
+    """Returns a scene with a wall in the lower half of the picture and sky in the upper half."""
     return scene([Material(base_color=gray(0.5))], (square((0, -50, -1), (99, 0, 0), (0, 50, 0), 0),), environment=radiance)
 
 
@@ -193,7 +193,9 @@ def test_what_is_too_bright_is_clamped():
 
 
 def test_first_hit_planes_of_a_known_plane():
-    """A floor one below the eye: its normal and albedo to the quantum, its depth between those of a pixel's corners."""
+    """For a floor one unit below the eye, normal and albedo are exact to the quantum, and depth is between those at a pixel's
+    corners.
+    """
     made = scene([Material(base_color=(0.25, 0.5, 0.75))], (square((0, -1, 0), (1000, 0, 0), (0, 0, -1000), 0),), environment=1.0)
     asked = settings((0, 0, 0), (0, -1, -1), 40, size=16, max_depth=2)
     sums = render_frame(made, asked, 4)
@@ -249,7 +251,7 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
 
 
 def spread_and_estimate(sampler, spp, seeds=48):
-    """The spread of pictures that differ in nothing but the seed, the film's own estimate of it, and that one's error."""
+    """Returns the spread of pictures with different seeds, the film's own noise estimate, and the estimate's error."""
     made = varied()
     pictures, estimates = [], []
     for seed in range(seeds):
@@ -289,7 +291,7 @@ def test_the_kernel_halves_the_samples_as_the_film_says():
 
 
 def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
-    """They are sample 0's: a batch without it adds nothing."""
+    """The planes hold sample 0's numbers: a batch without it adds nothing."""
     made, expected = whole
     assert {0, 1, 2, 3, 4} <= set(np.unique(expected[MATERIAL])) <= {0, 1, 2, 3, 4, 5}  # of 5, three pixels may show something
     assert ((expected[OBJECT] == 0) == (expected[MATERIAL] == 0)).all()
@@ -305,7 +307,7 @@ def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 @pytest.mark.parametrize("name", ["blackman-harris", "tent", "box"])
 def test_filters_leave_no_seams(whole, name, sampler):
-    """A sample of a wide filter falls into other tiles too: it belongs to its pixel all the same."""
+    """A wide filter's sample may lie in another tile, but it is added to its own pixel."""
     made, _ = whole
     asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=3, filter=name, sampler=sampler)
     digests = set()
@@ -325,7 +327,7 @@ def test_sobol_pictures_have_less_noise_than_independent_ones(spp, gain):
 
 
 def test_tile_borders_leave_no_trace():
-    """In a furnace each pixel is an estimate of one value: pixels beside a border are as good, and as independent."""
+    """In a furnace all pixels estimate one value: those at tile borders are as precise and as independent."""
     wall = Material(base_color=gray(0.5), emission=gray(0.5), double_sided=True)
     asked = settings((0.1, 0.2, 0.3), (1, 0, 0), 70, size=96, max_depth=4)
     values = mean(render_frame(scene([wall], (box(0),)), asked, 16), 24)[..., 0].astype(float)

@@ -82,7 +82,7 @@ def test_the_vertices_are_a_chain(made):
 
 
 def test_the_strategys_density_is_told(made):
-    """A diffuse bounce's is cos / pi of its direction, twice that where a path splits; none after a mirror."""
+    """The recorded pdf of a diffuse bounce is cos / pi, twice that where a path splits; none after a mirror."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
     for x in range(40):
@@ -106,7 +106,7 @@ def test_the_strategys_density_is_told(made):
     ],
 )
 def test_the_limit_that_ended_a_path_is_told(material, asked, end):
-    """Within two spheres of one material; what passes the inner one ends at the outer."""
+    """In two nested spheres of one material, paths that pass the inner one end at the outer, with the limit recorded."""
     made = scene([material], spheres=(Sphere((0, 0, 0), 1.0, 0), Sphere((0, 0, 0), 2.0, 0)))
     found = replay(made, settings((0, 0, 0), (0, 0, -1), 40, size=8, **{"max_depth": 64, **asked}), 3, 3, 0)
     assert found.end == end
@@ -132,7 +132,7 @@ def test_what_is_not_in_the_picture_is_said(made, x, y, sample, word):
 
 
 def test_rendering_writes_no_log(made):
-    """The same frame with and without: nothing of the protocol is in the picture."""
+    """A frame rendered with and without a log is equal."""
     asked = settings(*VIEW, size=16, max_depth=4)
     before = render_frame(made, asked, 2)
     replay(made, asked, 3, 3, 1)
@@ -140,7 +140,7 @@ def test_rendering_writes_no_log(made):
 
 
 def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
-    """What a light adds is what it was said to bring, or a part; it lies where the light does; shares are of 1."""
+    """Direct light is the recorded contribution or the part a pane transmits; sampled points are on lights; MIS weights are 0 ... 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
     for x, y in itertools.product(range(0, 40, 2), (22, 34)):

@@ -24,14 +24,14 @@ ALONE: tuple[dict[str, Any], ...] = ({"integrator": "whitted"}, {"integrator": "
 
 
 def _without(program: str) -> list[str]:
-    """The lines that a program prints where AVX-512 is not used."""
+    """Returns the lines that a program prints with AVX-512 disabled."""
     environment = {**os.environ, "RAYFARM_AVX512": "false", "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
     return done.stdout.splitlines()
 
 
 def digests() -> list[str]:
-    """A line for each feature's film."""
+    """Returns a line with the film's digest for each feature."""
     lines = []
     for name in FEATURES:
         scene, settings = made(name)

@@ -154,7 +154,7 @@ def test_a_colour_may_be_a_list_as_json_has_them():
 
 
 def test_a_setting_that_older_workers_do_not_know_is_told_only_where_it_is_asked_for() -> None:
-    """So a job of an older kind of worker goes on, and a stored one has the same fingerprint as a new one."""
+    """Settings unknown to older workers are sent only if requested, so that jobs and stored fingerprints stay valid."""
     assert "transparency_depth" not in RenderSettings(8, 8, VIEW).to_json()
     asked = RenderSettings(8, 8, VIEW, transparency_depth=5)
     assert asked.to_json()["transparency_depth"] == 5
@@ -163,7 +163,7 @@ def test_a_setting_that_older_workers_do_not_know_is_told_only_where_it_is_asked
 
 
 def test_settings_of_an_older_release_are_read():
-    """It wrote null for a roulette by throughput, and knew nothing of its floor."""
+    """Settings stored by an older release load: null for roulette by throughput, and no roulette floor."""
     stored = RenderSettings(8, 8, VIEW).to_json() | {"roulette": None}
     del stored["roulette_floor"]
     assert RenderSettings.from_json(stored) == RenderSettings(8, 8, VIEW)
@@ -176,7 +176,7 @@ def test_settings_of_an_older_release_are_read():
 
 
 def test_numbers_are_of_their_fields_own_type():
-    """A kernel is compiled for types: 8.0 in a scene file must not make it another one."""
+    """Numbers have their field's own type, since kernels are compiled for types: 8.0 in a scene file becomes int."""
     made = RenderSettings(np.int64(8), 8.0, View([0, 1, 5], (np.float32(0.5), 1, 0)), max_depth=5.0, clamp_indirect=1)
     assert (type(made.width), type(made.height), type(made.max_depth), type(made.clamp_indirect)) == (int, int, int, float)
     assert made.view.target == (0.5, 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""Lights with profiles and projected pictures: the irradiance of a floor beneath them in closed form."""
+"""Lights with profiles and projected images: the irradiance of a floor below them in closed form."""
 
 import math
 from dataclasses import replace
@@ -24,14 +24,14 @@ WEB = read_ies(
 
 
 def web(theta, phi):
-    """What WEB sends at its own angles, in degrees; straight between them."""
+    """Returns WEB's intensity at angles in degrees, interpolated linearly."""
     angles = np.arange(0, 91, 5.0)
     return np.interp(theta, angles, 500 * np.cos(np.radians(angles))) + 2 * phi
 
 
 @pytest.mark.parametrize(("theta", "phi"), [(0.5, 45), (15, 0), (30, 90), (45, 200), (70, 330)])
 def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
-    """Straight above a floor: the plane C0 is along X, C90 along -Z; E = I(theta, phi) cos(theta) / d^2."""
+    """Above a floor, with plane C0 along X and C90 along -Z, E = I(theta, phi) cos(theta) / d^2."""
     a, b, height = math.radians(theta), math.radians(phi), 2.0
     at = height * math.tan(a) * math.cos(b), 0.0, -height * math.tan(a) * math.sin(b)
     lamp = Light("point", (1.0, 0.5, 2.0), (0, height, 0), (0, -1, 0), emission=WEB.emission)
@@ -40,7 +40,7 @@ def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
 
 
 def test_a_profile_lies_in_the_frame_of_its_light():
-    """The floor's middle, from lamps that lean: what is looked up is the angle with their axis, and that from what is up."""
+    """Profiles of tilted lights are looked up by the angle to their axis and the azimuth from their up vector."""
     for direction, up in (((0.3, -1, 0.2), (0, 0, 1)), ((1, -0.4, 0), (0, 1, 0)), ((0, -1, 0), (1, 0, 0))):
         f = np.array(direction) / np.linalg.norm(direction)
         r = np.cross(f, up)
@@ -56,7 +56,7 @@ def test_a_profile_lies_in_the_frame_of_its_light():
 
 @pytest.mark.parametrize("kind", ["window", "screen"])
 def test_a_picture_is_thrown_upright(kind):
-    """Four colours, on a floor below who looks down with -Z above: red lies left above, of a picture 2 wide and 1 high."""
+    """An image of four colours is projected upright onto a floor: red at the upper left, for a viewer with -Z up."""
     pixels = np.array([[[4, 0, 0], [0, 3, 0]], [[0, 0, 2], [1, 1, 1]]], np.float32).repeat(64, axis=0).repeat(64, axis=1)
     lamp = Light("point", gray(5.0), (0, 2, 0), (0, -1, 0), emission=thrown(pixels, 1.0, 0.5, kind), up=(0, 0, -1))
     for x, z, color in ((-0.5, -0.25, (4, 0, 0)), (0.5, -0.25, (0, 3, 0)), (-0.7, 0.3, (0, 0, 2)), (0.3, 0.4, (1, 1, 1))):
@@ -68,7 +68,7 @@ def test_a_picture_is_thrown_upright(kind):
 
 
 def test_a_picture_all_around_is_seen_upright_from_the_light():
-    """Its middle is below what is up in the light, its right half to the right of that, its top along the axis."""
+    """A panorama's centre is in the light's up direction, its right half to the right of that, its top along the axis."""
     pixels = np.zeros((64, 128, 3), np.float32)
     pixels[:32] = 1.0
     pixels[:, 64:, 0] += 2.0
@@ -88,7 +88,7 @@ def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
 
 @pytest.mark.parametrize("facing", [False, True])
 def test_a_lamp_of_a_size_has_its_picture_too(facing):
-    """Far away it is a point; a disk that faces what it lights sends each direction's own, which differ little."""
+    """A light with a size has the same image: from afar it is a point, and a facing disk emits by direction."""
     lamp = Light("point", gray(4.0), (0, 3, 0), (0, -1, 0), emission=WEB.emission, up=(0, 0, -1), radius=0.05, facing=facing)
     at = (0.0, 0.0, -math.tan(math.radians(20)) * 3)
     expected = 4.0 * web(20, 90) * math.cos(math.radians(20)) ** 3 / 9
@@ -96,7 +96,7 @@ def test_a_lamp_of_a_size_has_its_picture_too(facing):
 
 
 def test_lights_are_chosen_by_what_their_maps_send():
-    """A light's power is its flux, and its bounds in the tree have room for all of its light."""
+    """A light's power is its map's flux, and its bounds in the light tree contain all of its light."""
     half = read_ies(ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta), "half")
     lamp = Light("point", (3.0, 2.0, 1.0), (1, 2, 3), (0, 0, 1), emission=half.emission)
     maps = [half.emission]
@@ -122,7 +122,7 @@ def test_flux_is_the_integral_over_directions(emission, expected):
 
 
 def test_flux_is_what_is_looked_up():
-    """By directions at random: the mean of the map, to four standard errors."""
+    """The flux equals the mean of the map over random directions, to four standard errors."""
     local = RANDOM.normal(size=(200_000, 3))
     picture = RANDOM.random((7, 5, 3), np.float32)
     for emission in (WEB.emission, thrown(picture, 1.5, 0.7), thrown(picture, 0.8, 1.2, "screen"), all_around(picture)):

@@ -17,7 +17,7 @@ from renderer.shipped_kernels import FOLDER, copy_loaded, take_shipped
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of kernels `abc`, as renderer.precompile makes one."""
+    """Returns a folder with kernels `abc`, laid out as by renderer.precompile."""
     folder = tmp_path / "shipped" / "abc"
     (folder / "kernel.x").mkdir(parents=True)
     (folder / "kernel.x" / "a.code").write_bytes(b"code")

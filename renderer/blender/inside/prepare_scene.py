@@ -28,7 +28,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
     nowhere = sorted(name for name in shown if not _is_somewhere(scene.objects[name]))
     if nowhere:
         notes.append(f"{_listed(nowhere)}: lies at a place that is no number, and is left out")
-        for name in nowhere:  # objects with a degenerate transform cannot be exported, even if hidden
+        for name in nowhere:  # objects with a non-finite transform cannot be exported, even if hidden
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
     instances_as_objects(bpy, scene, shown, frames, notes)
