@@ -140,7 +140,7 @@ def test_rendering_writes_no_log(made):
 
 
 def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
-    """Direct light is the recorded contribution or the part a pane transmits; sampled points are on lights; MIS weights are 0 ... 1."""
+    """Direct light is the recorded contribution, or the part a pane transmits; MIS weights are 0 ... 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
     for x, y in itertools.product(range(0, 40, 2), (22, 34)):

@@ -52,7 +52,7 @@ def test_those_of_the_wheel_are_taken_where_none_are_named(
 
 
 def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By `rayfarm render` too, which is no worker."""
+    """A shipped kernel is copied instead of compiled, also by `rayfarm render`."""
     taken: list[Path] = []
 
     def stop(cache: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(
 
 @pytest.mark.long
 def test_compiling_needs_no_folder_that_can_be_written(tmp_path: Path) -> None:
-    """Numba's own locator writes a file to find out, and fails where it cannot."""
+    """Compiling needs no writable source folder; Numba's own cache locator would write a file to test that, and fail."""
     program = (
         "import numpy as np\n"
         "from renderer.kernel.mesh.vertices import place_points\n"

@@ -34,7 +34,7 @@ def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
 
 
 def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
-    """But its range does, and so does a choice that is new."""
+    """A setting's user-facing texts do not affect the hash; its range and a new choice do."""
     before = 'a: Annotated[int, Setting(1, 9), Shown("A", "What it does.", group="lab")] = 3\nB = Choices({"x": Shown("X")})\n'
     assert not changed(tmp_path, before, before.replace("What it does", "What it is for").replace("lab", "advanced"))
     assert not changed(tmp_path, before, before.replace('Shown("X")', 'Shown("The letter", "It is the letter.")'))
@@ -70,7 +70,7 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:
-    """Whatever is decorated, and all of ours that it imports, is among MACHINE_CODE: else a change in it would go unseen."""
+    """All decorated functions, and all of our modules that they import, are in MACHINE_CODE, so that no change goes unnoticed."""
     hashed = set(files_of(MACHINE_CODE))
     for path in ROOT.rglob("*.py"):
         if any(f"renderer.jit.{name}" in _named(path) for name in DECORATORS):
@@ -92,7 +92,7 @@ def test_every_reader_is_hashed_for_the_arrays() -> None:
 
 @pytest.mark.long
 def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) -> None:
-    """And so has one in which a reader's docstring was edited; a kernel that was touched compiles nothing anew."""
+    """Another checkout has the same kind, also after an edit of a docstring; a touched file compiles nothing again."""
     copy = tmp_path / "renderer"
     subprocess.run(["cp", "-r", str(ROOT), str(copy)], check=True)
     reader = copy / "scene" / "readers" / "obj.py"
@@ -104,7 +104,7 @@ def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) 
 
 @functools.cache
 def _named(path: Path) -> set[str]:
-    """All that a file names in its imports, as module.name."""
+    """Returns all names in a file's imports, as module.name."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -115,7 +115,7 @@ def _named(path: Path) -> set[str]:
 
 
 def _ours(path: Path) -> set[Path]:
-    """The modules of the renderer that a file imports."""
+    """Returns the renderer's modules that a file imports."""
     found = set()
     for module in _named(path):
         if module.startswith("renderer."):

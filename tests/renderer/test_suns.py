@@ -33,7 +33,7 @@ def picture(material: Material, *lights: Light, spp: int = 16, view: View = DOWN
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_its_disk(kernel: dict[str, object]) -> None:
-    """The camera looks straight down: what it sees at an angle a to the axis is mirrored to the same angle."""
+    """A mirror below a camera that looks straight down shows the sun's disk at its angle to the axis."""
     found = mean(picture(MIRROR, SUN, **kernel), 24)[..., 0]
     slope = math.tan(math.radians(20))
     x, y = np.meshgrid(*[(2 * (np.arange(48) + 0.5) / 48 - 1) * slope] * 2)
@@ -55,7 +55,7 @@ def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 @grid("others", [0, 4], ordinary=(4,))
 def test_what_is_seen_is_counted_once(kernel: dict[str, object], others: int) -> None:
-    """Rough metal under a sun is as bright however its light is found, with a tree of lights or without."""
+    """Rough metal under a sun is equally bright for each way of light sampling, with a light tree or without."""
     lights = [Light("point", gray(0.5), (k - 1.5, 3.0, 1.0)) for k in range(others)]
     alone, _ = mean_and_error(picture(ROUGH, replace(SUN, seen="never"), *lights, spp=256))
     assert_mean(picture(ROUGH, SUN, *lights, spp=256, **kernel), alone, slack=4e-3)
@@ -68,7 +68,7 @@ def test_it_lights_what_is_matt_as_before() -> None:
 def lit(
     lamp: Material | None, *lights: Light, height: float = 1.0, spp: int = 256, below: Material = WHITE, **more: object
 ) -> Sums:
-    """The floor right below a lamp of radius 0.8 at that height, or below lights."""
+    """Returns the sums of the floor below a light of radius 0.8 at that height, or below other lights."""
     spheres = [Sphere((0.0, height, 0.0), 0.8, 1)] if lamp is not None else []
     materials = [below, *([lamp] if lamp is not None else [])]
     made = scene(materials, (FLOOR,), tuple(spheres), lights=lights)
@@ -82,7 +82,7 @@ GLOW = Material(base_color=gray(0.0), emission=gray(3.0), lamp=True, unseen=True
 @pytest.mark.parametrize("height", [2.0, 1.0, 0.4])
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 def test_a_disk_that_faces_is_as_bright_as_its_angle_says(height: float, kernel: dict[str, object]) -> None:
-    """Under its middle: radiance times pi sin^2 of the half angle; also where the floor would cut through a ball."""
+    """Under the centre of a facing disk, irradiance is radiance times pi sin^2 of the half angle, also near the floor."""
     irradiance = 3.0 * math.pi * 0.8**2 / (0.8**2 + height**2)
     assert_mean(lit(GLOW, height=height, spp=1024, **kernel), 0.8 / math.pi * irradiance, slack=4e-3)
 
@@ -97,7 +97,7 @@ def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
 def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> None:
-    """Of radius 0.8 at a distance of 3.0 from the camera by way of the mirror: tan of the half angle is their quotient."""
+    """A mirror shows a facing disk of radius 0.8 at a distance of 3.0: tan of its half angle is their quotient."""
     made = scene([MIRROR, GLOW], (FLOOR,), (Sphere((0.0, 1.0, 0.0), 0.8, 1),))
     view = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=80.0)
     sums = render_frame(made, RenderSettings(64, 64, view, **{"max_depth": 3, "filter": "box", **kernel}), 16)
@@ -118,7 +118,7 @@ def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> 
 
 
 def test_what_casts_no_shadow_is_lit_and_seen() -> None:
-    """A card above the floor lets the lamp shine through, and is lit itself."""
+    """A shadowless card above the floor transmits the light, and is lit itself."""
     card = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 1)
     lamp = Light("point", gray(5.0), (0.0, 3.0, 0.0))
     below, above = (

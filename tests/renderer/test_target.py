@@ -95,7 +95,7 @@ print(json.dumps(answer))
 
 @pytest.fixture
 def answer(tmp_path: Path) -> Any:
-    """Returns a function that runs the program, and gives what it says."""
+    """Returns a function that runs the program, and returns its output."""
     (tmp_path / "host.py").write_text(HOST)
 
     def run(order: str) -> Any:
@@ -140,7 +140,7 @@ def test_signatures_found_once_are_remembered() -> None:
 
 
 def test_kernels_call_numbas_own_overloads() -> None:
-    """These are compiled for the same target."""
+    """Numba's own overloads that kernels call are compiled for the kernels' target."""
 
     @jit.builder
     def summed(values: Any) -> Any:

@@ -14,7 +14,7 @@ NOISE = 0.02
 
 
 def frame(shift: float = 0.0, color: np.ndarray | None = None, albedo: np.ndarray | None = None, object: float = 1.0) -> Still:
-    """A wall of one light, guessed with some noise, that goes so many pixels to the right with every frame."""
+    """Returns a frame of a uniformly lit wall with noise, which moves by `shift` pixels to the right per frame."""
     up = np.zeros((*SHAPE, 3), np.float32)
     up[..., 1] = 1.0
     surface = np.full((*SHAPE, 3), 0.5, np.float32) if albedo is None else albedo

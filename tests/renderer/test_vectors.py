@@ -51,7 +51,7 @@ def moved(*way: float) -> F64:
 
 
 def axes(view: View) -> F64:
-    """Rows: to the right, up, forward."""
+    """Returns the camera's axes as rows: right, up, forward."""
     forward = np.subtract(view.target, view.eye)
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, view.up)
@@ -60,7 +60,7 @@ def axes(view: View) -> F64:
 
 
 def rays(view: View) -> tuple[F64, F64]:
-    """Where the rays through the pixels' middles start, and where they go: (h, w, 3) each."""
+    """Returns origins and directions of the rays through the pixels' centres: (h, w, 3) each."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
     x, y = x - WIDTH / 2, HEIGHT / 2 - y
     right, up, forward = axes(view)
@@ -78,7 +78,7 @@ def rays(view: View) -> tuple[F64, F64]:
 
 
 def seen(view: View, points: F64) -> F64:
-    """Where points are in the picture: x to the right and y upwards, from the middle."""
+    """Returns the positions of points in the picture: x to the right and y upwards, from the centre."""
     x, y, z = np.moveaxis((points - view.eye) @ axes(view).T, -1, 0)
     if view.projection == "panorama":
         turns = np.arctan2(x, z) / (2 * math.pi), np.arcsin(y / np.sqrt(x * x + y * y + z * z)) / math.pi
@@ -90,7 +90,7 @@ def seen(view: View, points: F64) -> F64:
 
 
 def known(points: list[F64], views: list[View]) -> F64:
-    """The vectors of what was, is and will be at these points."""
+    """Returns the expected motion vectors of points given at the three times."""
     before, now, after = (seen(view, each) for view, each in zip(views, points, strict=True))
     ways = [before - now, now - after]
     for way in ways:
@@ -113,13 +113,13 @@ def described(**things) -> SceneDescription:
 
 
 def body(at: At, material: int = GRAY) -> Callable[[float], SceneDescription]:
-    """A square that is placed by a matrix."""
+    """Returns a scene function with a square placed by a matrix."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), material)
     return lambda t: described(meshes=[mesh], instances=[Instance(0, at(t), moves=True)])
 
 
 def bent(at: At) -> Callable[[float], SceneDescription]:
-    """The same, whose vertices move."""
+    """Returns the same scene with moving vertices in place of the matrix."""
     mesh = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), GRAY)
 
     def describe(t: float) -> SceneDescription:
@@ -130,7 +130,7 @@ def bent(at: At) -> Callable[[float], SceneDescription]:
 
 
 def on_the_square(at: At, view: View) -> tuple[list[F64], F64]:
-    """Where what the pixels see of the square is at the three times, and which see it."""
+    """Returns the square's points seen by the pixels at the three times, and which pixels see it."""
     o, d = rays(view)
     back = np.linalg.inv(at(0))
     start, way = o @ back[:3, :3].T + back[:3, 3], d @ back[:3, :3].T
@@ -174,7 +174,7 @@ def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str)
 
 @pytest.mark.parametrize("way", WAYS)
 def test_spheres_and_what_is_infinitely_far(way: str) -> None:
-    """A ball that flies and grows, whose points keep their directions from its centre; behind it there is nothing."""
+    """Points of a sphere that moves and grows keep their direction from its centre; pixels behind it see nothing."""
     views = WAYS[way]
     balls = {t: ((0.2 * t, 0.1 * t, 0.0), 0.7 + 0.1 * t) for t in (-1.0, 0.0, 1.0)}
     scene = compile_scene(over(lambda t: described(spheres=[Sphere(*balls[t], moves=True)])))
@@ -196,7 +196,9 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
 
 @pytest.mark.long
 def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
-    """A glTF file with a hierarchy, a morph, a skin and a camera that flies: each pixel's triangle, found by trying all."""
+    """A glTF file with a hierarchy, a morph target, a skin and a moving camera: vectors match a brute-force search of all
+    triangles.
+    """
     (tmp_path / "all.glb").write_bytes(everything())
     shot = Shot(tmp_path, "all.glb")
     found = [shot.at(Moment(frame)) for frame in (8, 9, 10)]

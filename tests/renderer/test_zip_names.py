@@ -13,7 +13,7 @@ MTL = b"newmtl a\nmap_Kd %s\n"
 
 
 def zipped(files, extra=b""):
-    """A zip of names in bytes, without the flag of UTF-8."""
+    """Returns a zip with names in bytes, without the UTF-8 flag."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for name, content in files.items():
