@@ -1,4 +1,4 @@
-"""Surfaces that are rougher in one direction than across it, by glTF's anisotropy."""
+"""Anisotropic roughness as glTF's anisotropy parameters."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 __all__ = ["brushed"]
 
-_LEAST = 1e-3  # alpha of what counts as rough
+_LEAST = 1e-3  # least alpha
 
 
 def brushed(along: float, across: float) -> dict[str, Any]:
-    """Fields of a material whose microfacets have these alphas along the tangent and across it, 0 to 1.
+    """Returns the material fields for microfacets with alpha `along` the tangent and `across` it, each 0..1.
 
-    Along glTF's direction alpha goes towards 1 by the square of the strength. Source: KHR_materials_anisotropy.
+    In the direction of glTF's anisotropy, alpha is interpolated towards 1 by strength squared. Source: KHR_materials_anisotropy.
     """
     if along == across:
         return {"roughness": math.sqrt(along)}

@@ -1,4 +1,4 @@
-""".blend and Alembic files, which Blender opens: as a scene of ours that it writes in a process of its own."""
+"""Reader for .blend and Alembic files: Blender, in its own process, converts them to our scene format."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ __all__ = ["read"]
 
 
 class _Written:
-    """What Blender wrote of a file, for as long as somebody holds it."""
+    """The scene that Blender exported from a file; its folder is deleted when the object is garbage-collected."""
 
     def __init__(self, files: SceneFiles, name: str) -> None:
-        """Raises SceneError."""
+        """Runs Blender. Raises SceneError."""
         path = files.path(name)
         root = path.parents[len(Path(name).parts) - 1]
         folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        if is_reader():  # which starts no programs
+        if is_reader():  # a reader process may not start programs
             self.main = str(call("blender", name=name, out=str(folder)))
         else:
             self.main = open_in_blender(root, name, folder)
@@ -34,7 +34,7 @@ class _Written:
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds what such a file shows at a moment to the description. Raises SceneError."""
+    """Adds the file's scene at a moment to the description. Raises SceneError."""
     written = files.recall(("blend", main), lambda: _Written(files, main))
     written.files.read_anew()
     yaml.read(written.files, written.main, description, moment)

@@ -1,4 +1,4 @@
-"""Which reader reads a file, and the net beneath them all: a scene file of ours names mesh files, so both come through here."""
+"""Selects the reader of a file by its format, and converts unexpected errors of readers. Also reads meshes of our scene files."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def read_file(
 ) -> None:
     """Adds the scene of one file to a description.
 
-    variant: the name of one of the file's material variants, or its number from 0; None for what is shown by default.
-    moment: which one of the file's animation is shown. formats: those that may be read. thickness: of the file's points
-    and lines, in its own unit; None leaves them out. Raises SceneError.
+    variant: name of one of the file's material variants, or its number from 0; None for the default.
+    moment: the moment of the file's animation to read. formats: the formats that are accepted. thickness: of the file's points
+    and lines, in the file's unit; None leaves them out. Raises SceneError.
     """
     suffix = PurePosixPath(name).suffix.lower()
     format = next((f for f in formats if f.suffix == suffix), None)
@@ -47,7 +47,7 @@ def read_file(
         raise SceneError(f"{name}: has no clips, as glTF, USD and FBX files have; leave the clip out")
     if thickness is not None and not format.has_lines:
         raise SceneError(f"{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out")
-    # Readers bring heavy libraries with them: each is imported when first needed.
+    # Readers import heavy libraries, so each is imported at first use.
     reader = import_module(f"renderer.scene.readers.{format.reader}")
     options: dict[str, Any] = {} if variant is None else {"variant": variant}
     if format.moves:
@@ -63,7 +63,7 @@ def read_file(
         raise type(error)(readable(str(error))) from error
     except MemoryError:
         raise
-    # A parser that trips over a damaged file in a way nobody foresaw must not take the worker with it.
+    # An unexpected exception on a damaged file must not end the worker.
     except Exception as error:
         if is_of_machine(error):
             raise

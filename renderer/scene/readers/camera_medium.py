@@ -1,4 +1,4 @@
-"""Whether a camera stands in what fills a shape, or in what fills the world."""
+"""The medium around a camera: whether it fills a shape or the whole world."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["fill_world"]
 
 
 def fill_world(description: SceneDescription, found: Medium) -> None:
-    """Fills the world with the medium that the first camera is in, unless a shape around the camera is filled with it."""
+    """Sets the first camera's medium as the world's, unless the camera is inside a shape filled with that medium."""
     if not any((*found.sigma_a, *found.sigma_s)):
         return
     if description.cameras and _is_within(description, found, np.array(description.cameras[0].view.eye, np.float64)):
@@ -20,7 +20,7 @@ def fill_world(description: SceneDescription, found: Medium) -> None:
 
 
 def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) -> bool:
-    """Whether a point lies within the bounds of what is filled so."""
+    """Whether a point is within the bounds of a shape filled with the medium `found`."""
     filled = {number for number, made in enumerate(description.materials) if _is_of(made, found)}
     for sphere in description.spheres:
         if sphere.material in filled and float(np.linalg.norm(eye - np.array(sphere.center))) < sphere.radius:

@@ -1,4 +1,4 @@
-"""Boundaries of dielectrics: what they reflect, and how much light comes out of paint under a coat of varnish."""
+"""Reflectance of dielectric boundaries, and the albedo of diffuse paint under a clear coat."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ __all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "tint_beneath
 
 @functools.cache
 def dielectric_albedo(ior: float) -> float:
-    """What a smooth boundary reflects of light from everywhere, 0 to 1; ior: of what lies behind, at least 1."""
+    """Returns the hemispherical albedo, 0..1, of a smooth dielectric under uniform illumination.
+
+    ior: of the far side, at least 1.
+    """
     cosine = (np.arange(1024) + 0.5) / 1024
     behind = np.sqrt(1 - (1 - cosine**2) / ior**2)
     across = (cosine - ior * behind) / (cosine + ior * behind)
@@ -25,27 +28,29 @@ def dielectric_albedo(ior: float) -> float:
 
 
 def ior_of(reflectance: float) -> float:
-    """The index by which so much is reflected head on."""
+    """Returns the index of refraction with this reflectance at normal incidence."""
     root = math.sqrt(min(max(reflectance, 0.0), 0.99))
     return (1 + root) / (1 - root)
 
 
 def pane_ior(ior: float) -> float:
-    """The index by which one surface reflects as much, head on, as both sides of a pane of `ior` with all bounces between."""
+    """Returns the index of a single surface that reflects as much at normal incidence as a pane of index `ior`, interreflections
+    included.
+    """
     once = ((ior - 1) / (ior + 1)) ** 2
     return ior_of(2 * once / (1 + once))
 
 
 def coat_over(ior: float) -> float:
-    """What a smooth coat throws back of light that comes from everywhere within it, 0 to 1."""
+    """Returns the internal albedo, 0..1, of a smooth coat for uniform light from inside it."""
     return 1 - (1 - dielectric_albedo(ior)) / ior**2
 
 
 def under_a_coat(reflectance: Any, inner: float) -> Any:
-    """The reflectance that paint seems to have, of the light that gets into its coat, counted as if all of it got out again.
+    """Returns the effective reflectance of paint under a coat, relative to the light that enters the coat.
 
-    inner: what the coat throws back of light from within. Source: Pharr, Jakob and Humphreys 2023, 14.3, in the limit of a thin
-    smooth coat; the sum of what bounces between paint and coat is a geometric series.
+    inner: the coat's internal albedo. Source: Pharr, Jakob and Humphreys 2023, 14.3, in the limit of a thin smooth coat; the
+    interreflections between paint and coat form a geometric series.
     """
     values = np.clip(np.asarray(reflectance, np.float32), 0, 1)
     found = (1 - inner) * values / (1 - inner * values)
@@ -56,7 +61,10 @@ def under_a_coat(reflectance: Any, inner: float) -> Any:
 
 
 def tint_beneath(material: Material, color: tuple[float, float, float]) -> None:
-    """Gives a material's clear coat a colour: it tints all that is beneath it. Source: Autodesk's Standard Surface 1.0.1."""
+    """Tints a material's base colour, specular colour and emission by a coloured clear coat.
+
+    Source: Autodesk's Standard Surface 1.0.1.
+    """
     through = unit_color(1 + material.clearcoat * (c - 1) for c in color)
     if through == (1.0, 1.0, 1.0):
         return

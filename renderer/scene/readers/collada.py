@@ -1,4 +1,4 @@
-"""Collada: all of it by assimp; what that refuses, as far as trimesh reads it."""
+"""Reader for Collada: assimp, with trimesh for files that assimp refuses."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from renderer.view import MAX_SHIFT
 
 __all__ = ["read"]
 
-_ASPECT = 16 / 9  # of a camera that says neither its height nor its shape
+_ASPECT = 16 / 9  # of a camera without height and aspect ratio
 _FAR = 1e9
 _UNREAD = {
     "spline": "splines are",
     "convex_mesh": "convex hulls (convex_mesh) are",
     "brep": "boundary representations (brep) are",
 }
-_FALL = 0.75  # of Blender's blend: there its smooth step and our square send out as much
+_FALL = 0.75  # of Blender's blend: with it our quadratic falloff has the flux of Blender's smoothstep
 _NO_INDEX = re.compile(r"[^0-9\s]")
 _UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']{1,40})[\"']")
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
-    """Adds the file's scene at a moment to the description, in the file's own unit. Raises SceneError."""
+    """Adds the file's scene at a moment to the description, in the file's unit. Raises SceneError."""
     before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
     data = files.read(main)
     refuse_entities(data, main, doctype_too=False)
@@ -56,7 +56,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
             description.warnings.append(f"{main}: {filled} holes of polygons could not be cut and are filled.")
         _set_lenses(description, own.lenses)
         _set_watts(description, own.lamps)
-        if own.by_blender:  # where surfaces shine to both sides
+        if own.by_blender:  # Blender's surfaces emit on both sides
             for material in description.materials[len(before["materials"]) :]:
                 material.double_sided = True
     except SceneError as refused:
@@ -74,17 +74,17 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 
 class _Own(NamedTuple):
-    """What is read of a file beside assimp, by the nodes' names and ids."""
+    """The data read directly from the XML rather than by assimp, by node names and ids."""
 
     lenses: dict[str, _Lens]
     lamps: dict[str, _Lamp]
     by_blender: bool
-    unread: Counter[str]  # surfaces that nothing reads
-    guessed: int  # cameras whose shape is not said
+    unread: Counter[str]  # surfaces of kinds that are not supported
+    guessed: int  # cameras without an aspect ratio
 
 
 def _own(data: bytes, main: str) -> _Own:
-    """Raises SceneError where the file's nodes contain each other, or are too many."""
+    """Returns the data that assimp does not provide. Raises SceneError if nodes contain each other or are too many."""
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
@@ -98,7 +98,7 @@ def _own(data: bytes, main: str) -> _Own:
 
 
 def _shapeless(root: ElementTree.Element) -> int:
-    """How many cameras have a width and neither a height nor an aspect ratio."""
+    """Returns the number of cameras with a width but neither a height nor an aspect ratio."""
     optics = [
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}orthographic"),
@@ -108,7 +108,7 @@ def _shapeless(root: ElementTree.Element) -> int:
 
 
 def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
-    """Raises SceneError where a list of corners holds what is no index: assimp takes half a minute to find no surface then."""
+    """Raises SceneError if a list of corners has a word that is no index, on which assimp would spend half a minute."""
     for corners in root.iter():
         if str(corners.tag).endswith("}p") or corners.tag == "p":
             text = corners.text or ""
@@ -119,7 +119,7 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
 
 
 class _Lens(NamedTuple):
-    """What a camera says. fov: vertical, degrees; height: of an orthographic picture; shifts in heights of the picture."""
+    """A camera's lens. fov: vertical, degrees; height: of an orthographic view; shift_x, shift_y: in picture heights."""
 
     fov: float | None
     height: float | None
@@ -129,7 +129,7 @@ class _Lens(NamedTuple):
 
 
 def _set_lenses(description: SceneDescription, lenses: dict[str, _Lens]) -> None:
-    """Gives cameras what they say: assimp takes the degrees of some for radians, and leaves out the rest."""
+    """Sets the cameras' lenses from the XML: assimp reads some angles in degrees as radians, and omits other properties."""
     for i, camera in enumerate(description.cameras):
         if (lens := lenses.get(camera.name)) is None:
             continue
@@ -142,7 +142,7 @@ def _set_lenses(description: SceneDescription, lenses: dict[str, _Lens]) -> None
 
 
 def _lenses(root: ElementTree.Element) -> dict[str, _Lens]:
-    """Those of the cameras on nodes, by the nodes' names and ids."""
+    """Returns the lenses of the cameras on nodes, by node names and ids."""
     by_id = {}
     for camera in root.iterfind(".//{*}library_cameras/{*}camera"):
         if (lens := _lens(camera)) is not None:
@@ -166,7 +166,7 @@ def _lens(camera: ElementTree.Element) -> _Lens | None:
             high = math.degrees(2 * math.atan(math.tan(math.radians(wide) / 2) / (aspect or _ASPECT)))
         fov = None if high is None else min(max(high, 0.01), 179.0)
     elif (optics := camera.find(".//{*}orthographic")) is not None:
-        # Halves of what is seen, as glTF took them over.
+        # Half sizes of the view, as in glTF.
         wide, high, aspect = (_number(optics.findtext(f"{{*}}{key}"), below=_FAR) for key in ("xmag", "ymag", "aspect_ratio"))
         if high is None and wide is not None:
             high = wide / (aspect or _ASPECT)
@@ -176,21 +176,21 @@ def _lens(camera: ElementTree.Element) -> _Lens | None:
     near = _number(optics.findtext("{*}znear"), below=_FAR) or 0.0
     own = camera.find("{*}extra/{*}technique[@profile='blender']")
     shifts = [0.0, 0.0]
-    if own is not None:  # in sides of the picture, the longer of the two
+    if own is not None:  # in units of the picture's longer side
         said = (_number(own.findtext(f"{{*}}{key}"), -MAX_SHIFT, MAX_SHIFT) or 0.0 for key in ("shiftx", "shifty"))
         shifts = [min(max(each * max(aspect or _ASPECT, 1.0), -MAX_SHIFT), MAX_SHIFT) for each in said]
     return _Lens(fov, height, near, shifts[0], shifts[1])
 
 
 class _Lamp(NamedTuple):
-    """What Blender says of a light, in watts; and of a spot the half angles of its cone, in degrees."""
+    """Blender's own data of a light: its power in watts, and a spot's inner and outer half angle in degrees."""
 
     watts: tuple[float, float, float]
     cone: tuple[float, float]
 
 
 def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
-    """Gives lights what Blender says of them: Collada itself has no unit, and its cones end nowhere."""
+    """Sets intensities and cones of lights from Blender's data, as Collada defines neither a unit nor the outer cone angle."""
     for light in description.lights:
         if (lamp := lamps.get(light.name)) is not None:
             scale = 1.0 if light.kind == "directional" else 1 / (4 * math.pi)
@@ -201,7 +201,7 @@ def _set_watts(description: SceneDescription, lamps: dict[str, _Lamp]) -> None:
 
 
 def _lamps(root: ElementTree.Element) -> dict[str, _Lamp]:
-    """Of a file that Blender wrote, the lights on nodes, by the nodes' names and ids."""
+    """Returns the lights on nodes of a file written by Blender, by node names and ids."""
     by_id = {}
     for light in root.iterfind(".//{*}library_lights/{*}light"):
         own = light.find("{*}extra/{*}technique[@profile='blender']")
@@ -234,7 +234,7 @@ def _number(words: str | None, above: float = 0.0, below: float = 180.0) -> floa
 
 
 def _metres(data: bytes) -> float | None:
-    """The length of the file's unit in metres, 1 without one; None for what is no length."""
+    """Returns the file's unit in metres: 1 if not given, None if invalid."""
     said = _UNIT.search(data[:100_000])
     try:
         found = float(said.group(1)) if said else 1.0

@@ -1,4 +1,6 @@
-"""Collada's polygons with holes (<ph>) as polygons without: each hole joined to the outline by a bridge walked both ways."""
+"""Converts Collada's polygons with holes (<ph>) to simple polygons: a bridge edge, traversed both ways, joins each hole to the
+outline.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +16,11 @@ __all__ = ["bridged", "keyholes"]
 
 Indices = npt.NDArray[np.int64]
 F64 = npt.NDArray[np.float64]
-_MOST_PAIRS = 200_000  # of corners that a bridge may join: beyond, the shortest is taken
+_MOST_PAIRS = 200_000  # candidate bridges; with more, the shortest is taken untested
 
 
 def bridged(data: bytes) -> tuple[bytes, int]:
-    """A document whose <ph> are <p>, and how many holes could not be joined and are filled."""
+    """Returns the document with <p> in place of <ph>, and the number of holes that could not be joined and are filled."""
     if b"ph>" not in data:
         return data, 0
     try:
@@ -28,7 +30,7 @@ def bridged(data: bytes) -> tuple[bytes, int]:
     filled = 0
     for mesh in root.iter():
         if _name(mesh) == "mesh":
-            with suppress(ValueError):  # words in the place of whole numbers: assimp says what is wrong with them
+            with suppress(ValueError):  # invalid integers are reported by assimp
                 filled += sum(_bridge(polygons, mesh) for polygons in mesh if _name(polygons) == "polygons")
     namespace = root.tag[1:].partition("}")[0] if root.tag.startswith("{") else ""
     if namespace:
@@ -74,7 +76,7 @@ def _bridge(polygons: ElementTree.Element, mesh: ElementTree.Element) -> int:
 
 
 def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
-    """(V, 3) the positions that a mesh's vertices have."""
+    """Returns the (V, 3) vertex positions of a mesh, or None."""
     by_id = {each.get("id"): each for each in mesh}
     said = by_id.get(vertices)
     source: Any = None
@@ -91,7 +93,10 @@ def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
 
 
 def keyholes(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Loops without holes of an outline, the first, and the holes in it. points: (n, 3); loops: rows of them."""
+    """Returns simple loops that cover an outline, `loops[0]`, without the holes in it, the other loops.
+
+    points: (n, 3); loops: indices of points.
+    """
     axes, origin, sign = _plane(points[loops[0]])
     flat = (points[:, axes] - origin) * sign  # the outline is counter-clockwise there
     outline = loops[0] if _area(flat[loops[0]]) >= 0 else loops[0][::-1]
@@ -107,7 +112,9 @@ def keyholes(points: F64, loops: list[Indices]) -> list[Indices]:
 
 
 def _without_shared_edges(points: F64, loops: list[Indices]) -> list[Indices]:
-    """The loops where edges that two of them walk in opposite directions are taken out: a hole at an outline's edge opens it."""
+    """Returns the loops without edges that two of them traverse in opposite directions; a hole at the outline's edge becomes a
+    notch.
+    """
     _, place = np.unique(points, axis=0, return_inverse=True)
     place = place.reshape(-1)
     left: dict[tuple[int, int], int] = {}
@@ -159,7 +166,10 @@ def _joined(flat: F64, merged: Indices, holes: list[Indices]) -> Indices:
 
 
 def _plane(outline: F64) -> tuple[list[int], F64, F64]:
-    """The two axes of the plane that an outline lies in most, its first corner there, and what makes it counter-clockwise."""
+    """Returns the coordinate plane best aligned with an outline: two axes, the outline's first corner there, and a sign per axis.
+
+    With the signs applied the outline is counter-clockwise.
+    """
     ahead = np.roll(outline, -1, axis=0)
     normal = np.cross(outline - outline[0], ahead - outline[0]).sum(axis=0)
     axes = [k for k in range(3) if k != int(np.argmax(np.abs(normal)))]
@@ -174,7 +184,7 @@ def _area(loop: F64) -> float:
 
 
 def _bridge_of(flat: F64, merged: Indices, hole: Indices, others: list[Indices]) -> tuple[int, int]:
-    """Places in a loop and in a hole that nothing lies between, the nearest of them."""
+    """Returns the positions, in a loop and in a hole, of the nearest two corners whose connection crosses no edge."""
     apart = np.linalg.norm(flat[merged][:, None] - flat[hole][None], axis=2)
     nearest = np.unravel_index(int(np.argmin(apart)), apart.shape)
     if apart.size > _MOST_PAIRS:
@@ -198,7 +208,7 @@ def _crosses(a: F64, b: F64, begin: F64, end: F64) -> bool:
 
 
 def _is_within(flat: F64, loop: Indices, i: int, to: F64) -> bool:
-    """Whether the way from a corner leads into the loop, where the corner is one of several at its place."""
+    """Whether the segment from a corner goes into the loop's interior, where several corners of the loop coincide."""
     here, last, following = flat[loop[i]], flat[loop[i - 1]], flat[loop[(i + 1) % len(loop)]]
     if (to == here).all():
         return True

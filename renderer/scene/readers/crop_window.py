@@ -1,4 +1,4 @@
-"""A part of a film as a picture of its own: a narrower view with its lens shifted."""
+"""Rendering of a part of the film: a narrower view with a shifted lens."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["Window", "cropped"]
 
 
 class Window(NamedTuple):
-    """The pixels of a film that are rendered, from its upper left corner."""
+    """The rectangle of film pixels to render; x and y are its upper left corner."""
 
     x: int
     y: int
@@ -18,7 +18,7 @@ class Window(NamedTuple):
 
 
 def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> dict[str, Any]:
-    """A view's fields for a window of its film, of film's width and height. A panorama has none: its fields stay."""
+    """Returns a view's fields for a window of its film; `film` is (width, height). Panoramas are returned unchanged."""
     if fields.get("projection") == "panorama" or window == (0, 0, *film):
         return fields
     width, height = film

@@ -1,5 +1,4 @@
-"""How much a file expands that refers to itself. A library would follow its references until memory runs out, so they are
-counted first."""
+"""Limits on files that expand by internal references. They are counted before a library follows them and runs out of memory."""
 
 from __future__ import annotations
 
@@ -22,10 +21,10 @@ Key = TypeVar("Key", bound=Hashable)
 def judge_spread(
     root: Key, below: Callable[[Key], Iterable[Key]], file: str, most: int = MAX_NODES, is_circle_error: bool = True
 ) -> int:
-    """The number of things that `root` expands to, each counted as often as it is referred to.
+    """Returns the number of elements that `root` expands to, each counted once per reference.
 
-    below: what a thing contains and refers to. is_circle_error: whether things that contain each other are refused; not where the
-    library breaks such circles itself. Raises SceneError for circles, and where things are too many or nested too deep.
+    below: returns the elements that one contains or refers to. is_circle_error: whether cycles raise SceneError; False if the
+    library breaks them itself. Also raises SceneError for too many elements or too deep nesting.
     """
     sizes: dict[Key, int] = {}
     path: list[tuple[Key, Iterator[Key]]] = [(root, iter(below(root)))]
@@ -57,7 +56,10 @@ def judge_spread(
 
 
 def collada_nodes(root: ElementTree.Element, file: str) -> int:
-    """Of a Collada file, with what its nodes take from libraries. Raises SceneError as `judge_spread` does."""
+    """Returns the number of nodes of a Collada file after expanding library references.
+
+    Raises SceneError as `judge_spread` does.
+    """
     known: dict[str, ElementTree.Element] = {}
     for node in root.iter():
         if _tag(node) in ("node", "visual_scene"):
@@ -76,7 +78,7 @@ def collada_nodes(root: ElementTree.Element, file: str) -> int:
 
 
 def x3d_nodes(root: ElementTree.Element, file: str) -> int:
-    """Elements of an X3D file, with what it uses again. Raises SceneError as `judge_spread` does."""
+    """Returns the number of elements of an X3D file after expanding USE references. Raises SceneError as `judge_spread` does."""
     known = {name: node for node in root.iter() if (name := node.get("DEF"))}
 
     def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:

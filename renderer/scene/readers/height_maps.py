@@ -1,8 +1,8 @@
-"""Pictures of heights as normal maps.
+"""Height maps converted to normal maps.
 
-The map holds slopes for a surface that is as long as its coordinates; how long it is in truth is in the strength that goes
-with the map, as that multiplies slopes. So one map serves all meshes that show the picture. Source of bump maps: Blinn,
-"Simulation of wrinkled surfaces", SIGGRAPH 1978.
+The map contains slopes for a surface as large as its UV range; the map's strength multiplies slopes and so carries the true
+size. One map therefore serves all meshes with the same height map. Source of bump maps: Blinn, "Simulation of wrinkled
+surfaces", SIGGRAPH 1978.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ __all__ = ["MOST_STRENGTH", "BumpMaps", "Bumps", "rounded", "spans_of"]
 
 F64 = npt.NDArray[np.float64]
 MOST_STRENGTH = 100.0
-_MEASURED = 200_000  # triangles of a mesh that are looked at
-_ASPECTS = 1.05  # by which two meshes are stretched otherwise that have maps of their own
+_MEASURED = 200_000  # maximum number of triangles sampled per mesh
+_ASPECTS = 1.05  # ratio of aspect ratios above which meshes get separate maps
 _MOST_ASPECT = 1e6
 _ALIKE = 1.02
-_WITHIN = 3.0  # times the mean slope: what is steeper is told with less precision
+_WITHIN = 3.0  # largest encoded slope, in multiples of the RMS slope; steeper ones lose precision
 
 
 class Bumps(NamedTuple):
-    """A normal map, and what its strength is times on a surface whose coordinates are as long as they count."""
+    """A normal map (texture index) and its strength."""
 
     texture: int
     strength: float
 
 
 def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
-    """How long the mesh is, placed by a matrix (3, 3), where its coordinates u and v grow by 1, on average; None: it has none."""
+    """Returns the mean lengths on the mesh, transformed by a (3, 3) matrix, per unit of u and of v; None without UVs."""
     uvs = mesh.uvs if uv_set == 0 else mesh.uvs1
     if uvs is None or not len(mesh.triangles):
         return None
@@ -49,13 +49,16 @@ def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
     if not sound.any():
         return None
     p, q, a, b, area = (each[sound] for each in (p, q, a, b, area))
-    with np.errstate(all="ignore"):  # what is too large to be measured is not finite below
+    with np.errstate(all="ignore"):  # overflow is handled as non-finite below
         u, v = _means(p, q, a, b, area)
     return (u, v) if np.isfinite(u * v) and u * v > 0 else None
 
 
 def _means(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, float]:
-    """Of triangles with the edges p and q, and these in UVs, how long u and v are, each triangle by its size."""
+    """Returns area-weighted mean lengths per unit of u and v.
+
+    p, q: triangle edges; a, b: the same edges in UVs; area: their cross product.
+    """
     along = (p * b[:, 1:2] - q * a[:, 1:2]) / area[:, None]
     down = (q * a[:, :1] - p * b[:, :1]) / area[:, None]
     weight = np.linalg.norm(np.cross(p, q), axis=1)
@@ -65,22 +68,22 @@ def _means(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, float]:
 
 
 def rounded(span: float) -> float:
-    """A length, to 2 %: so that meshes which are nearly alike share a material."""
+    """Returns a length rounded to steps of 2 %, so that similar meshes share a material."""
     return float(_ALIKE ** round(math.log(span) / math.log(_ALIKE)))
 
 
 class BumpMaps:
-    """The normal maps of a description's heights, each made once."""
+    """The normal maps made from a description's height maps. Each is made once."""
 
     def __init__(self, shelf: TextureShelf, channels: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> None:
-        """channels: what red, green and blue of a picture count in its height."""
+        """channels: weights of red, green and blue in the height."""
         self._shelf, self._channels = shelf, np.array(channels, np.float32)
         self._made: dict[tuple[int, int], tuple[int, float] | None] = {}
 
     def of(self, heights: int, rise: float, spans: tuple[float, float]) -> Bumps | None:
-        """The normal map of a texture of heights; None of what is flat.
+        """Returns the normal map of a height texture; None if it is flat.
 
-        rise: how high a value of 1 is, in the unit of spans; spans: as of `spans_of`.
+        rise: height of the value 1, in the unit of `spans`; spans: lengths from `spans_of`.
         """
         aspect = min(max(spans[1] / spans[0], 1 / _MOST_ASPECT), _MOST_ASPECT)
         step = round(math.log(aspect) / math.log(_ASPECTS))
@@ -94,7 +97,7 @@ class BumpMaps:
         return Bumps(found[0], min(max(strength, -MOST_STRENGTH), MOST_STRENGTH))
 
     def _make(self, heights: int, step: int) -> tuple[int, float] | None:
-        """A texture, and the slope that it counts as 1."""
+        """Returns a normal map's texture index and the slope that its value 1 represents; None if flat."""
         texture = self._shelf.texture_of(heights)
         with np.errstate(all="ignore"):
             slopes = _slopes(linear(self._shelf.image_of(heights)) @ self._channels, texture)
@@ -108,7 +111,7 @@ class BumpMaps:
 
 
 def _slopes(height: F32, texture: Texture) -> F32:
-    """(h, w, 2) by how much heights grow with a mesh's u and v; v downwards."""
+    """Returns the (h, w, 2) derivatives of height by the mesh's u and v, v downwards."""
     rows, columns = height.shape
     x = columns * _differences(height, 1, texture.wrap_s == "repeat")
     y = rows * _differences(height, 0, texture.wrap_t == "repeat")
@@ -117,7 +120,7 @@ def _slopes(height: F32, texture: Texture) -> F32:
 
 
 def _differences(height: F32, axis: int, repeats: bool) -> F32:
-    """Central differences; at the edges of what does not repeat, to the one side alone."""
+    """Returns central differences; one-sided at the edges of a texture that does not repeat."""
     if height.shape[axis] == 1:
         return np.zeros_like(height)
     if repeats:
@@ -126,7 +129,7 @@ def _differences(height: F32, axis: int, repeats: bool) -> F32:
 
 
 def _as_normals(heights: Image, slopes: F32) -> Image:
-    """Slopes as glTF's normals: green is up the picture. As precise as the heights are."""
+    """Returns slopes as a glTF normal map, green up, with the bit depth of the heights."""
     normals = np.stack([-slopes[..., 0], slopes[..., 1], np.ones(slopes.shape[:2], np.float32)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     values = np.concatenate([0.5 + 0.5 * normals, np.ones_like(normals[..., :1])], axis=-1)

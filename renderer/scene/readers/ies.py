@@ -1,9 +1,9 @@
-"""IES profiles: what luminaires send into each direction, in candela, as photometers measured it.
+"""Reader for IES profiles: luminous intensity by direction, in candela.
 
-Source: ANSI/IES LM-63-19 and before it LM-63-1986, -91, -95 and -02. The angles of a web of type C are those of
-renderer/kernel/light/emission_map.py's SPHERE: the nadir is the axis, the plane C0 lies to the right of it, C90 upwards. Types A
-and B are laid out so that their 0, 0 is the axis, and that positive angles lead to the right and up: of A, whose poles are above
-and below, horizontal angles are longitudes; of B, whose poles are left and right, vertical ones.
+Source: ANSI/IES LM-63-19 and before it LM-63-1986, -91, -95 and -02. Angles of type C photometry are those of the kind SPHERE in
+renderer/kernel/light/emission_map.py: the axis is the nadir, the plane C0 is to its right, C90 upwards. Types A and B are laid
+out so that (0, 0) is the axis, and positive angles go right and up. Type A has its poles above and below, and horizontal angles
+are longitudes; type B has its poles left and right, and vertical angles are longitudes.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _MOST_BYTES = 64 << 20
 _MOST_TEXELS = 2_000_000
 _MOST_NUMBER = 1e12
 _MOST_CANDELA = 1e12
-_HUNDREDTHS = 100  # of a degree: what angles are told in
-_FINEST = 0.25  # degrees between the rows of angles that have no larger step in common, or are too many
+_HUNDREDTHS = 100  # angles are compared in hundredths of a degree
+_FINEST = 0.25  # degrees between rows if the angles have no larger common step
 _CLOSE = 0.011  # degrees
 _LEAST_STEP = 1e-4  # degrees
 
 
 class Photometry(NamedTuple):
-    """A profile, its tilt left out but for what it is upright."""
+    """A profile. Of its tilt only the factors for the upright position are used."""
 
     emission: EmissionMap  # candela
     lumens: float
@@ -53,7 +53,7 @@ class _Web(NamedTuple):
 
 
 def read_ies(data: bytes, name: str) -> Photometry:
-    """The profile in a file's bytes. Raises SceneError with a sentence that names the file."""
+    """Returns the profile in a file's bytes. Raises SceneError naming the file."""
     notes: list[str] = []
     web = _parsed(data, name, notes)
     emission = _of_type_c(web, name) if web.goniometry == "C" else _of_type_a_or_b(web, name)
@@ -86,7 +86,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(f"{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again")
     numbers.take(4, "size")
     ballast, other, _ = numbers.take(3, "ballast")
-    # The standard of 2019 says there how the file was made; before, it is a factor, too.
+    # In the 2019 standard this field is the file's origin; in earlier ones a factor.
     factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
     if vertical * horizontal > _MOST_VALUES:
         raise SceneError(f"{name}: has {vertical} x {horizontal} values; at most {_MOST_VALUES} are read")
@@ -101,13 +101,13 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
 
 
 class _Numbers:
-    """The numbers of a text, from the first to the last."""
+    """Reads the numbers of a text in order."""
 
     def __init__(self, text: str, name: str) -> None:
         self._words, self._at, self._name = text.replace(",", " ").split(), 0, name
 
     def take(self, count: int, what: str) -> F64:
-        """The next ones."""
+        """Returns the next `count` numbers. Raises SceneError."""
         words = self._words[self._at : self._at + count]
         self._at += count
         if len(words) < count:
@@ -123,7 +123,7 @@ class _Numbers:
             ) from None
 
     def count(self, what: str) -> int:
-        """The next one, which says how many follow."""
+        """Returns the next number as a count. Raises SceneError."""
         number = float(self.take(1, f"number of {what}")[0])
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
             raise SceneError(f"{self._name}: its number of {what} is {number:g}; export it again")
@@ -131,7 +131,7 @@ class _Numbers:
 
 
 def _of_type_c(web: _Web, name: str) -> EmissionMap:
-    """The web by its own angles, at the largest steps that meet all of them."""
+    """Resamples a type C web at the largest regular steps that include all of its angles."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
         raise SceneError(f"{name}: its vertical angles go from {top:g} to {bottom:g}; of type C they lie within 0 to 180")
@@ -146,17 +146,17 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
 
 
 def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
-    """(n,) horizontal angles from 0 to below 360, and (n, v) the candela there, with all that symmetry stands for."""
+    """Returns (n,) horizontal angles, 0 <= angle < 360, and (n, v) candela, with symmetric parts filled in."""
     angles, candela = web.horizontal, web.candela
     if len(angles) == 1:
         return np.zeros(1), candela
     first, last = angles[0], angles[-1]
-    if abs(first) < _CLOSE and abs(last - 90) < _CLOSE:  # the same in all quadrants
+    if abs(first) < _CLOSE and abs(last - 90) < _CLOSE:  # symmetric in all quadrants
         angles, candela = np.r_[angles, 180 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
         last = 180.0
-    if abs(first) < _CLOSE and abs(last - 180) < _CLOSE:  # in both halves
+    if abs(first) < _CLOSE and abs(last - 180) < _CLOSE:  # symmetric about the plane C0-C180
         angles, candela = np.r_[angles, 360 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
-    elif abs(first - 90) < _CLOSE and abs(last - 270) < _CLOSE:  # in both halves, of the plane from C90 to C270
+    elif abs(first - 90) < _CLOSE and abs(last - 270) < _CLOSE:  # symmetric about the plane C90-C270
         angles, candela = np.r_[angles, 540 - angles[-2:0:-1]], np.r_[candela, candela[-2:0:-1]]
     elif not (last - first <= 360 + _CLOSE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
         raise SceneError(
@@ -169,8 +169,10 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
 
 
 def _step(angles: F64, most: int) -> float:
-    """The largest step, in degrees, by which a walk from the first angle to the last meets all of them, if that takes at most so
-    many; else a fine one."""
+    """Returns the largest step, in degrees, whose multiples include all angles.
+
+    If that needs `most` steps or more, returns a finer or equal division that does not.
+    """
     hundredths = np.rint(np.diff(angles) * _HUNDREDTHS).astype(np.int64)
     step = int(np.gcd.reduce(hundredths)) / _HUNDREDTHS
     span = float(angles[-1] - angles[0])
@@ -180,7 +182,7 @@ def _step(angles: F64, most: int) -> float:
 
 
 def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
-    """The web laid out by angles about its axis. What begins at 0 is the same on the other side."""
+    """Resamples a type A or B web by angles about its axis. Angles that begin at 0 are mirrored."""
     angles = []
     for own, what in ((web.horizontal, "horizontal"), (web.vertical, "vertical")):
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:
@@ -201,7 +203,7 @@ def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
 
 
 def _bilinear(web: _Web, across: F64, above: F64) -> F64:
-    """The candela at angles in degrees, of a web of type A or B; 0 beyond its own."""
+    """Returns candela of a type A or B web, bilinear in angles in degrees; 0 outside the web."""
     lit = np.ones(across.shape, bool)
     places = []
     for own, wanted in ((web.horizontal, across), (web.vertical, above)):

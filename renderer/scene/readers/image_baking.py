@@ -1,4 +1,4 @@
-"""What is worked out as a picture: values over the unit square of UVs, counted from above as ours are."""
+"""Baking of procedural textures: values over the unit square of UVs, v counted from the top."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ F64 = npt.NDArray[np.float64]
 
 
 class Grid(NamedTuple):
-    """UVs of the pixels' middles, (rows, columns) each."""
+    """UVs of the pixel centres, (rows, columns) each."""
 
     u: F64
     v: F64
 
     def moved(self, transform: UvTransform) -> tuple[F64, F64]:
-        """The UVs after a texture's transform; of one that does not turn them a single row and a single column."""
+        """Returns the UVs after a texture transform; without rotation, as one row of u and one column of v."""
         a, b, c, d, e, f = transform
         if b == d == 0:
             return a * self.u[:1] + c, e * self.v[:, :1] + f
@@ -30,7 +30,7 @@ class Grid(NamedTuple):
 
 
 def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None = None) -> Grid:
-    """All of them, or some rows. size: columns and rows of all."""
+    """Returns the UVs of an image of `size` (columns, rows): all rows, or `rows` rows from `first`."""
     columns, height = size
     at = np.arange(first, height if rows is None else first + rows)
     u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (at + 0.5) / height)
@@ -38,14 +38,14 @@ def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None 
 
 
 def checks(at: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
-    """(rows, columns, 1) where the first of two textures in turn is seen."""
+    """Returns a (rows, columns, 1) checkerboard mask, true where the first of the two textures is visible."""
     u, v = at.moved(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])
 
 
 def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], at: Grid) -> F64:
-    """(rows, columns, ...) a texture's colours, bilinear or of the nearest texel."""
+    """Returns a texture's (rows, columns, ...) values at UVs, with bilinear or nearest filtering."""
     u, v = at.moved(texture.transform)
     height, width = pixels.shape[:2]
     x, y = (_wrapped(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))

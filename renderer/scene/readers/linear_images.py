@@ -1,4 +1,4 @@
-"""An image's pixels as light and as numbers, whatever they are stored in."""
+"""Conversions between an image's stored pixels and linear values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Codes = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 
 def linear(image: Image) -> F32:
-    """An image's scene-linear pixels, (h, w, 3)."""
+    """Returns (h, w, 3) scene-linear pixels of an image."""
     pixels = np.asarray(image.pixels[..., :3], np.float32)
     if image.pixels.dtype == np.float32:
         return pixels
@@ -26,19 +26,19 @@ def linear(image: Image) -> F32:
 
 
 def alpha(image: Image) -> F32:
-    """An image's alpha, (h, w), 0 ... 1; 1 where it has none."""
+    """Returns the (h, w) alpha of an image, 0..1; 1 if it has none."""
     if image.pixels.shape[2] < 4:
         return np.ones(image.pixels.shape[:2], np.float32)
     return np.asarray(np.clip(image.pixels[..., 3] / np.float32(most(image.pixels)), 0, 1), np.float32)
 
 
 def most(pixels: npt.NDArray[Any]) -> float:
-    """The value of pixels that means 1."""
+    """Returns the pixel value that represents 1."""
     return float(np.iinfo(pixels.dtype).max) if np.issubdtype(pixels.dtype, np.integer) else 1.0
 
 
 def codes(image: Image) -> Codes:
-    """An image's RGBA as codes of 8 bits where it has these, else of 16; of floats what is linear, from 0 to 1."""
+    """Returns an image's RGBA as 8-bit or 16-bit codes, as stored; float pixels as their linear values clamped to 0..1."""
     if image.pixels.dtype != np.float32:
         found: Codes = image.pixels
         return found
@@ -46,9 +46,9 @@ def codes(image: Image) -> Codes:
 
 
 def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = False) -> Codes:
-    """Values 0 ... 1 as codes of 8 bits, or of 16 where one of the images that they come from has more than 8.
+    """Returns values in 0..1 as 8-bit codes, or as 16-bit codes if any source image has more than 8 bits.
 
-    srgb: encodes the first three channels.
+    srgb: whether to sRGB-encode the first three channels.
     """
     values = np.clip(values, 0, 1)
     if srgb:
@@ -59,7 +59,7 @@ def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = Fals
 
 
 def alike(first: Codes, second: Codes) -> tuple[Codes, Codes]:
-    """Two arrays of codes with as many bits each."""
+    """Returns two arrays of codes at the same bit depth."""
     if first.dtype == second.dtype:
         return first, second
     a, b = (each if each.dtype == np.uint16 else each.astype(np.uint16) * np.uint16(257) for each in (first, second))

@@ -1,4 +1,4 @@
-"""Two materials mixed by a share, as one, where ours has parameters for it."""
+"""A mixture of two materials as a single material, where the parameters allow it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _GLOSS = (
     "k",
 )
 _PLAIN = Material()
-_HEAD_ON = 0.04  # of an index of 1.5
+_HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 
 
 class _Looks(NamedTuple):
-    """A matt colour, and what gloss over it reflects, head on and of light from everywhere. None: it is matt alone."""
+    """A diffuse colour and the reflectance of a gloss over it, at normal incidence and hemispherical. None: no gloss."""
 
     matt: np.ndarray
     texture: int | None
@@ -39,9 +39,9 @@ class _Looks(NamedTuple):
 
 
 def mixed(first: Material, second: Material, share: float) -> Material | None:
-    """The mixture, of which `share` is the second; None where ours has none that looks so.
+    """Returns the mixture of two materials, `share` of the second; None if no single material represents it.
 
-    Paint, plastic and metal: the gloss of one of them over what is matt, or the same gloss of both.
+    Supported are paint, plastic and metal: the gloss of one over a diffuse surface, or the same gloss for both.
     """
     if share <= 0 or share >= 1:
         return second if share >= 1 else first
@@ -95,7 +95,9 @@ def _looks(made: Material) -> _Looks | None:
         return _Looks(color, texture, np.full(3, ((made.ior - 1) / (made.ior + 1)) ** 2), dielectric_albedo(made.ior))
     else:
         return None
-    return _Looks(bare, None, np.asarray(reflected), float(reflected.max() + (1 - reflected.max()) / 21))  # Schlick's mean
+    return _Looks(
+        bare, None, np.asarray(reflected), float(reflected.max() + (1 - reflected.max()) / 21)
+    )  # hemispherical mean of Schlick's approximation
 
 
 def _alike(first: Material, second: Material) -> bool:

@@ -1,9 +1,9 @@
-"""The complex index of refraction eta + i k of metals, as (eta, k) at Rec.709's primaries.
+"""Complex indices of refraction eta + i k of metals, as (eta, k) at the Rec.709 primaries.
 
-Measured n and k of light in vacuum, averaged over wavelengths with the weights by which Rec.709's red, green and blue follow
-from a spectrum (CIE 1931 2 degree observer, as fitted by Wyman, Sloan and Shirley, JCGT 2(2), 2013; equal-energy light
-white). The reflectance at normal incidence then lies within 0.04 of what the measured spectrum gives, and in the clamp of
-gold's red no further from it. tests/renderer/scene/test_metals.py makes the average again.
+Vacuum-wavelength n and k were averaged with the weights by which Rec.709's red, green and blue follow from a spectrum (CIE 1931
+2 degree observer, as fitted by Wyman, Sloan and Shirley, JCGT 2(2), 2013; equal-energy light is white). The reflectance at
+normal incidence is within 0.04 of that of the measured spectrum, also where gold's red is clamped.
+tests/renderer/scene/test_metals.py recomputes the average.
 
 Sources, by way of refractiveindex.info: gold, silver, copper: P. B. Johnson, R. W. Christy, Phys. Rev. B 6, 4370 (1972).
 Iron, chromium, titanium, nickel: the same, Phys. Rev. B 9, 5056 (1974). Aluminium: F. Cheng et al., ACS Nano 10, 9852
@@ -36,6 +36,6 @@ METALS: dict[str, tuple[Vec3, Vec3]] = {
 
 
 def head_on(eta: npt.ArrayLike, k: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """What is reflected at normal incidence."""
+    """Returns the reflectance at normal incidence for indices eta + i k."""
     n, absorbs = np.asarray(eta, np.float64), np.asarray(k, np.float64)
     return np.asarray(((n - 1) ** 2 + absorbs**2) / ((n + 1) ** 2 + absorbs**2))

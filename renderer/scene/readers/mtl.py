@@ -1,6 +1,6 @@
-"""Wavefront's material files, as exporters write them.
+"""Reader for Wavefront's material files (MTL).
 
-An MTL says how to shade after Phong; here that becomes the nearest physical surface. Sources: the Alias/Wavefront
+MTL describes Phong shading; it is converted to the nearest physically based surface. Sources: the Alias/Wavefront
 specification, and its extension for physically based shading by Clara.io (Pr, Pm, Ps, Pc, Pcr, aniso, anisor, norm), which
 Blender and others write.
 """
@@ -22,7 +22,7 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["names_of", "read_mtl", "without_comment"]
 
-# Of ambient light, of reflections in a renderer without rays, of antialiasing: no picture here depends on them.
+# Statements about ambient light, rasterised reflections and antialiasing, which have no effect here.
 _IDLE = ("map_ka", "map_ao", "map_aat", "ka", "km", "illum", "sharpness")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
@@ -30,17 +30,17 @@ _METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = (
     3,
     1000.0,
     4.0,
-)  # Blender's: coats as once, a fourth as strong
+)  # Blender's: clear coat at a quarter of its strength
 _BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
-_BLENDERS = re.compile(r"# Blender \d+\.\d+")  # how files begin that Blender has written since 3.2
+_BLENDERS = re.compile(r"# Blender \d+\.\d+")  # first line of files written by Blender 3.2 and later
 _COMMENT = re.compile(r"(?:^|\s)#")
 _CONTINUED = re.compile(r"\\[ \t]*\r?\n")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
-_PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # what only a physically based material says
+_PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # statements of physically based materials only
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
-    """The materials of a file by name. Statements that cannot be understood give a warning each."""
+    """Returns the materials of a file by name. Each statement that cannot be parsed gives a warning."""
     text = decoded(files.read(name))
     found: dict[str, _Statements] = {}
     current: _Statements | None = None
@@ -56,7 +56,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     bare = Counter(map(without_comment, found))
     made = {}
     for material, statements in found.items():
-        if bare[without_comment(material)] == 1:  # else what looks like a comment tells names apart: Material #25
+        if bare[without_comment(material)] == 1:  # else the apparent comment distinguishes names: Material #25
             statements.name = without_comment(material)
         made[statements.name] = _material(statements, shade)
         notes.update(statements.notes)
@@ -68,17 +68,17 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
 
 
 def names_of(files: SceneFiles, name: str) -> list[str]:
-    """The names of a file's materials."""
+    """Returns the names of a file's materials."""
     return [value for keyword, value in _lines(decoded(files.read(name))) if keyword == "newmtl"]
 
 
 def without_comment(words: str) -> str:
-    """What stands before a comment at a line's end."""
+    """Returns the line without its trailing comment."""
     return _COMMENT.split(words, maxsplit=1)[0].strip() if "#" in words else words.strip()
 
 
 def _lines(text: str) -> Iterator[tuple[str, str]]:
-    """The keywords, in lower case, and the rest of their lines; a backslash at a line's end continues it."""
+    """Yields (keyword in lower case, rest of the line) pairs; a backslash at the end of a line continues it."""
     for line in _CONTINUED.sub(" ", text).splitlines():
         keyword, *rest = line.split(None, 1) or [""]
         if keyword and not keyword.startswith("#"):
@@ -86,17 +86,17 @@ def _lines(text: str) -> Iterator[tuple[str, str]]:
 
 
 class _Statements:
-    """What a file says of one material: keywords, in lower case, and the rest of their lines."""
+    """The statements of one material: the rest of each line by keyword in lower case."""
 
     def __init__(self, name: str, file: str, shelf: TextureShelf, files: SceneFiles) -> None:
         self.name, self.file, self.shelf, self._files = name, file, shelf, files
         self.commas = 0  # statements whose numbers have decimal commas
-        self.notes: set[str] = set()  # what is guessed or dropped: how a sentence goes on from "3 materials have"
+        self.notes: set[str] = set()  # assumptions and omissions: rest of the sentence "3 materials have ..."
         self.values: dict[str, str] = {}
         self._asked: set[str] = set()
 
     def numbers(self, keyword: str) -> list[float]:
-        """The finite numbers of a statement; none, with a warning, where there are others or none is one."""
+        """Returns the numbers of a statement; empty, with a warning, if any is invalid or not finite."""
         self._asked.add(keyword)
         text = without_comment(self.values.get(keyword, ""))
         if not text:
@@ -120,14 +120,14 @@ class _Statements:
         return next(iter(self.numbers(keyword)), default)
 
     def color(self, keyword: str, default: Vec3, high: float = 1.0) -> Vec3:
-        """Three numbers, or one for grey, within 0..high."""
+        """Returns a colour from three numbers, or one for grey, clamped to 0..high."""
         values = self.numbers(keyword)
         if not values:
             return default
         return unit_color(values[:3] if len(values) >= 3 else values[:1] * 3, high)
 
     def map(self, *keywords: str) -> Map | None:
-        """The first of the map statements that names a file."""
+        """Returns the first of the map statements that names a file, or None."""
         self._asked |= {*keywords}
         maps = (parse_map(self.values[k], self._is_file) for k in keywords if k in self.values)
         return next((m for m in maps if m is not None), None)
@@ -140,11 +140,11 @@ class _Statements:
         return found.find(self.shelf, self.file, f"Material {self.name}", srgb) if found else None
 
     def unread(self) -> list[str]:
-        """The map statements that no parameter uses; those of ambient light mean nothing here."""
+        """Returns the map statements that no parameter uses, without those of ambient light, which have no effect here."""
         return [keyword for keyword in self._left() if _is_map(keyword)]
 
     def unused(self) -> list[str]:
-        """Other statements that no parameter uses, and whose values would change something."""
+        """Returns other statements that no parameter uses and whose values are not neutral."""
         return [k for k in self._left() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)]
 
     def _left(self) -> list[str]:
@@ -156,7 +156,7 @@ def _is_map(keyword: str) -> bool:
 
 
 def _neutral(keyword: str) -> Iterator[list[str]]:
-    """The words of a statement that say nothing: opaque for an opacity; black, and for a filter white."""
+    """Yields the neutral values of a statement, as words: 1 for opacity; 0 for colours, and 0 or 1 for a filter."""
     for value in (1.0,) if keyword == "d" else (0.0, 1.0) if keyword == "tf" else (0.0,):
         for word in (f"{value:g}", *(f"{value:.{digits}f}" for digits in range(1, 9))):
             yield [word]
@@ -168,7 +168,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     material = Material(said.name, base_color=diffuse, emission=said.color("ke", (0.0, 0.0, 0.0), high=1e9))
     material.base_color_texture = said.texture("map_kd", srgb=True)
     if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
-        material.base_color = (1.0, 1.0, 1.0)  # 0 is written by exporters that let the map replace the colour
+        material.base_color = (1.0, 1.0, 1.0)  # some exporters write 0 if the map replaces the colour
         if "kd" in said.values:
             said.notes.add("a black Kd beside map_Kd, which is read as white")
     _decal(said, material, diffuse)
@@ -177,7 +177,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
         material.emission = (1.0, 1.0, 1.0)
     _normals(said, material)
     index = clamped(said.number("ni", 1.5), 1.0, 5.0)
-    material.ior = index if index > 1.0 else 1.5  # exporters write 1 for what they do not know
+    material.ior = index if index > 1.0 else 1.5  # exporters write 1 if the index is unknown
     shade(said, material)
     if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
         said.notes.add("an index of refraction (Ni) of at most 1, which is read as 1.5")
@@ -192,7 +192,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
 
 
 def _choose(said: _Statements, material: Material) -> None:
-    """The nearest surface to what Phong's model says, or to its physically based extension."""
+    """Sets the physically based surface nearest to the Phong parameters, or to the physically based extension."""
     specular, shininess = said.color("ks", (0.0, 0.0, 0.0)), max(said.number("ns", 0.0), 0.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
     roughness = unit(said.number("pr", (2 / (shininess + 2)) ** 0.25))
@@ -202,10 +202,11 @@ def _choose(said: _Statements, material: Material) -> None:
 
 
 def _blenders(said: _Statements, material: Material) -> None:
-    """Blender's words for its principled surface, which its own reader takes as such: Ns says how rough it is, Ka how metallic
-    where illum is 3, d how opaque; and Tf, if the extension is asked for, how much it transmits.
+    """Sets the surface of an MTL written by Blender, read as Blender's own importer does.
+
+    Ns is the roughness, Ka the metalness if illum is 3, d the opacity; Tf is transmission if the extension is present.
     """
-    material.double_sided = True  # what shines in Blender does to both sides
+    material.double_sided = True  # Blender's surfaces emit on both sides
     material.kind, is_extended = "metallic_roughness", any(keyword in said.values for keyword in _PHYSICAL)
     roughness = unit(said.number("pr", 1 - math.sqrt(clamped(said.number("ns", 0.0), 0.0, _SMOOTHEST) / _SMOOTHEST)))
     _physical(said, material, roughness, said.color("ks", (0.5, 0.5, 0.5)))
@@ -261,10 +262,10 @@ def _physical(said: _Statements, material: Material, roughness: float, specular:
     if metal is not None and "pm" not in said.values:
         material.metallic = 1.0
     if "ks" in said.values and material.metallic == 0:
-        material.specular = unit(2 * max(specular))  # 0.5 is what exporters write for the 4 % that plastics reflect
+        material.specular = unit(2 * max(specular))  # exporters write 0.5 for a reflectance of 4 %
     tint = said.texture("map_ks", srgb=True)
     if material.metallic == 1 and material.base_color_texture is None and "pm" not in said.values:
-        material.base_color_texture = tint  # of a metal by Phong, whose colour is that of its highlights
+        material.base_color_texture = tint  # a Phong metal has the colour of its highlights
     else:
         material.specular_color_texture = tint
     material.anisotropy_rotation = math.remainder(2 * math.pi * said.number("anisor", 0.0), 2 * math.pi)
@@ -288,9 +289,9 @@ def _normals(said: _Statements, material: Material) -> None:
 
 
 def _opacity(said: _Statements, material: Material) -> None:
-    values = said.numbers("d")  # `d -halo 0.5` is none, and warned of
+    values = said.numbers("d")  # `d -halo 0.5` gives no numbers, and a warning
     opacity = values[0] if values else 1 - said.number("tr", 0.0)
-    if 0 < opacity < 1:  # 0 is written by exporters that mean the opposite
+    if 0 < opacity < 1:  # some exporters write 0 for opaque
         material.opacity, material.alpha_mode = opacity, "blend"
     elif opacity <= 0:
         said.notes.add("an opacity of 0 (d 0 or Tr 1), which is read as opaque")

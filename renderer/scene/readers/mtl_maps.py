@@ -1,4 +1,4 @@
-"""The textures of MTL materials: map statements with their options, decals, and maps that share an image with another here."""
+"""Textures of MTL materials: map statements with options, decals, and maps combined into one image."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
     "with_roughness_and_metal",
 ]
 
-# How many words follow each option of a map statement; the file's name, spaces and all, is the rest of the line.
+# Number of words after each option of a map statement; the rest of the line is the file name.
 _OPTIONS = {
     "-blendu": 1,
     "-blendv": 1,
@@ -47,7 +47,7 @@ _MOST = 1e9  # radiance
 
 
 class Map(NamedTuple):
-    """What a map statement says."""
+    """A map statement: file and options."""
 
     file: str
     wrap: Wrap = "repeat"
@@ -58,7 +58,7 @@ class Map(NamedTuple):
     unread: tuple[str, ...] = ()  # options that change the picture and are left out
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
-        """The texture of the map; None, with a warning, where it is missing."""
+        """Returns the texture of the map; None, with a warning, if the file is missing."""
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
         if self.unread:
             shelf.warn_of_surface(f"{user}: not read and left out: the options {', '.join(self.unread)} of {self.file}.")
@@ -68,11 +68,10 @@ class Map(NamedTuple):
 
 
 def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Map | None:
-    """A map statement without its keyword; None where it names no file.
+    """Parses a map statement without its keyword. Returns None if it names no file.
 
-    Options stand before the file's name, as the specification has it, or behind it, as some programs write them; a comment may
-    follow.
-    is_file: whether a name is that of a file, for names that hold what looks like an option or a comment.
+    Options precede the file name, as in the specification, or follow it, as some programs write; a comment may follow.
+    is_file: whether a name is that of a file, for names that contain what looks like an option or a comment.
     """
     said = _Options()
     words = value.split()
@@ -88,12 +87,12 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
         words = without[behind.start() :].split()
         end = said.take(words, 0)
         if end < len(words):
-            name = without  # further words: the whole is a name
+            name = without  # more words follow: the whole is a file name
     return said.map(name) if name else None
 
 
 class _Options:
-    """The options of a map statement, as far as they are read."""
+    """Parser of a map statement's options."""
 
     def __init__(self) -> None:
         self.scale, self.offset = [1.0, 1.0], [0.0, 0.0]
@@ -102,7 +101,7 @@ class _Options:
         self.unread: list[str] = []
 
     def take(self, words: list[str], at: int) -> int:
-        """Reads the options that stand at a place among words: the place behind them."""
+        """Parses the options that begin at an index of `words`; returns the index after the last one."""
         while at < len(words) and words[at].lower() in (*_OPTIONS, *_SEVERAL):
             option = words[at].lower()
             at += 1
@@ -155,15 +154,15 @@ def _is_number(word: str) -> bool:
 
 
 def holds_normals(image: Image) -> bool:
-    """Whether an image looks like a normal map: bluish, and its red and green even out. Heights are grey."""
+    """Whether an image looks like a normal map: mostly blue, with mean red and green near 0.5. Height maps are grey."""
     mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64) / most(image.pixels)
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 
 
 def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3) -> int | None:
-    """A texture where the decal shows it, and a colour where it does not: that lies on it, by 1 - decal, looked up as the decal.
+    """Returns a texture blended with a colour by a decal: texture * decal + colour * (1 - decal), with the decal's UV lookup.
 
-    Source: the specification of `decal`: the texture's colour times the decal, plus the material's times 1 - decal.
+    Source: the specification of `decal`.
     """
     srgb = encode_srgb(np.array(color, np.float32))
 
@@ -178,7 +177,7 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
 
 
 def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | None:
-    """A texture with one's colour, white where None, and the opacity that another shows: its alpha where it has some."""
+    """Returns a texture with the colour of one (None: white) and the opacity of another, which is its alpha or else its grey."""
 
     def make(image: Image, mask: Image) -> Image:
         if color is not None and image.pixels.dtype == np.float32:
@@ -196,7 +195,7 @@ def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | 
 
 
 def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: int | None) -> int | None:
-    """glTF's texture (G roughness, B metal) of two grey ones; 1 where there is none."""
+    """Returns glTF's metallic-roughness texture (G roughness, B metalness) from two grey ones; 1 for a missing one."""
     if roughness is None and metal is None:
         return None
 
@@ -214,7 +213,7 @@ def with_roughness_and_metal(shelf: TextureShelf, roughness: int | None, metal: 
 
 
 def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
-    """A white texture whose alpha is what another shows: its own alpha where it has some, else its grey."""
+    """Returns a white texture with the alpha of another, or with its grey if it has no alpha."""
 
     def make(image: Image) -> Image:
         grey = _scalar(image)
@@ -228,7 +227,7 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
 
 
 def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
-    """A texture of data with 1 less what another shows: roughness of gloss."""
+    """Returns a data texture with the values 1 - x, such as roughness from glossiness."""
 
     def make(image: Image) -> Image:
         pixels = codes(image).copy()
@@ -239,7 +238,7 @@ def inverted(shelf: TextureShelf, texture: int | None) -> int | None:
 
 
 def _channel(image: Image, channel: str) -> Image:
-    """One channel of an image as grey; float images have no alpha, and stay."""
+    """Returns one channel of an image as grey. Float images have no alpha channel and are returned unchanged for it."""
     at = _CHANNELS[channel]
     if at >= image.pixels.shape[2]:
         return image
@@ -251,7 +250,7 @@ def _channel(image: Image, channel: str) -> Image:
 
 
 def _spanned(image: Image, span: tuple[float, float]) -> Image:
-    """An image whose linear values are moved and stretched."""
+    """Returns an image with linear values base + gain * x; span is (base, gain)."""
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
     if image.pixels.dtype == np.float32:
@@ -269,7 +268,7 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
 
 
 def _scalar(image: Image) -> Codes:
-    """(h, w): the alpha of an image that has some, else its grey."""
+    """Returns the (h, w) alpha of an image, or its grey if it is opaque."""
     pixels = codes(image)
     alphas: Codes = pixels[..., 3]
     if (alphas < np.iinfo(alphas.dtype).max).any():

@@ -1,4 +1,4 @@
-"""One of several things that a file offers, as a person asks for it."""
+"""Lookup of clips, variants and the like by name or number."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["number_of"]
 
 
 def number_of(what: str, names: list[str], asked: str, file: str) -> int:
-    """The place among `names` of the one that is asked for, by its name or number. Raises SceneError that lists them."""
+    """Returns the index in `names` of an item given by name or number. Raises SceneError with the list of names."""
     if asked in names:
         return names.index(asked)
     if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):

@@ -1,4 +1,4 @@
-"""Numbers of a file brought into the range that has a meaning, as viewers do, too."""
+"""Clamping of a file's numbers to valid ranges."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ __all__ = ["blended_cone", "clamped", "unit", "unit_color"]
 
 
 def clamped(value: float, low: float, high: float) -> float:
-    """The nearest number from low to high."""
+    """Returns the value clamped to low..high."""
     return min(max(value, low), high)
 
 
 def unit(value: float) -> float:
-    """The nearest number from 0 to 1."""
+    """Returns the value clamped to 0..1."""
     return clamped(value, 0.0, 1.0)
 
 
 def unit_color(values: Iterable[float], high: float = 1.0) -> Vec3:
-    """Three numbers, each brought into 0..high."""
+    """Returns three numbers, each clamped to 0..high."""
     r, g, b = (clamped(v, 0.0, high) for v in values)
     return r, g, b
 
 
 def blended_cone(outer: float, blend: float) -> float:
-    """The half angle, in degrees, within which a spot of Blender is full. outer: its own half angle; blend: 0 ... 1."""
+    """Returns a Blender spot's inner half angle in degrees. outer: the outer half angle in degrees; blend: 0..1."""
     edge = math.cos(math.radians(outer))
     return min(math.degrees(math.acos(min(edge + (1 - edge) * blend, 1.0))), outer)

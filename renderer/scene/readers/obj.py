@@ -1,4 +1,7 @@
-"""Wavefront OBJ: polygons, groups and materials. One mesh a material; smooth normals are made where the file has none."""
+"""Reader for Wavefront OBJ: polygons, groups and materials.
+
+Makes one mesh per material, with smooth normals if the file has none.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["read"]
 
 _EVERY_EDGE = 181.0
-MAX_BYTES = 400 << 20  # of text; its arrays take about as much again
+MAX_BYTES = 400 << 20  # of text; the arrays take about as much again
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -91,7 +94,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 
 def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
-    """(V, 3) sRGB in 0..1: white where a vertex has none; of codes up to 255 or 65,535 the part of that."""
+    """Returns (V, 3) sRGB in 0..1: white for vertices without a colour; colours up to 255 or 65,535 are divided by that."""
     bare = np.isnan(colors)
     if count := int(bare.any(axis=1).sum()):
         shelf.warn_of_surface(f"{main}: {count} of {len(colors)} vertices have no colour; they are white.")
@@ -104,7 +107,7 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
 
 
 def _polypaint(text: bytes, vertices: int) -> F32 | None:
-    """(V, 3) sRGB of ZBrush's comments: a mask and red, green, blue in hexadecimal for each vertex; None of damaged ones."""
+    """Returns (V, 3) sRGB from ZBrush's comments, mask and RGB in hexadecimal per vertex; None if incomplete."""
     digits = b"".join(re.findall(rb"(?m)^#MRGB[ \t]+([0-9a-fA-F]+)", text))
     if len(digits) < 8 * vertices:
         return None
@@ -113,8 +116,11 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
 
 
 def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]) -> list[Mesh]:
-    """The meshes with normals where they have none: smooth within each smoothing group of an object, where the file has such
-    groups; else over edges that bend little, across materials. `s off` is a group without any."""
+    """Returns the meshes with missing normals computed.
+
+    With smoothing groups, normals are smooth within each group of an object (`s off` is no group). Otherwise they are smooth over
+    edges with small angles, across materials.
+    """
     if all(mesh.normals is not None for mesh in meshes):
         return meshes
     if not said.smooth:
@@ -132,14 +138,14 @@ def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt
     part = np.zeros(count, np.int64)
     np.add.at(part, [face for face in said.objects if face < count], 1)
     _, surface = np.unique(np.cumsum(part) * len(numbers) + group, return_inverse=True)
-    surface = np.where(group > 0, surface, count + np.arange(count)).astype(np.int32)  # flat faces are alone
+    surface = np.where(group > 0, surface, count + np.arange(count)).astype(np.int32)  # each flat face is its own surface
     if (surface == surface[0]).all():
         return smoothed_together(meshes, _EVERY_EDGE, surfaces=[0] * len(meshes))
     return smoothed_together(meshes, _EVERY_EDGE, [np.asarray(surface[cut.face[some]], np.int32) for some in triangles])
 
 
 def _mended(text: bytes) -> bytes:
-    """The text with points in numbers, and `nan` for what is not a number in the way of some runtime, as 1.#QNAN."""
+    """Returns the text with decimal points for commas, and `nan` for a C runtime's non-numbers such as 1.#QNAN."""
 
     def line(found: re.Match[bytes]) -> bytes:
         numbers = re.sub(rb"(?<=\d),(?=\d)", b".", found[2])
@@ -151,7 +157,7 @@ def _mended(text: bytes) -> bytes:
 
 
 def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
-    """The faces of each material, by its name; None before any is named."""
+    """Returns the faces of each material by name; None is the key of faces before the first material."""
     ends = [face for face, _ in said.materials[1:]] + [len(said.starts) - 1]
     stretches: list[tuple[str | None, int, int]] = [(None, 0, said.materials[0][0] if said.materials else ends[0])]
     stretches += [(name, face, end) for (face, name), end in zip(said.materials, ends, strict=False)]
@@ -164,8 +170,10 @@ def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
 def _groups(
     said: Statements, cut: Cut, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Triangles in the order of their groups, (T,), and where each group begins, (2 S + 1,). Each of S stretches of faces is two
-    groups: its triangles with normals, and those without."""
+    """Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
+
+    Each of the S stretches of faces has two groups: its triangles with normals, and those without.
+    """
     begins = np.searchsorted(cut.face, np.arange(len(said.starts)))
     faces = np.concatenate(stretches)
     stretch = np.repeat(np.arange(len(stretches)), [len(each) for each in stretches])
@@ -180,7 +188,7 @@ def _groups(
 def _meshes(
     names: list[str], said: Statements, cut: Cut, order: npt.NDArray[np.int64], begins: npt.NDArray[np.int64]
 ) -> list[Mesh]:
-    """A mesh for each group of triangles (see `_groups`), made at once, for files have a hundred thousand small ones."""
+    """Returns a mesh per group of triangles (see `_groups`), vectorised because files have a hundred thousand small groups."""
     corners = said.corners[cut.triangles[order].reshape(-1)]
     group = np.repeat(np.arange(len(begins) - 1, dtype=np.int32), 3 * np.diff(begins))
     corners[group % 2 == 1, 2] = -1
@@ -208,7 +216,7 @@ def _meshes(
 
 
 def _picked(table: F32, at: I32) -> F32:
-    """Rows of a table; zeros for -1."""
+    """Returns rows of a table; zeros for index -1."""
     if not len(table):
         return np.zeros((len(at), table.shape[1]), np.float32)
     return np.where(at[:, None] >= 0, table[np.maximum(at, 0)], np.float32(0))

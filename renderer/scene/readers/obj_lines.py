@@ -1,4 +1,4 @@
-"""The statements of an OBJ file as arrays: its text is read once to count and once to fill, byte by byte.
+"""Parser of OBJ statements into arrays: one pass over the bytes counts, a second one fills.
 
 Source: Alias/Wavefront, Advanced Visualizer Manual, appendix B1.
 """
@@ -25,29 +25,28 @@ Offsets = npt.NDArray[np.int64]
 _TAB, _NEWLINE, _RETURN, _SPACE, _HASH, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 35, 43, 45, 46, 47, 92
 _OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE, _S, _O = range(10)
 _FINE, _TOO_FEW, _NO_CORNER, _NOT_THERE = range(4)
-_ABSENT, _LOST = -1, -2  # a corner's texture coordinate or normal: not named, named and not in the file
+_ABSENT, _LOST = -1, -2  # a corner's UV or normal index: absent, or out of range
 
 
 class Statements(NamedTuple):
-    """The contents of a file. Numbers count from 0; -1 is none."""
+    """The contents of a file. Indices count from 0; -1 is none."""
 
-    positions: npt.NDArray[Any]  # (V, 3), as `exact` of renderer/scene/origin.py keeps it; NaN for no finite number
+    positions: npt.NDArray[Any]  # (V, 3), in the dtype of `exact` (renderer/scene/origin.py); NaN if not finite
     colors: F32 | None  # (V, 3), NaN where a vertex has none
     uvs: F32  # (U, 2)
     normals: F32  # (N, 3)
     corners: I32  # (C, 3): position, uv, normal
     starts: Offsets  # (F + 1,): the corners of face i are starts[i] to starts[i + 1]
-    materials: list[tuple[int, str]]  # the first face of each stretch, and its material's name
+    materials: list[tuple[int, str]]  # (first face, material name) of each stretch
     libraries: list[str]
-    others: int  # lines, points and curves, which have no surface
-    smooth: list[tuple[int, str]]  # the first face of each stretch, and its smoothing group
+    others: int  # number of lines, points and curves
+    smooth: list[tuple[int, str]]  # (first face, smoothing group) of each stretch
     objects: list[int]  # the first face of each object
-    lost: int  # texture coordinates and normals that corners name and the file does not have
+    lost: int  # number of UV and normal indices out of range
 
 
 def parse(data: bytes, file: str) -> Statements:
-    """The statements of a file in UTF-8, other bytes escaped as by `surrogateescape`. Raises SceneError with the line of what is
-    wrong."""
+    """Parses a file in UTF-8, other bytes escaped as by `surrogateescape`. Raises SceneError with the line of the error."""
     text = np.frombuffer(data, np.uint8)
     counts = _count(text)
     positions, colors = np.empty((counts[_V], 3)), np.empty((counts[_V], 3), np.float32)
@@ -98,7 +97,7 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
 
 @device
 def _skip(text: Bytes, i: int) -> int:
-    """Past blanks; a backslash at a line's end is one, with the end."""
+    """Returns the index after blanks; a backslash before the end of a line counts as a blank, together with that end."""
     n = len(text)
     while i < n:
         c = text[i]
@@ -163,7 +162,7 @@ def _keyword(text: Bytes, i: int, end: int) -> int:
 
 @builder
 def _count(text: Bytes) -> Offsets:
-    """How many there are of each statement; under _OTHER, how many words the faces have."""
+    """Returns the number of each kind of statement; under _OTHER, the number of words in faces."""
     found = np.zeros(10, np.int64)
     i = 0
     while i < len(text):
@@ -185,7 +184,7 @@ def _count(text: Bytes) -> Offsets:
 
 @device
 def _is_word_of_no_number(text: Bytes, i: int) -> bool:
-    """Whether nan, inf or infinity begins here, with a sign or without."""
+    """Whether nan, inf or infinity begins at i, with or without a sign."""
     if i < len(text) and (text[i] == _PLUS or text[i] == _MINUS):
         i += 1
     if i + 2 >= len(text):
@@ -196,7 +195,7 @@ def _is_word_of_no_number(text: Bytes, i: int) -> bool:
 
 @device
 def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, int]:
-    """Reads up to `wanted` numbers of a line into row, NaN for those that are not finite. The code, and how many there were."""
+    """Reads up to `wanted` numbers of a line into `row`, NaN for those not finite. Returns (code, count of numbers read)."""
     count = 0
     while count < wanted:
         i = _skip(text, i)
@@ -215,7 +214,7 @@ def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, 
 
 @device
 def _integer(text: Bytes, i: int) -> tuple[int, int]:
-    """A whole number, 0 where there is none, and the place after it."""
+    """Returns (integer at i, or 0 if there is none; index after it)."""
     n = len(text)
     negative = i < n and text[i] == _MINUS
     if negative or (i < n and text[i] == _PLUS):
@@ -231,7 +230,7 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 def _fill(
     text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
-    """(code, place, value, count, whether any vertex has a colour); the rest stands in the arrays."""
+    """Fills the arrays from the text. Returns (code, index of the error, its value, count, whether any vertex has a colour)."""
     row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far
     corner, face, name, colored = 0, 0, 0, False

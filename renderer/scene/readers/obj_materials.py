@@ -1,4 +1,4 @@
-"""The materials that an OBJ file names, from its material libraries or what lies beside it."""
+"""Materials of an OBJ file, from its material libraries or from files beside it."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from renderer.scene.watertight import is_closed
 
 __all__ = ["Materials"]
 
-_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # images of what surrounds a scene, not of what its surfaces are
+_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # environment maps, not surface textures
 
 
 class Materials:
-    """The description's numbers of the materials that faces name."""
+    """The description's indices of the materials that faces name."""
 
     def __init__(
         self, file: str, said: Statements, files: SceneFiles, shelf: TextureShelf, description: SceneDescription
@@ -50,7 +50,7 @@ class Materials:
         self._found.update(read_mtl(self._files, name, self._shelf))
 
     def _libraries(self, words: str) -> list[str]:
-        """The files that a mtllib statement names: one with spaces in its name, or several."""
+        """Returns the files of a mtllib statement: one whose name may contain spaces, or several."""
         for said in dict.fromkeys((words, without_comment(words))):
             if name := self._files.find(said, self._file):
                 return [name]
@@ -62,7 +62,7 @@ class Materials:
         return [name for name in found.values() if name]
 
     def _guessed(self, said: Statements) -> str | None:
-        """A material file called as the OBJ file, or the only one beside it, if that has a material which faces name."""
+        """Returns a material file with the OBJ file's name, or the only one beside it if faces name its materials; else None."""
         beside = self._files.siblings(self._file, (".mtl",))
         stem = folded(PurePosixPath(self._file).stem)
         same = [name for name in beside if folded(PurePosixPath(name).stem) == stem]
@@ -74,7 +74,10 @@ class Materials:
         return beside[0] if any(without_comment(name) in has for _, name in said.materials) else None
 
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
-        """The description's number of a material. Glass without an inside is a pane: see docs/scene-format.md."""
+        """Returns the description's index of a material.
+
+        Glass on meshes that are not closed becomes thin: see docs/scene-format.md.
+        """
         material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
         if material is None and name and self._found:
             material = self._in_another_encoding(name)
@@ -92,7 +95,7 @@ class Materials:
         return len(self._description.materials) - 1
 
     def _in_another_encoding(self, name: str) -> Material | None:
-        """The material of a library that is in UTF-8 where the file is not, or the other way round."""
+        """Returns the material whose name matches in another encoding, if only one of the two files is in UTF-8; else None."""
         if not is_readable(name):
             return next((self._found[text] for _, text in readings(name) if text in self._found), None)
         others = (key for key in self._found if not is_readable(key))

@@ -1,4 +1,4 @@
-"""OFF, Geomview's object file format: polygons, with the normals, colours and texture coordinates that its prefixes declare.
+"""Reader for OFF, Geomview's object file format: polygons with the normals, colours and UVs that its prefixes declare.
 
 Source: the Geomview manual, "OFF: Object File Format". Binary files, and points of other dimensions (4OFF, nOFF), are not read.
 """
@@ -28,7 +28,7 @@ __all__ = ["read"]
 F64 = npt.NDArray[np.float64]
 _HEAD = re.compile(r"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b[ \t]*(BINARY\b)?")
 _COMMENT = re.compile(r"#[^\n]*")
-_SEVERAL = 3  # numbers of a face behind its corners from which on they are a colour; fewer are a row of a colour map
+_SEVERAL = 3  # numbers after a face's corners: at least this many are a colour, fewer a colour map index
 
 
 class _Head(NamedTuple):
@@ -46,7 +46,7 @@ class _Faces(NamedTuple):
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's surface, or its points, to the description. Raises SceneError."""
+    """Adds the file's surface or points to the description. Raises SceneError."""
     shelf = TextureShelf(description, files)
     text = _COMMENT.sub("", decoded(files.read(main)))
     found = _HEAD.match(text)
@@ -81,7 +81,7 @@ def _counts(lines: list[str], main: str) -> tuple[int, int]:
 
 
 def _vertices(lines: list[str], count: int, main: str) -> F64:
-    """(V, w)."""
+    """Returns (V, w) vertex rows. Raises SceneError if their lengths differ."""
     words = [line.split() for line in lines]
     width = len(words[0])
     if width < 3 or any(len(row) != width for row in words):
@@ -109,7 +109,7 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
 
 
 def _fractions(rows: list[list[str]]) -> F32:
-    """Colours as they are written: whole numbers count up to 255, others up to 1."""
+    """Returns colours in 0..1: rows of integers are divided by 255, others are taken as fractions."""
     whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
     values = np.array(rows, np.float64)
     found = np.empty(values.shape, np.float32)

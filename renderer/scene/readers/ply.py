@@ -1,4 +1,4 @@
-"""PLY: surfaces and clouds of points, with the names that modelling programs and scanners give what stands beside positions."""
+"""Reader for PLY: surfaces and point clouds, with the property names of common modelling programs and scanners."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ _NORMALS = (("nx", "ny", "nz"), ("normal_x", "normal_y", "normal_z"))
 _UVS = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 _COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _LINEAR = ("color_0", "color_1", "color_2")  # as Mitsuba writes them
-_SUFFIXES, _COLORED = ("0123", "1234", "xyzw"), "_color"  # of columns that are attributes in Mitsuba
+_SUFFIXES, _COLORED = ("0123", "1234", "xyzw"), "_color"  # suffixes of Mitsuba's attribute columns
 _ALPHAS = ("alpha", "diffuse_alpha", "a")
 _SPLATS = ("f_dc_0", "f_dc_1", "f_dc_2")  # of 3D Gaussians: the constant term of spherical harmonics
 _CONSTANT = 0.28209479177387814
 _CORNERS = ("vertex_indices", "vertex_index", "vertex_indexes")
-_PICTURE = "texnumber"  # the place of a picture among the comments TextureFile, of a face or of a vertex
+_PICTURE = "texnumber"  # a face's or vertex's index among the TextureFile comments
 _FACES, _STRIPS = ("face", "faces"), "tristrips"
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds the file's surface, or its points, to the description. Raises SceneError."""
+    """Adds the file's surface or points to the description. Raises SceneError."""
     read_data(files.read(main), files, main, description)
 
 
 def read_data(
     data: bytes, files: SceneFiles, main: str, description: SceneDescription, has_pictures: bool = True, attribute: str = ""
 ) -> None:
-    """The same of a file's bytes; without its pictures, all of it is one mesh. Raises SceneError.
+    """Adds the surface or points in a file's bytes to the description. Raises SceneError.
 
-    attribute: name of a mesh attribute as Mitsuba has it, vertex_NAME or face_NAME, which colours the mesh in place of the file's
-    colours; without it the mesh has none.
+    has_pictures: whether to read textures; without them the file is one mesh. attribute: a mesh attribute as named by Mitsuba,
+    vertex_NAME or face_NAME, used as colour instead of the file's colours; a mesh that lacks it has no colours.
     """
     shelf = TextureShelf(description, files)
     found = elements(data, main, shelf.warn)
@@ -76,7 +76,7 @@ def read_data(
 def _by_picture(
     vertex: Element, faces: _Faces, named: list[str], main: str, shelf: TextureShelf
 ) -> list[tuple[str | None, npt.NDArray[np.int64] | None]]:
-    """The file's pictures, and the triangles that each is on; None for all of them."""
+    """Returns the file's texture images with the triangles that each covers; None for all triangles."""
     number = None
     if faces.element is not None and _PICTURE in faces.element.columns:
         number = faces.element.columns[_PICTURE].astype(np.int64)[faces.face]
@@ -98,14 +98,17 @@ def _by_picture(
 
 
 def _positions(vertex: Element) -> Array:
-    """(V, 3) float32, or float64 where one of the columns has more digits than that."""
+    """Returns (V, 3) positions in float32, or in float64 if any column has a wider type."""
     columns = [vertex.columns[name] for name in "xyz"]
     kind = np.float32 if all(column.dtype == np.float32 for column in columns) else np.float64
     return np.stack([column.astype(kind) for column in columns], axis=1)
 
 
 class _Faces:
-    """triangles: (T, 3) vertices. corners: (T, 3) which of the lists' numbers they are. face: (T,) of which row each is."""
+    """The triangles of a file.
+
+    triangles: (T, 3) vertices; corners: (T, 3) positions in the values of `lists`; face: (T,) row of the element.
+    """
 
     def __init__(self, lists: Lists, element: Element | None, triangles: Array, corners: Array, face: Array) -> None:
         self.lists, self.element, self.triangles, self.corners, self.face = lists, element, triangles, corners, face
@@ -132,7 +135,7 @@ def _polygons(lists: Lists, element: Element, positions: F32, main: str, shelf: 
 
 
 def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Faces:
-    """Strips of triangles, every second one turned; -1 ends one, as the row's end does."""
+    """Returns the triangles of strips, every second one with reversed winding; -1 or the end of a row ends a strip."""
     values = lists.values.astype(np.int64)
     ends = np.zeros(len(values) + 1, bool)
     ends[lists.first] = True
@@ -166,7 +169,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
-    """(N, k) the columns of the first of several sets of names that an element has all of."""
+    """Returns (N, k) columns of the first set of names that the element has completely; None if there is none."""
     for each in names:
         if all(name in element.columns for name in each):
             return np.stack([element.columns[name].astype(np.float32) for name in each], axis=1)
@@ -174,7 +177,7 @@ def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
 
 
 def _upright(uvs: F32) -> F32:
-    """PLY counts v from the image's lower edge."""
+    """Returns UVs with v counted from the top; PLY counts it from the image's lower edge."""
     return np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)
 
 
@@ -183,7 +186,7 @@ def _has(element: Element) -> bool:
 
 
 def _linear_of(element: Element) -> F32 | None:
-    """(N, 4) the linear colours of rows that have some; None where all are white."""
+    """Returns (N, 4) linear colours of an element's rows; None if all are white."""
     values = _values_of(element)
     colors = vertex_colors(values)
     if colors is not None and not any(all(name in element.columns for name in names) for names in _COLORS):
@@ -192,9 +195,9 @@ def _linear_of(element: Element) -> F32 | None:
 
 
 def _colors(element: Element, owner: str, attribute: str, main: str, shelf: TextureShelf) -> F32 | None:
-    """Returns the linear colours, (N, 4), of an element's rows; None without.
+    """Returns (N, 4) linear colours of an element's rows; None without colours.
 
-    attribute: as for `read_data`; owner: the beginning of its name if it is the element's.
+    attribute: as for `read_data`; owner: its prefix if it belongs to this element.
     """
     if not attribute:
         return _linear_of(element) if _has(element) else None
@@ -203,7 +206,7 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
     wanted = attribute.removeprefix(f"{owner}_").lower()
     if wanted == "color" and _has(element):
         is_float = any(column.dtype.kind == "f" for name, column in element.columns.items() if name in ("red", "r"))
-        found = _values_of(element) if is_float else _linear_of(element)  # Mitsuba takes fractions for linear ones
+        found = _values_of(element) if is_float else _linear_of(element)  # Mitsuba reads fractions as linear
         return np.ones((element.count, 4), np.float32) if found is None else found
     channels = _channels(element, wanted)
     if channels is None:
@@ -217,9 +220,9 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
 
 
 def _channels(element: Element, name: str) -> list[Array] | None:
-    """Returns the one or three columns of an attribute; None where there are none.
+    """Returns the one or three columns of an attribute; None if there are none.
 
-    Source: Mitsuba's PLY reader. They have the attribute's name and a suffix; colours, whose suffixes are r, g and b, are called
+    Source: Mitsuba's PLY reader. Columns have the attribute's name and a suffix; colours, with suffixes r, g and b, are called
     NAME_color.
     """
     names = [[f"{name}_{suffix}" for suffix in suffixes] for suffixes in _SUFFIXES]
@@ -233,20 +236,20 @@ def _channels(element: Element, name: str) -> list[Array] | None:
 
 
 def _values_of(element: Element) -> F32:
-    """(N, 4) the colours of rows that have some, 0 ... 1, as they are written: sRGB, but for those of `_LINEAR`."""
+    """Returns (N, 4) colours in 0..1 in the file's encoding: linear for the names in `_LINEAR`, sRGB for others."""
     names = next(names for names in (*_COLORS, _LINEAR) if all(name in element.columns for name in names))
     found = np.ones((element.count, 4), np.float32)
     alpha = next((name for name in _ALPHAS if name in element.columns), None)
     for k, name in enumerate((*names, alpha)):
         if name is not None:
             found[:, k] = fractions(element.columns[name])
-    if not found[:, 3].any():  # what nobody would see is not what is meant
+    if not found[:, 3].any():  # fully transparent clouds are taken as opaque
         found[:, 3] = 1
     return found
 
 
 def _splats(vertex: Element) -> npt.NDArray[np.uint8] | None:
-    """(V, 3) the colours of 3D Gaussians as seen from anywhere."""
+    """Returns (V, 3) sRGB codes of 3D Gaussians, from the view-independent term; None without them."""
     terms = _stacked(vertex, (_SPLATS,))
     if terms is None:
         return None

@@ -1,4 +1,4 @@
-"""PLY's elements as columns, whatever they are: in text or in bytes of either order, with lists of any lengths.
+"""Parser of PLY elements into columns: text or binary of either byte order, with lists of any length.
 
 Source: Turk, "The PLY Polygon File Format", 1994.
 """
@@ -44,20 +44,20 @@ _DECIMAL_COMMA = re.compile(rb"(?<=\d),(?=\d)")
 
 @dataclass(frozen=True)
 class Lists:
-    """A property that is a list in each row."""
+    """A list property: the values of all rows, concatenated."""
 
     count: npt.NDArray[np.int64]  # (N,)
     values: Array  # (sum of the counts,)
 
     @property
     def first(self) -> npt.NDArray[np.int64]:
-        """(N,) where each row's list begins."""
+        """Returns (N,) offsets of each row's list in `values`."""
         return np.cumsum(self.count) - self.count
 
 
 @dataclass(frozen=True)
 class Element:
-    """Rows of one kind, by the names of their properties in lower case: (N,), or lists."""
+    """The rows of one element: (N,) columns and lists by property names in lower case."""
 
     name: str
     count: int
@@ -69,19 +69,19 @@ class Element:
 class _Property:
     name: str
     kind: str
-    count: str | None  # of a list, how its length is written
+    count: str | None  # dtype of a list's length; None for scalars
 
 
 _Declared = list[tuple[str, int, list[_Property]]]  # name, count and properties of each element
 
 
 def textures_of(data: bytes) -> list[str]:
-    """The pictures that a file's comments name, in their order."""
+    """Returns the images named in a file's comments, in order."""
     return [decoded(name).strip() for name in _TEXTURE.findall(as_utf8(data[:_MOST_HEADER]).partition(b"end_header")[0])]
 
 
 def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: None) -> list[Element]:
-    """A file's elements, in their order. Raises SceneError."""
+    """Returns a file's elements, in order. Raises SceneError."""
     data = data if data.startswith(b"ply") else as_utf8(data)
     header = _HEADER.match(data[:_MOST_HEADER])
     if header is None:
@@ -126,7 +126,7 @@ def _cut(file: str, element: str) -> SceneError:
 
 
 def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
-    """The elements of a file in text: all numbers in a row, wherever lines end, unless rows have further ones."""
+    """Returns the elements of a text file, as one stream of numbers regardless of line ends, unless rows have extra numbers."""
     text = _NO_NUMBER.sub(b" nan ", text) if b"#" in text or b"(" in text else text
     commas = 0
     if b"," in text:
@@ -151,7 +151,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
 
 
 def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
-    """The numbers that the header declares, a row a line, and how many lines have more; none where lines are not rows."""
+    """Returns the declared numbers, one row per line, and the number of longer lines; no numbers if lines are not rows."""
     numbers, longer = list[bytes](), 0
     rows = (line.split() for line in lines if line.strip())
     try:
@@ -171,13 +171,13 @@ def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
 
 
 class _Bytes:
-    """Rows of binary files, one element after the other."""
+    """Reads the rows of a binary file, element by element."""
 
     def __init__(self, data: bytes, at: int, order: str, file: str) -> None:
         self._data, self._at, self._order, self._file = data, at, order, file
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """The next element's columns."""
+        """Returns the columns and lists of the next element."""
         if not count or not properties:
             return _columns(np.zeros(0, self._kind(properties, [])), properties, {})
         counts = self._first_counts(name, properties)
@@ -192,7 +192,7 @@ class _Bytes:
         return self._of_differing(name, count, properties)
 
     def _first_counts(self, name: str, properties: list[_Property]) -> list[tuple[int, int]]:
-        """Of the first row's lists, by their properties' numbers, how long they are."""
+        """Returns (property index, length) of each list in the first row."""
         found, at = [], self._at
         for i, each in enumerate(properties):
             if each.count is not None:
@@ -212,7 +212,7 @@ class _Bytes:
         return length
 
     def _kind(self, properties: list[_Property], counts: list[tuple[int, int]]) -> np.dtype[Any]:
-        """Of rows whose lists are as long as the first row's."""
+        """Returns the dtype of rows whose lists have the first row's lengths."""
         lengths, fields = dict(counts), list[Any]()
         for i, each in enumerate(properties):
             if each.count is not None:
@@ -221,7 +221,7 @@ class _Bytes:
         return np.dtype(fields)
 
     def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """Rows whose lists have different lengths."""
+        """Reads rows whose lists differ in length."""
         if count > len(self._data) - self._at:
             raise _cut(self._file, name)
         at, end = self._at, len(self._data)
@@ -256,7 +256,7 @@ class _Bytes:
 
 
 class _Text:
-    """Rows of files in text, one element after the other: all numbers in a row, wherever lines end."""
+    """Reads the rows of a text file, element by element, as one stream of numbers regardless of line ends."""
 
     def __init__(self, text: bytes, file: str) -> None:
         self._file, self._at = file, 0
@@ -271,11 +271,11 @@ class _Text:
 
     @property
     def is_done(self) -> bool:
-        """Whether all numbers are taken."""
+        """Whether all numbers have been read."""
         return self._at == len(self._numbers)
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
-        """The next element's columns."""
+        """Returns the columns and lists of the next element."""
         left = self._numbers[self._at :]
         if count * len(properties) > len(left):
             raise _cut(self._file, name)

@@ -1,4 +1,4 @@
-"""Points without a surface, as a scanner leaves them: each a small ball, all of them one mesh."""
+"""Point clouds: small spheres at the points, all in one mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["MOST_POINTS", "add_points", "balls", "spacing"]
 
 MOST_POINTS = 1_000_000
-_FINE = 200_000  # up to so many have balls of 20 triangles, more of 8
+_FINE = 200_000  # up to this many points become spheres of 20 triangles, more of 8
 _SAMPLES = 48
 _GOLDEN = (1 + 5**0.5) / 2
 
@@ -44,7 +44,7 @@ def _outwards(points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> 
 
 
 def spacing(points: F32) -> float:
-    """How far points are from their nearest neighbours: the median of some of them; 0 where they all lie in one place."""
+    """Returns the median distance between sampled points and their nearest neighbours; 0 if all points coincide."""
     if len(points) < 2:
         return 0.0
     chosen = np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(np.int64)
@@ -58,9 +58,9 @@ def spacing(points: F32) -> float:
 
 
 def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | F32 | None, radius: float | None = None) -> tuple[Mesh, float]:
-    """A mesh of a ball about each point, and the balls' radius: without one they reach to their neighbours.
+    """Returns a mesh with a sphere at each point, and the radius of the spheres, by default the points' spacing.
 
-    colors: (P, 3 or 4) sRGB, codes of 8 bits or 0 ... 1.
+    colors: (P, 3 or 4) sRGB, 8-bit codes or fractions.
     """
     corners, faces = _icosahedron() if len(points) <= _FINE else _octahedron()
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
@@ -82,7 +82,10 @@ def add_points(
     description: SceneDescription,
     shelf: TextureShelf,
 ) -> None:
-    """Adds a file's points, (P, 3), of these colours, (P, 3 or 4) sRGB, as balls; of very many, some. Raises SceneError."""
+    """Adds a file's (P, 3) points as spheres with (P, 3 or 4) sRGB colours. Very many points are subsampled.
+
+    Raises SceneError.
+    """
     chosen = np.isfinite(points).all(axis=1)
     count = int(chosen.sum())
     if count == 0:

@@ -1,4 +1,4 @@
-"""What readers of polygon files share: faces as triangles without lost vertices, values at corners, colours as fractions."""
+"""Functions shared by readers of polygon files: triangulation, per-corner values and colours."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Array = npt.NDArray[Any]
 
 
 def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf) -> Cut:
-    """The triangles of polygons (see `triangulate`), without those that need a vertex which is not finite. Warns, with counts.
+    """Returns the triangles of polygons (see `triangulate`) without those with non-finite vertices. Warns with their number.
 
-    Raises SceneError where a face names a vertex that is not there, and where no face is left.
+    Raises SceneError if a face names a vertex that does not exist, or if no face remains.
     """
     if len(corners) and (corners.min() < 0 or corners.max() >= len(positions)):
         odd = corners.min() if corners.min() < 0 else corners.max()
@@ -48,14 +48,14 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
 
 
 def used(mesh: Mesh) -> Mesh:
-    """The mesh without vertices that are not finite, which none of its triangles needs."""
+    """Returns the mesh without non-finite vertices, which no triangle uses."""
     if np.isfinite(mesh.positions).all():
         return mesh
     return of_triangles(mesh, slice(None))
 
 
 def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
-    """The mesh of some triangles, with the vertices of these alone."""
+    """Returns the mesh of some triangles, with only their vertices."""
     at, triangles = used_among(mesh.triangles[rows], len(mesh.positions))
     normals, uvs, uvs1, colors = (
         None if values is None else values[at] for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors)
@@ -64,7 +64,7 @@ def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
 
 
 def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
-    """The mesh with values at the corners of its triangles: those that differ in them share no vertex."""
+    """Returns the mesh with per-corner values; vertices whose corners differ are duplicated."""
     corners = mesh.triangles.reshape(-1)
     given = [values for values in (uvs, colors) if values is not None]
     first, kind = unique_corners(corners, len(mesh.positions), given)
@@ -79,7 +79,10 @@ def split(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
 
 
 def fractions(values: Array) -> F32:
-    """Colours from 0 to 1: of bytes; of numbers of 16 bits, by their range; of fractions, up to 1 unless some are larger."""
+    """Returns colours in 0..1.
+
+    16-bit integers are divided by their maximum, other integers by 255, floats by 255 if any exceeds 1.
+    """
     if values.dtype.kind != "f":
         most = float(np.iinfo(values.dtype).max) if values.dtype.itemsize == 2 else 255.0
     else:

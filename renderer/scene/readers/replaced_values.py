@@ -1,4 +1,4 @@
-"""Plain data with other values in it."""
+"""Replacing values in nested dicts and lists without changing the original."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Path = tuple[str | int, ...]
 
 
 class Changed:
-    """A copy of dicts and lists in which values are replaced: what lies on the way to them is copied once, the rest shared."""
+    """A copy of nested dicts and lists with some values replaced; only containers on the paths to them are copied."""
 
     def __init__(self, root: dict[str, Any]) -> None:
         self.root = dict(root)
         self._own = {id(self.root)}
 
     def set(self, path: Path, value: Any) -> None:
-        """Puts a value in its place; a dict that is missing on the way to it is made."""
+        """Sets the value at a path, creating missing dicts."""
         at: Any = self.root
         for key in path[:-1]:
             at = self._owned(at, key)

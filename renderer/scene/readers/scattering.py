@@ -1,4 +1,4 @@
-"""What light does within things, in the ways in which files say it, as coefficients of media and as subsurface scattering."""
+"""Scattering inside materials: conversion of files' parameters to medium coefficients and subsurface parameters."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ __all__ = ["attenuating", "diffuse_reflectance", "filled_with", "medium", "seen_
 F64 = npt.NDArray[np.float64]
 _LEAST_COLOR = 1e-6
 _MOST_ALBEDO = 1 - 1e-6
-# Van de Hulst: a half space of similarity s sends (1 - s) (1 - _A s) / (1 + _B s) of diffuse light back.
+# Van de Hulst: the albedo of a half space with similarity s is (1 - s) (1 - _A s) / (1 + _B s).
 _A, _B = 0.139, 1.17
 
 
 def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, scale: float = 1.0) -> Medium:
-    """A medium whose coefficients are so many times these, within what the renderer takes."""
+    """Returns a medium with the coefficients times `scale`, clamped to the renderer's limits."""
     absorbed, scattered = (unit_color((max(scale * c, 0.0) for c in each), MOST_DENSE) for each in (sigma_a, sigma_s))
     return Medium(absorbed, scattered, clamped(g, -MOST_FORWARD, MOST_FORWARD))
 
 
 def filled_with(found: Medium) -> dict[str, Any]:
-    """The fields of a material whose inside is of a medium."""
+    """Returns the material fields for an interior of this medium."""
     return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
 
 
 def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
-    """The medium that leaves a colour of white light after a depth, of which it scatters some.
+    """Returns the medium whose transmittance over a depth is `color`, with scattering `scatter` / depth.
 
-    Where more is scattered than attenuated, what is absorbed is raised by the same of all colours until none is below 0.
+    If scattering exceeds extinction, absorption is raised equally in all channels until none is negative.
     Source: Autodesk's Standard Surface 1.0.1, "transmission", and OpenPBR 1.1, "translucent base".
     """
     extinct = [-math.log(clamped(c, _LEAST_COLOR, 1.0)) / depth for c in color]
@@ -47,9 +47,9 @@ def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
 
 
 def single_albedo(multiple: float, g: float = 0.0) -> float:
-    """What one scattering leaves of light, of a dense medium that looks as bright as `multiple`, 0 to 1.
+    """Returns the single-scattering albedo of a dense medium with the multiple-scattering albedo `multiple`, 0..1.
 
-    Source: Kulla and Conty, "Revisiting physically based shading at Imageworks", 2017; with g as KHR_materials_scatter has it.
+    Source: Kulla and Conty, "Revisiting physically based shading at Imageworks", 2017; with g as in KHR_materials_scatter.
     """
     m = clamped(multiple, 0.0, 1.0)
     root = 4.09712 + 4.20863 * m - math.sqrt(9.59217 + 41.6808 * m + 17.7126 * m * m)
@@ -57,10 +57,10 @@ def single_albedo(multiple: float, g: float = 0.0) -> float:
 
 
 def diffuse_reflectance(albedo: Any, ior: float) -> F64:
-    """How bright a half space of single-scattering albedos (reduced) is beneath a boundary that throws light back into it.
+    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, per light that enters.
 
-    Of light that has entered. Source: Jensen et al., "A practical model for subsurface light transport", 2001, eq. 15, with
-    the internal reflection of Egan and Hilgeman.
+    albedo: reduced single-scattering albedo. Source: Jensen et al., "A practical model for subsurface light transport", 2001,
+    eq. 15, with the internal reflection of Egan and Hilgeman.
     """
     a = np.clip(np.asarray(albedo, np.float64), 0.0, 1.0)
     inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior if ior > 1 else 0.0
@@ -69,7 +69,7 @@ def diffuse_reflectance(albedo: Any, ior: float) -> F64:
 
 
 def within(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
-    """The colour, and the radius of subsurface scattering, of a dense medium (reduced scattering) beneath a boundary."""
+    """Returns the colour and the subsurface radius of a dense medium beneath a boundary. sigma_s: reduced scattering."""
     absorbed, scattered = np.array(sigma_a), np.array(sigma_s)
     total = np.maximum(absorbed + scattered, 1e-12)
     albedo = scattered / total
@@ -77,7 +77,7 @@ def within(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
 
 
 def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
-    """The radius of subsurface scattering of a medium that looks so beneath a boundary, with these mean free paths."""
+    """Returns the subsurface radius of the medium with this diffuse reflectance beneath a boundary. path: mean free paths."""
     low, high = np.zeros(3), np.full(3, _MOST_ALBEDO)
     for _ in range(50):
         middle = (low + high) / 2
@@ -87,10 +87,10 @@ def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
 
 
 def _radius(albedo: F64, path: F64, ior: float) -> Vec3:
-    """The mean free path of a walk without a boundary that light diffuses through as far as through this medium.
+    """Returns the mean free path of a boundaryless random walk that diffuses light as far as this medium.
 
-    The walk loses s^2 where it is scattered, s being the similarity of van de Hulst's half space of the colour that is seen
-    (renderer/kernel/medium/subsurface.py); how far light diffuses is the root of 3 sigma_a (sigma_a + sigma_s').
+    The walk absorbs s^2 at each scattering, s being the similarity of van de Hulst's half space with the reflected colour
+    (renderer/kernel/medium/subsurface.py). The effective transport coefficient is sqrt(3 sigma_a (sigma_a + sigma_s')).
     """
     color = diffuse_reflectance(albedo, ior)
     linear = 1 + _A + _B * color

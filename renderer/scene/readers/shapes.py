@@ -1,4 +1,4 @@
-"""Meshes that a scene file names and no file holds. All face outwards, counter-clockwise, in their own space.
+"""Built-in meshes of scene files. All face outwards, counter-clockwise, in object space.
 
 quad: -1..1 in x and y, towards +Z. disk: radius 1, towards +Z. cube: -1..1. (The conventions of Mitsuba's shapes.)
 """
@@ -18,14 +18,14 @@ _TWO_TRIANGLES = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
 
 
 def quad(name: str) -> Mesh:
-    """The square; its texture stands upright, seen from +Z."""
+    """Returns the square; its texture is upright as seen from +Z."""
     positions = np.column_stack([_CORNERS, np.zeros(4, np.float32)])
     normals = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
     return Mesh(name, positions, _TWO_TRIANGLES, normals, _CORNER_UVS)
 
 
 def disk(name: str, segments: int = 256) -> Mesh:
-    """The disk as a fan; with 256 segments its area is 0.01 % below that of the circle."""
+    """Returns the disk as a triangle fan; with 256 segments its area is 0.01 % below that of the circle."""
     angle = np.arange(segments) * (2 * np.pi / segments)
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
     flat = np.concatenate([np.zeros((1, 2)), rim])
@@ -37,10 +37,10 @@ def disk(name: str, segments: int = 256) -> Mesh:
 
 
 def cube(name: str) -> Mesh:
-    """The cube; each face has the whole texture."""
+    """Returns the cube; each face shows the whole texture."""
     positions, normals = [], []
     square = np.column_stack([_CORNERS, np.ones(4, np.float32)])
-    # Each is a rotation that turns +Z to the face's side, given by its columns.
+    # Columns of the rotation from +Z to each face's normal.
     for x, y, z in (
         ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
         ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
@@ -56,9 +56,9 @@ def cube(name: str) -> Mesh:
 
 
 def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> Mesh:
-    """The surface that a profile of (radius, y) sweeps about the Y axis; smooth but for sharp bends of the profile.
+    """Returns the surface of revolution of a profile of (radius, y) points about the Y axis, smooth except at sharp bends.
 
-    A profile from the bottom up, outside first, faces out. u goes once round, v from the last point (0) to the first (1).
+    Faces outwards if the profile goes from bottom to top. u goes once around, v from the last point (0) to the first (1).
     """
     points = np.array(profile, np.float64)
     points[:, 0] = np.abs(points[:, 0])
@@ -68,7 +68,7 @@ def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> 
     ring = np.stack(
         [radius * np.sin(angle), np.broadcast_to(height, (len(points), segments + 1)), radius * np.cos(angle)], axis=-1
     )
-    ring[:, -1] = ring[:, 0]  # closed to the bit, so that normals are smooth over the seam
+    ring[:, -1] = ring[:, 0]  # exactly equal, so that normals are smooth over the seam
     uvs = np.stack(np.broadcast_arrays(angle / (2 * np.pi), 1 - (along / max(along[-1], 1e-30))[:, None]), axis=-1)
     row = segments + 1
     corner = (np.arange(len(points) - 1)[:, None] * row + np.arange(segments)).reshape(-1)

@@ -1,4 +1,4 @@
-"""Vertices where the joints of a skin carry them, in the precision that their place asks for."""
+"""Skinning of vertices at the precision that their coordinates need."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ __all__ = ["carried"]
 
 
 def carried(*arguments: npt.NDArray[Any], turned: npt.NDArray[Any], bent: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """(V, 3) positions, in float64 where `exact` keeps it; fills turned and bent. The others are `carry`'s up to `placed`."""
+    """Returns (V, 3) skinned positions, in float64 where `exact` requires it; fills `turned` and `bent`.
+
+    arguments: those of `carry` before `placed`.
+    """
     point = arguments[3]
     placed: npt.NDArray[Any] = np.empty((len(point), 3), np.float32)
     carry(*arguments, placed, turned, bent)

@@ -1,4 +1,4 @@
-"""STL: triangles without anything but a place, and colours where a program hides them in the two bytes that nobody else uses."""
+"""Reader for STL: triangles, with colours where a program stores them in the two attribute bytes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     count = _triangles_of(data, main)
     shelf = TextureShelf(description, files)
     if count is None:
-        text, commas = with_points(readable(decoded(data)))  # the only words are names: their encoding must not stop the numbers
+        text, commas = with_points(readable(decoded(data)))  # non-ASCII names must not stop the parser
         if commas:
             shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
         data = "\n".join(text.splitlines()).encode()
@@ -49,7 +49,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if len(whole) < count:
         corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)
         colors = None if colors is None else colors[whole]
-    corners += np.float32(0)  # there are two zeros
+    corners += np.float32(0)  # turns -0 into 0
     first, number = unique_threes(corners)
     if colors is not None:
         code = np.repeat(colors.view(np.int32).reshape(-1), 3)
@@ -65,7 +65,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 
 def _triangles_of(data: bytes, main: str) -> int | None:
-    """How many a binary file has; None of one in text. Raises SceneError where it is cut."""
+    """Returns the number of triangles in a binary file; None for a text file. Raises SceneError if the file is truncated."""
     said = int.from_bytes(data[80:_HEAD], "little") if len(data) >= _HEAD else 0
     there = max(len(data) - _HEAD, 0) // _ROW.itemsize
     if there and said * _ROW.itemsize == len(data) - _HEAD:
@@ -80,10 +80,10 @@ def _triangles_of(data: bytes, main: str) -> int | None:
 
 
 def _colors(words: npt.NDArray[np.uint16], head: bytes) -> npt.NDArray[np.uint8] | None:
-    """(T, 4) sRGB; None where there are none.
+    """Returns (T, 4) sRGB codes; None without colours.
 
-    Magics names the whole's colour in the header, and clears the highest bit of triangles with one of their own, red lowest;
-    VisCAM and SolidView set it for those, blue lowest. What is neither is taken for what other programs leave there.
+    Magics stores the object's colour in the header and clears the highest bit of triangles with their own colour, red in the
+    lowest bits; VisCAM and SolidView set the bit, blue in the lowest bits. Other values are ignored.
     """
     at = head.find(b"COLOR=")
     whole = (255, 255, 255, 255)

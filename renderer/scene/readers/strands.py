@@ -1,4 +1,4 @@
-"""Curves of hair, fur and wire as tubes: very many in one mesh."""
+"""Hair, fur and wire curves as tubes in one mesh."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ __all__ = ["Strand", "line_of", "together"]
 
 F64 = npt.NDArray[np.float64]
 Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
-_FEW = 500  # curves that are drawn rounder than many
+_FEW = 500  # up to this many curves get more sides
 
 
 def line_of(points: F64, basis: str) -> F64:
-    """Points along a cubic curve. points: (N, D) that control it; basis: bezier or bspline."""
+    """Returns sampled points along a cubic curve. points: (N, D) control points; basis: bezier or bspline."""
     step = 3 if basis == "bezier" else 1
     first = np.arange(0, len(points) - 3, step)
     u = np.linspace(0, 1, STEPS + 1)
@@ -26,7 +26,7 @@ def line_of(points: F64, basis: str) -> F64:
 
 
 def together(strands: list[Strand]) -> Mesh:
-    """Curves as one mesh."""
+    """Returns curves as one mesh of tubes."""
     sides = 12 if len(strands) <= _FEW else 4
     groups: dict[int, list[Strand]] = {}
     for strand in strands:

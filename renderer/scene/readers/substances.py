@@ -1,7 +1,7 @@
-"""What scatters within some named substances, in millimetres, as pbrt and Mitsuba 0.6 know them by name.
+"""Scattering coefficients of named substances per millimetre, by the names of pbrt and Mitsuba 0.6.
 
-Reduced scattering and absorption in red, green and blue: the scattering is that of an isotropic medium which light diffuses
-through alike. Measurements: Jensen, Marschner, Levoy and Hanrahan, "A practical model for subsurface light transport",
+Reduced scattering and absorption in red, green and blue; reduced scattering is that of the isotropic medium with the same
+diffusion. Measurements: Jensen, Marschner, Levoy and Hanrahan, "A practical model for subsurface light transport",
 SIGGRAPH 2001, from Apple to Wholemilk; Narasimhan et al., "Acquiring scattering properties of participating media by dilution",
 SIGGRAPH 2006, the others.
 """
@@ -66,5 +66,8 @@ _KNOWN = {name.replace(" ", "").lower(): found for name, found in SUBSTANCES.ite
 
 
 def substance(name: str) -> tuple[Vec3, Vec3] | None:
-    """Reduced scattering and absorption per millimetre of what has this name, however it is spaced; None of what is not known."""
+    """Returns (reduced scattering, absorption) of a substance per millimetre; None if unknown.
+
+    Spaces, underscores and case are ignored.
+    """
     return _KNOWN.get(name.replace(" ", "").replace("_", "").lower())

@@ -1,6 +1,7 @@
-"""3MF (3MF Core 1.3, Materials and Properties 1.2, Production 1.1): objects, components, base materials, colours and textures.
+"""Reader for 3MF (3MF Core 1.3, Materials and Properties 1.2, Production 1.1): objects, components, base materials, colours,
+textures.
 
-In the file's own unit, as STL is; the plate lies flat, as 3MF counts Z up.
+Coordinates are in the file's own unit, as for STL; 3MF's up axis Z becomes Y.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ _WHITE = (255, 255, 255, 255)
 
 @dataclass
 class _Group:
-    """Properties that triangles point at: `base` names and colours, `color`s, or `texture` coordinates of one picture."""
+    """A property group for triangles: `base` names and colours, `color`s, or `texture` coordinates of one image."""
 
     kind: str
     values: list[Any] = field(default_factory=list)
@@ -59,7 +60,7 @@ class _Group:
 
 @dataclass
 class _Object:
-    """A mesh or a group of components. triangles: v1 v2 v3, and of which property; -1 for none."""
+    """A mesh or a group of components. triangles: v1, v2, v3 and three property indices each; -1 for none."""
 
     name: str
     type: str
@@ -69,24 +70,24 @@ class _Object:
     triangles: list[int] = field(default_factory=list)
     groups: list[str | None] = field(default_factory=list)
     components: list[tuple[str, str, F64]] = field(default_factory=list)  # path, object, transform
-    rows: list[Rows] = field(default_factory=list)  # vertices and triangles that were taken at once
+    rows: list[Rows] = field(default_factory=list)  # lists parsed by threemf_rows.py
     true: list[str] = field(default_factory=list)  # names of metadata whose value is true
 
     @property
     def points(self) -> npt.NDArray[Any]:
-        """(V, 3)."""
+        """Returns (V, 3) vertex positions."""
         taken = [rows.stacked(("x", "y", "z")) for rows in self.rows if "x" in rows.columns]
         return exact(np.concatenate([*taken, np.array(self.vertices).reshape(-1, 3)]))
 
     @property
     def corners(self) -> npt.NDArray[np.int64]:
-        """(T, 3)."""
+        """Returns (T, 3) vertex indices of triangles."""
         own = np.array(self.triangles, np.int64).reshape(-1, 6)[:, :3]
         return np.concatenate([*(rows.stacked(("v1", "v2", "v3")) for rows in self.rows if "v1" in rows.columns), own])
 
     @property
     def chosen(self) -> npt.NDArray[np.int64]:
-        """(T, 3) of which property each corner is."""
+        """Returns (T, 3) the property index of each corner."""
         found = []
         for rows in self.rows:
             if "v1" in rows.columns:
@@ -97,7 +98,7 @@ class _Object:
 
     @property
     def group_of(self) -> tuple[npt.NDArray[np.int64], list[str]]:
-        """(T,) the group of each triangle, and the groups' names."""
+        """Returns (T,) the group index of each triangle, and the groups' names."""
         found: list[npt.NDArray[np.int64]] = []
         number: dict[str, int] = {}
         for rows in self.rows:
@@ -113,7 +114,7 @@ class _Object:
 
 
 class _Model:
-    """One model part of the package."""
+    """The contents of one model part of the package."""
 
     def __init__(self, data: bytes, path: str, file: str) -> None:
         self.path, self._file = path, file
@@ -122,7 +123,7 @@ class _Model:
         self.groups: dict[str, _Group] = {}
         self.textures: dict[str, tuple[str, Wrap, Wrap]] = {}
         self.left_out: set[str] = set()
-        self.odd: Counter[str] = Counter()  # what is replaced
+        self.odd: Counter[str] = Counter()  # number of replaced values by kind
         self._object: _Object | None = None
         self._group: _Group | None = None
         self._metadata = ""
@@ -184,7 +185,10 @@ class _Model:
             self.left_out.add(name)
 
     def _take(self, target: str, number: str) -> None:
-        """A list that was cut out belongs here. Each is taken once: a file could name it again and again."""
+        """Adds a list that was cut out of the XML to the current object.
+
+        Each list is used once, since a file could repeat its mark.
+        """
         rows = self._lists.pop(int(number), None) if target == MARK else None
         if rows is not None and self._object is not None:
             self._object.rows.append(rows)
@@ -200,7 +204,7 @@ class _Model:
 
 
 def _color(word: str) -> tuple[int, int, int, int] | None:
-    """The sRGB codes of #RRGGBB or #RRGGBBAA; None for other words."""
+    """Returns the sRGB codes of #RRGGBB or #RRGGBBAA; None if malformed."""
     digits = word.strip().lstrip("#")
     if len(digits) not in (6, 8) or not all(digit in string.hexdigits for digit in digits):
         return None
@@ -209,7 +213,7 @@ def _color(word: str) -> tuple[int, int, int, int] | None:
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """Adds what the file's build places to the description. Raises SceneError."""
+    """Adds the items of the file's build to the description. Raises SceneError."""
     _Reader(files, main, description).read()
 
 
@@ -225,13 +229,13 @@ class _Reader:
         self._filaments = filaments_of(self._names, self._bytes, main)
         self._not_solid = NotSolid(self._names, self._bytes, main)
         self._models: dict[str, _Model] = {}
-        self._odd: Counter[str] = Counter()  # what is replaced
+        self._odd: Counter[str] = Counter()  # number of replaced values by kind
         self._surfaces: list[int] = []
         self._made: dict[tuple[str, str, str | None], list[int]] = {}
         self._materials: dict[Any, int] = {}
 
     def read(self) -> None:
-        """Adds all that the build places."""
+        """Adds all items of the build."""
         first = len(self._description.meshes)
         root = self._model(self._root())
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
@@ -255,7 +259,7 @@ class _Reader:
                 self._shelf.warn(f"{self._main}: what its slicer says of {what} is damaged, and left out.")
 
     def _judge(self, shown: list[tuple[str, str]]) -> None:
-        """Raises SceneError where components of components are more than fit, before any is placed."""
+        """Raises SceneError if nested components expand to too many objects, before any is added."""
 
         def below(key: tuple[str, str]) -> list[tuple[str, str]]:
             if key == _BUILD:
@@ -297,7 +301,10 @@ class _Reader:
         return self._models[key]
 
     def _place(self, path: str, number: str, place: F64, depth: int, color: str | None = None, parent: str | None = None) -> None:
-        """color: of the filament that what holds it is printed with. parent: the object whose component it is."""
+        """Adds an object and its components at a transform.
+
+        color: of the filament of the containing object; parent: the containing object's id.
+        """
         color = (self._filaments.parts if depth else self._filaments.objects).get(number, color)
         model = self._model(path)
         found = model.objects.get(number)
@@ -319,7 +326,7 @@ class _Reader:
                 raise SceneError(f"{self._main}: places more than {MAX_INSTANCES} objects; fewer fit")
 
     def _meshes(self, model: _Model, made: _Object, number: str, plain: int) -> Iterator[int]:
-        """The description's meshes of an object, one for each material; plain: of what names none."""
+        """Yields the description's meshes of an object, one per material. plain: the material of triangles without one."""
         points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
@@ -394,19 +401,22 @@ class _Reader:
         return self._materials[key]
 
     def _add(self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int) -> int:
-        """A mesh of some triangles; uvs and colors are those of corners, which then share no vertex."""
+        """Adds a mesh of some triangles and returns its index.
+
+        uvs and colors are per corner; with them corners share no vertices.
+        """
         if uvs is None and colors is None:
             used, triangles = used_among(corners, len(points))
         else:
             used, triangles = corners.reshape(-1), np.arange(corners.size)
         mesh = Mesh(name, points[used], triangles.reshape(-1, 3).astype(np.int32), None, uvs, material, None, colors)
         self._description.meshes.append(mesh)
-        self._surfaces.append(len(self._made))  # the meshes of an object are one
+        self._surfaces.append(len(self._made))  # the meshes of an object share a surface
         return len(self._description.meshes) - 1
 
 
 def _sorted_out(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-    """Each value that there is, ascending, and the rows that have it."""
+    """Yields each distinct value, ascending, with the rows that have it."""
     order = np.argsort(values, kind="stable")
     begins = np.flatnonzero(np.diff(values[order], prepend=values.min(initial=0) - 1))
     for begin, end in pairwise([*begins.tolist(), len(order)]):

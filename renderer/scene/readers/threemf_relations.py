@@ -1,4 +1,4 @@
-"""The relations of a part of a 3MF package: what other parts it leads to, and as what (ECMA-376 part 2)."""
+"""Relationships of a part of a 3MF package to other parts (ECMA-376 part 2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["relations_of"]
 
 
 def relations_of(data: bytes) -> list[tuple[str, str]]:
-    """Targets and types of a part's relations."""
+    """Returns (target, type) pairs of a part's relationships."""
     found: list[tuple[str, str]] = []
     parser = expat.ParserCreate()
 

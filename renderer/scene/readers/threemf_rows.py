@@ -1,7 +1,7 @@
-"""The long lists of 3MF's meshes, read in one go: rows that are all written alike, as programs do, need no XML parser.
+"""Fast parser for 3MF's long lists of vertices and triangles: uniformly written rows need no XML parser.
 
-Such a list is taken out of the XML, and a processing instruction with its number stands in its place. So the parser itself says
-where it belongs, whatever else there is: empty lists, lists with attributes, comments with lists in them.
+Such a list is cut out of the XML, and a processing instruction with its number is left in its place. The XML parser then reports
+where the list belongs, whatever surrounds it: empty lists, lists with attributes, comments that contain lists.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from renderer.kernel.text.rows import read_rows
 
 __all__ = ["MARK", "Rows", "cut_out", "transform_of"]
 
-MARK = "rayfarm-rows"  # of the processing instruction
+MARK = "rayfarm-rows"  # target of the processing instruction
 
 _LIST = re.compile(rb"<((?:\w+:)?(vertices|triangles))\s*>")
 _OPENING = re.compile(rb"<(?:\w+:)?(?P<tag>\w+)\s+(?P<name>[A-Za-z]\w*)\s*=\s*\"")
@@ -30,7 +30,7 @@ _MOST_ROW = 1000  # bytes
 
 
 class Rows(NamedTuple):
-    """A list's columns, by their attributes' names; all as long."""
+    """Columns of a list by attribute names, all of the same length."""
 
     columns: dict[str, npt.NDArray[Any]]
 
@@ -38,14 +38,14 @@ class Rows(NamedTuple):
         return len(next(iter(self.columns.values())))
 
     def stacked(self, names: tuple[str, ...]) -> npt.NDArray[Any]:
-        """(N, len(names)). Raises KeyError where one is not there."""
+        """Returns (N, len(names)) values. Raises KeyError if a column is missing."""
         return np.stack([self.columns[name] for name in names], axis=1)
 
 
 def cut_out(data: bytes) -> tuple[bytes, list[Rows]]:
-    """A part's XML without its lists of vertices and triangles, and these by their numbers.
+    """Returns a part's XML without its lists of vertices and triangles, and those lists by number.
 
-    A list whose rows differ is left as it is, for the parser.
+    A list with differently written rows is left in the XML.
     """
     text = np.frombuffer(data, np.uint8)
     found: list[Rows] = []
@@ -70,7 +70,7 @@ def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: b
         return None
     names, words = alike
     starts = np.cumsum([0, *map(len, words)])
-    least = int(starts[-1]) + len(names)  # bytes of a row: of each number one at least
+    least = int(starts[-1]) + len(names)  # minimum bytes of a row: one per number
     table = np.empty(((end - begin) // least, len(names)), np.float64)
     count = read_rows(text, begin, end, np.frombuffer(b"".join(words), np.uint8), starts, table)
     if count < 1:
@@ -85,7 +85,7 @@ def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: b
 
 
 def _alike(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
-    """The attributes of a list's first row, and what stands before, between and after their values; None where it is no row."""
+    """Returns the attributes of a list's first row and the text before, between and after their values; None if it is no row."""
     names: list[bytes] = []
     words: list[bytes] = []
     pattern, at = _OPENING, 0
@@ -103,7 +103,7 @@ def _alike(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
 
 
 def transform_of(words: str) -> npt.NDArray[np.float64]:
-    """(4, 4) on column vectors, of 3MF's twelve numbers on rows."""
+    """Returns the (4, 4) matrix on column vectors from 3MF's twelve numbers, which are for row vectors."""
     found = np.eye(4)
     if words.strip():
         numbers = [float(word) for word in words.split()]

@@ -1,7 +1,7 @@
-"""Which filament slicers print a 3MF's objects with: Bambu Studio, Orca and PrusaSlicer keep that in files of their own.
+"""Filament colours of a 3MF's objects, from the configuration files of Bambu Studio, Orca and PrusaSlicer.
 
-Metadata/model_settings.config says of each object and of each of its parts the extruder, from 1; project_settings.config the
-colour of each filament. PrusaSlicer's files are Slic3r_PE_model.config and Slic3r_PE.config.
+Metadata/model_settings.config has the extruder, from 1, of each object and part; project_settings.config has the colour of each
+filament. PrusaSlicer's files are Slic3r_PE_model.config and Slic3r_PE.config.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from renderer.scene.readers.xml import refuse_entities
 
 __all__ = ["MODELS", "PAINTED", "Filaments", "filaments_of"]
 
-PAINTED = ("paint_color", "mmu_segmentation")  # of triangles, whose colours a slicer's brush has changed
+PAINTED = ("paint_color", "mmu_segmentation")  # attributes of triangles painted in a slicer
 MODELS = ("metadata/model_settings.config", "metadata/slic3r_pe_model.config")
 _BAMBU, _PRUSA = "metadata/project_settings.config", "metadata/slic3r_pe.config"
 _COLOR = re.compile(r"#[0-9A-Fa-f]{6}(?:[0-9A-Fa-f]{2})?")
@@ -25,7 +25,7 @@ _EXTRUDERS = re.compile(r"(?m)^; (?:extruder|filament)_colour = (.+)$")
 
 
 class Filaments(NamedTuple):
-    """Colours as #RRGGBB: of objects, and of parts of objects, by their ids."""
+    """Colours as #RRGGBB, of objects and of parts of objects, by ids."""
 
     objects: dict[str, str] = {}  # noqa: RUF012 - never written to
     parts: dict[str, str] = {}  # noqa: RUF012
@@ -33,7 +33,7 @@ class Filaments(NamedTuple):
 
 
 def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str) -> Filaments:
-    """Those of a package. names: of its files, in lower case. Damaged files give none."""
+    """Returns the filament colours of a package. names: its files, in lower case. Damaged files have none."""
     model = next((name for name in MODELS if name in names), None)
     if model is None:
         return Filaments()

@@ -1,4 +1,4 @@
-"""What trimesh reads for us: STL in text and Collada, with their scene graph, materials and textures where they have any."""
+"""Formats read by trimesh: text STL and Collada, with scene graph, materials and textures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["read", "read_data"]
 
 
-logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what it logs of damaged files, our errors and warnings say
+logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # our own errors and warnings report damaged files
 
 
 def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
@@ -39,7 +39,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
 
 
 def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, description: SceneDescription) -> None:
-    """The same of a file's bytes, of the format that a suffix names. Raises SceneError."""
+    """Adds the scene in a file's bytes to the description. suffix: of its format. Raises SceneError."""
     if suffix == ".dae":
         refuse_entities(data, main)
     shelf = TextureShelf(description, files)
@@ -83,7 +83,7 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
 
 
 def _points(geometry: Any) -> F32 | None:
-    """The points of what has no faces; None of a surface."""
+    """Returns the points of geometry without faces; None for a surface."""
     if isinstance(geometry, trimesh.PointCloud) or (isinstance(geometry, trimesh.Trimesh) and len(geometry.faces) == 0):
         points = exact(np.asarray(geometry.vertices))
         return points if points.ndim == 2 and points.shape[1] == 3 and len(points) else None
@@ -106,7 +106,7 @@ def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
     whole = filled(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
     triangles = triangles[whole]
     mesh = Mesh(name, positions, triangles.astype(np.int32))
-    # trimesh makes normals where a file has none; only those that the file gave are in its cache.
+    # trimesh computes missing normals; only those of the file are in its cache.
     own = geometry._cache.cache.get("vertex_normals")
     mesh.normals = None if own is None or len(own) != len(positions) else np.asarray(own, np.float32)
     uvs = getattr(geometry.visual, "uv", None)
@@ -179,9 +179,9 @@ def _texture(image: Any, shelf: TextureShelf) -> int | None:
 
 
 class _Resolver(trimesh.resolvers.Resolver):
-    """What trimesh gets when it asks for a texture: a picture of one pixel that carries the file's name.
+    """Resolves trimesh's texture requests with one-pixel images that contain the file's name.
 
-    trimesh would decode whatever the file holds; so the decoding, with its limits, stays with renderer/image/read.py.
+    Textures are decoded later by renderer/image/read.py, with its limits, rather than by trimesh.
     """
 
     KEY = "rayfarm-file"

@@ -8,7 +8,7 @@ import numpy.typing as npt
 __all__ = ["BASES", "STEPS", "curve_weights", "tubes"]
 
 F64 = npt.NDArray[np.float64]
-STEPS = 6  # lines that a cubic segment is cut into
+STEPS = 6  # lines per cubic segment
 
 BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
@@ -18,7 +18,7 @@ BASES = {
 
 
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
-    """(samples, count): what samples along a curve are of its points; and (samples, varying) of its values at segments' ends."""
+    """Returns (samples, count) weights of the control points, and (samples, varying) weights of values at segment ends."""
     if basis == "linear":
         closed = wrap == "periodic" and count > 2
         lines = np.eye(count)
@@ -41,7 +41,7 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
             row, end = np.zeros(count), np.zeros(varying)
             for k in range(4):
                 at = index(s * step + k)
-                # Beyond the ends of a pinned curve lie points that have it begin and end at its own: 2 p0 - p1.
+                # Pinned curves get phantom end points, such as 2 p0 - p1, so that they begin and end at their own points.
                 if at < 0:
                     row[0] += 2 * own[k]
                     row[1] -= own[k]
@@ -58,7 +58,7 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
 
 
 def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, F64, F64 | None, npt.NDArray[np.int64]]:
-    """(positions, normals, colours, triangles) of tubes around (N, S, 3) lines, with flat ends."""
+    """Returns (positions, normals, colours, triangles) of tubes around (N, S, 3) polylines, with flat ends."""
     count, samples = lines.shape[:2]
     tangents = np.empty_like(lines)
     tangents[:, 1:-1] = lines[:, 2:] - lines[:, :-2]
@@ -67,7 +67,7 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, 
     across = np.empty_like(lines)
     least = np.eye(3)[np.argmin(np.abs(tangents[:, 0]), axis=1)]
     side = np.cross(tangents[:, 0], least)
-    for s in range(samples):  # carried along without twisting
+    for s in range(samples):  # parallel transport of the frame
         side = side - tangents[:, s] * np.einsum("ni,ni->n", side, tangents[:, s])[:, None]
         side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-30)
         across[:, s] = side

@@ -1,4 +1,4 @@
-"""A picture of all directions whose sphere is turned about any axis, or mirrored: resampled, as it is seen upright."""
+"""Resampling of equirectangular images under rotation or reflection of the sphere."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from renderer.scene.readers.linear_images import linear
 
 __all__ = ["FROM_PLUS_Z", "seen_upright"]
 
-FROM_PLUS_Z = np.diag([-1.0, 1.0, -1.0])  # of a picture whose middle looks along +Z, as ours does along -Z
+FROM_PLUS_Z = np.diag([-1.0, 1.0, -1.0])  # for images with their centre at +Z; ours have it at -Z
 
 
 def seen_upright(image: Image, turn: Matrix, least_height: int = 1) -> Image:
-    """An equirectangular image as it is seen when its sphere is turned.
+    """Returns an equirectangular image with its sphere rotated.
 
-    turn: (3, 3), orthonormal, from the picture's directions, whose middle is -Z, to those of the world. least_height: pixels of
-    the result, which is twice as wide as high.
+    turn: (3, 3) orthonormal, from the image's directions, centre at -Z, to world directions. least_height: minimum height in
+    pixels of the result, which is twice as wide as high.
     """
     pixels = linear(image)
     height = max(pixels.shape[0], least_height)
     theta = (np.arange(height) + 0.5)[:, None] * np.pi / height
     phi = (np.arange(2 * height) + 0.5)[None, :] * np.pi / height - np.pi
     directions = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)), axis=-1)
-    x, y, z = np.moveaxis(directions @ turn, -1, 0)  # by the inverse, which is the transposed
+    x, y, z = np.moveaxis(directions @ turn, -1, 0)  # rows times matrix: the inverse rotation
     row = np.arccos(np.clip(y, -1, 1)) / np.pi * pixels.shape[0] - 0.5
     column = (np.arctan2(x, -z) + np.pi) / (2 * np.pi) * pixels.shape[1] - 0.5
     return Image(f"{image.name} turned", _mixed(pixels, row, column), srgb=False)
 
 
 def _mixed(pixels: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """Bilinear; around the edge to the left and right."""
+    """Returns bilinear samples; columns wrap around."""
     height, width = pixels.shape[:2]
     above, left = np.floor(row).astype(int), np.floor(column).astype(int)
     down, right = (row - above)[..., None], (column - left)[..., None]

@@ -1,9 +1,9 @@
-"""What assimp opens and nothing of ours does: Collada and the long tail of older programs' files.
+"""Reader for formats supported by assimp only: Collada and older or rare ones.
 
-library.py   assimp itself, and all that it found in a file, copied out of it
-animation.py its animations: where nodes are at a moment
-materials.py its materials and pictures
-reader.py    all of them as a scene
+library.py   the binding to assimp, which copies its results
+animation.py node transforms at a moment
+materials.py materials and images
+reader.py    the driver
 """
 
 from renderer.scene.readers.assimp.reader import read

@@ -1,4 +1,4 @@
-"""assimp's animations: where each node is at a moment."""
+"""Evaluation of assimp's animations: the transform of each node at a moment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Movement:
-    """A file's nodes in the world at a moment, and which of them are elsewhere at another."""
+    """The world transforms of a file's nodes at a moment, and the set of animated nodes."""
 
     def __init__(self, imported: Imported, moment: Moment, fps: float, file: str) -> None:
         animations = imported.animations
@@ -53,7 +53,7 @@ class Movement:
 
 
 def _sane(times: F64, values: F64) -> tuple[F64, F64]:
-    """Keys in the order of their times."""
+    """Returns keys sorted by time."""
     order = np.argsort(times, kind="stable")
     return times[order], values[order]
 
@@ -65,7 +65,7 @@ def _moves(channel: Channel) -> bool:
 
 
 def _parts(matrix: F64) -> tuple[list[float], F64, list[float]]:
-    """Place, rotation and scale of a matrix."""
+    """Returns translation, rotation and scale of a matrix."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     if np.linalg.det(matrix[:3, :3]) < 0:
         scale[0] = -scale[0]
@@ -74,7 +74,7 @@ def _parts(matrix: F64) -> tuple[list[float], F64, list[float]]:
 
 
 def _matrix(quaternion: list[float]) -> F64:
-    """The rotation of a quaternion x y z w of any length."""
+    """Returns the rotation matrix of a quaternion x y z w of any length."""
     x, y, z, w = quaternion
     square = ((x * x + y * y) + z * z) + w * w
     s = 2.0 / square if square > 0 else 0.0

@@ -1,9 +1,9 @@
-"""Text files with coordinates far from the origin, which assimp reads as float32: imported a second time about their centres.
+"""Exact import of text files with coordinates far from the origin, which assimp reads as float32.
 
-Float32 rounds coordinates of a map projection (1e5 ... 6e6) to as little as 0.5. Numbers of a file that lie close together and
+Float32 rounds coordinates of a map projection (1e5 ... 6e6) to as little as 0.5. Numbers of a file that are close together and
 far from zero, such as all northings, form a cluster. The file is imported once as it is, and once with the clusters' centres
-subtracted. Comparing both tells which axis of a mesh, a node, a light or a camera lies in which cluster; the second import then
-has the exact coordinates about the centre. All that is not a place is taken from the first.
+subtracted. A comparison shows which axis of a mesh, node, light or camera belongs to which cluster; the second import then
+has the exact coordinates about the centre. All data other than positions is taken from the first.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ _TEXT = (
     ".x",
     ".x3d",
     ".xgl",
-)  # whose importers read decimal numbers
+)  # text formats with decimal numbers
 _NUMBER = re.compile(rb"(?<![\w.+#&-])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
-# What holds indices, counts and angles: Collada's elements, X3D's attributes.
+# Collada's elements and X3D's attributes with indices, counts and angles.
 _INDICES = re.compile(
     rb"<(?:p|h|v|vcount|rotate|skew|scale)\b[^>]*>[^<]*|\b(?:\w*Index|count|rotation|orientation|scale)\s*=\s*[\"'][^\"']*"
 )
 _LEAST, _LARGE = 64.0, 4096.0  # float32 rounds to 4e-6, and to 2.5e-4
-_FAR = 16.0  # sizes of a cluster: as of a scene in renderer/scene/origin.py
+_FAR = 16.0  # in cluster sizes, as in renderer/scene/origin.py
 _ULPS = 4 * 2.0**-24
 _ALIKE = 0.3
 
 
 def import_exactly(data: bytes, name: str) -> Imported:
-    """Returns all that assimp finds in a file's bytes (`import_file`), with far coordinates in float64. Raises SceneError."""
+    """Returns the contents of a file as `import_file` does, with far coordinates in float64. Raises SceneError."""
     found = import_file(data, name)
     if PurePosixPath(name).suffix.lower() not in _TEXT:
         return found
@@ -72,7 +72,7 @@ def import_exactly(data: bytes, name: str) -> Imported:
 
 
 def _about_centres(data: bytes) -> tuple[bytes, F64]:
-    """Returns (the text with the centre of its cluster subtracted from each far number, the centres (n,))."""
+    """Returns (the text with each far number reduced by its cluster's centre, the centres (n,))."""
     indices = [match.span() for match in _INDICES.finditer(data)]
     starts = np.array([first for first, _ in indices], np.int64)
     ends = np.array([end for _, end in indices], np.int64)
@@ -105,7 +105,7 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
 
 
 def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
-    """Returns what was subtracted from points (n, 3), for each axis 0 or a centre; None if the two are not the same points."""
+    """Returns the offset subtracted from points (n, 3), per axis 0 or a centre; None if the two sets are not the same points."""
     if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
         return None
     boxes = [np.stack([points.min(axis=0), points.max(axis=0)]).astype(np.float64) for points in (found, near)]
@@ -129,14 +129,16 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
     if offset is None or not offset.any():
         return found
     local = found.local.copy()
-    if np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE:  # a view to a far place is exact in the second alone
+    if (
+        np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE
+    ):  # a view of a far target is exact only in the second
         local[:3, :3] = near.local[:3, :3]
     local[:3, 3] = near.local[:3, 3] + offset
     return replace(found, local=local)
 
 
 def _seen(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
-    """A lamp or a camera."""
+    """Returns a light or camera at its exact position."""
     offset = _offset(found.position[None], near.position[None], centres)
     if offset is None or not offset.any():
         return found

@@ -1,6 +1,6 @@
-"""assimp through the C interface that the wheel `assimp-py` carries: its Python objects leave out animation, cameras and lights.
+"""Binding to assimp's C interface from the wheel `assimp-py`, whose Python objects lack animation, cameras and lights.
 
-A file is given as bytes, so that nothing beside it is opened. All that was found is copied, and assimp's own memory given back.
+A file is passed as bytes, so that assimp opens no other file. Results are copied, and assimp's memory is freed.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ __all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node",
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
 
-_INCOMPLETE = 0x1  # of a scene's flags
-_KNOWN = (5, 6)  # major versions, whose structures are those below
+_INCOMPLETE = 0x1  # scene flag
+_KNOWN = (5, 6)  # major versions with the structures below
 _JOIN, _INVALID, _UVS = 0x2, 0x20000, 0x40000
 _STEPS = _JOIN | _INVALID | _UVS
 _POINTS, _LINES, _TRIANGLES, _POLYGONS = 1, 2, 4, 8  # aiPrimitiveType
 MAX_NODES = 200_000
-# Settings that keep importers from opening a second file. In memory there is one file only, and assimp hands it out under every
+# Settings that stop importers from opening a second file. In memory there is one file, which assimp returns under every
 # name: an SMD file was read again as a list of animations, once for each of its lines.
 _SETTINGS = {b"IMPORT_SMD_LOAD_ANIMATION_LIST": 0, b"IMPORT_MD5_NO_ANIM_AUTOLOAD": 1}
 
-# What assimp logs as a warning or an error of a part of a file, and no picture depends on.
+# Logged warnings and errors that do not affect the image.
 _IDLE = (
     "Collada: Orthographic cameras are not supported",  # renderer/scene/readers/collada.py reads them
     "Collada: Unexpected effect input mapping",
@@ -45,7 +45,7 @@ _IDLE = (
     "Simplified dummy tracks",
     "Unexpected ThumbNailHdrSize",
 )
-MAX_SAID = 50  # sentences of assimp that are kept, of a file
+MAX_SAID = 50  # distinct log messages per file
 
 _u, _f, _d, _p = ctypes.c_uint32, ctypes.c_float, ctypes.c_double, ctypes.c_void_p
 
@@ -105,7 +105,7 @@ _Log = _structure(("callback", _Said), ("user", _p))
 
 @dataclass
 class Node:
-    """parent: of the nodes before it, -1 for the root."""
+    """A node. parent: index of an earlier node, -1 for the root."""
 
     name: str
     parent: int
@@ -115,7 +115,7 @@ class Node:
 
 @dataclass
 class Bone:
-    """Which vertices a node carries, and by how much; offset: (4, 4) from the mesh's space into the node's."""
+    """The vertices and weights that a node deforms; offset: (4, 4) from mesh space to the node's space."""
 
     node: str
     offset: F64
@@ -135,13 +135,16 @@ class Shape:
     colors: F32 | None
     material: int
     bones: list[Bone] = field(default_factory=list)
-    unfilled: int = 0  # concave polygons that could not be cut
-    more_sets: int = 0  # of texture coordinates beyond two, and of colours beyond one
+    unfilled: int = 0  # number of concave polygons that could not be triangulated
+    more_sets: int = 0  # UV sets beyond two, and colour sets beyond one
 
 
 @dataclass
 class Lamp:
-    """A light on the node of its name. kind: 1 directional, 2 point, 3 spot, 4 ambient, 5 area. Angles are whole, in radians."""
+    """A light on the node of its name. kind: 1 directional, 2 point, 3 spot, 4 ambient, 5 area.
+
+    Angles are full angles in radians.
+    """
 
     node: str
     kind: int
@@ -156,7 +159,7 @@ class Lamp:
 
 @dataclass
 class Camera:
-    """A camera on the node of its name. fov: horizontal, radians; aspect and width 0 where they are not said."""
+    """A camera on the node of its name. fov: horizontal, radians; aspect and width are 0 if not set."""
 
     node: str
     position: F64
@@ -164,12 +167,12 @@ class Camera:
     towards: F64
     fov: float
     aspect: float
-    width: float  # half, of an orthographic one
+    width: float  # half width if orthographic
 
 
 @dataclass
 class Channel:
-    """How a node moves: keys by time in seconds. turns: quaternions x y z w."""
+    """The animation of a node: keys by time in seconds. turns: quaternions x y z w."""
 
     node: str
     places: tuple[F64, F64]
@@ -179,7 +182,7 @@ class Channel:
 
 @dataclass
 class Animation:
-    """What moves together. others: its channels of whole meshes and of morphs, which are not read."""
+    """An animation. others: number of mesh and morph channels, which are not supported."""
 
     name: str
     seconds: float
@@ -189,7 +192,7 @@ class Animation:
 
 @dataclass
 class Imported:
-    """All of a file. Materials are {(key, semantic): value}, of which textures have semantics 1 ..., else 0."""
+    """The contents of a file. Materials are {(key, semantic): value}; semantics are 1 or more for textures, otherwise 0."""
 
     nodes: list[Node]
     meshes: dict[int, Shape]
@@ -198,11 +201,11 @@ class Imported:
     lamps: list[Lamp]
     cameras: list[Camera]
     animations: list[Animation]
-    loose: int  # meshes of lines and points
+    loose: int  # number of line and point meshes
     morphs: int
-    stacked: int = 0  # textures of materials beyond the first of their kind
+    stacked: int = 0  # number of textures beyond the first of a type
     is_whole: bool = True
-    said: Counter[str] = field(default_factory=Counter)  # what assimp warns of, and how often
+    said: Counter[str] = field(default_factory=Counter)  # count by log message
 
 
 @functools.cache
@@ -225,7 +228,7 @@ def _library() -> Any:
 
 
 def import_file(data: bytes, name: str) -> Imported:
-    """All that assimp finds in a file's bytes; the name says of which kind it is. Raises SceneError."""
+    """Returns the contents of a file from its bytes; the name's suffix is its format. Raises SceneError."""
     if not data:
         raise SceneError(f"{name}: is empty; export it again")
     library = _library()
@@ -256,7 +259,7 @@ def import_file(data: bytes, name: str) -> Imported:
 
 
 def _note(line: bytes, said: Counter[str]) -> None:
-    """Counts a line of assimp's log if it is a warning or an error: `Warn,  T0: 3DS: Skipping TCB animation info`."""
+    """Counts a line of assimp's log if it is a warning or an error, such as `Warn,  T0: 3DS: Skipping TCB animation info`."""
     kind, _, text = line.decode("utf-8", "replace").strip().partition(": ")
     text = " ".join(text.split())[:160].rstrip(".")
     if kind.startswith(("Warn", "Error")) and not text.startswith(_IDLE) and (text in said or len(said) < MAX_SAID):
@@ -309,7 +312,7 @@ def _copied(scene: Any, name: str) -> Imported:
 
 
 def _pointed(address: int | None, count: int, kind: Any) -> list[Any]:
-    """The structures that a table of pointers leads to."""
+    """Returns the structures in a table of pointers."""
     if not address or not count:
         return []
     table = (ctypes.c_void_p * count).from_address(address)
@@ -377,7 +380,7 @@ def _material(material: Any) -> dict[tuple[str, int], Any]:
         if said.index or not said.data:
             continue
         data = ctypes.string_at(said.data, said.length)
-        if said.kind == 3:  # a string: its length in four bytes, itself, and a 0
+        if said.kind == 3:  # a string: length in four bytes, text, 0
             found[key] = data[4 : 4 + int.from_bytes(data[:4], "little")].decode("utf-8", "surrogateescape")
         elif said.kind in (1, 2, 4):
             found[key] = np.frombuffer(
@@ -390,13 +393,13 @@ def _material(material: Any) -> dict[tuple[str, int], Any]:
 
 
 def _texture(texture: Any) -> tuple[str, bytes]:
-    """Of one within the file, its name and bytes; those of bare pixels have none."""
+    """Returns the name and bytes of an embedded texture; the bytes of uncompressed pixels are empty."""
     size = texture.width if texture.height == 0 else 0
     return str(texture.name), ctypes.string_at(texture.data, size) if texture.data and size else b""
 
 
 def _animation(animation: Any, number: int) -> Animation:
-    ticks = animation.ticks if animation.ticks > 0 else 25.0  # as assimp's own viewer has it
+    ticks = animation.ticks if animation.ticks > 0 else 25.0  # default of assimp's viewer
     channels = []
     for channel in _pointed(animation.channels, animation.num_channels, _Channel):
         places = _array(channel.places, channel.num_places, _PLACE)

@@ -1,4 +1,4 @@
-"""assimp's materials as ours."""
+"""Conversion of assimp's materials."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _WRAPS: dict[int, Wrap] = {0: "repeat", 1: "clamp", 2: "mirror", 3: "clamp"}
 _MATTE = (1, 2, 9)  # aiShadingMode: flat, Gouraud, none
 _UNSHADED = 9
 _MAX_RADIANCE = 1e9
-# Properties that no picture depends on, or that others repeat: opacity says what these two say of transparency.
-# Of how a texture is mapped assimp makes texture coordinates.
+# Properties without effect on the image or redundant ones: opacity includes both kinds of transparency.
+# assimp converts texture mappings to UVs.
 _IDLE = (
     "$clr.ambient",
     "$clr.transparent",
@@ -39,11 +39,11 @@ _IDLE = (
     "$tex.mapping",
     "$tex.mapaxis",
 )
-_NEUTRAL = {  # values that change nothing, of those not asked for; 0 of the others
+_NEUTRAL = {  # neutral values of unread properties; 0 for others
     "$clr.specular": (0.0, 1.0),
     "$mat.bumpscaling": (1.0,),
     "$mat.refracti": (0.0, 1.0, 1.5),
-    "$mat.shininess": tuple(map(float, range(1001))),  # of what does not shine
+    "$mat.shininess": tuple(map(float, range(1001))),  # irrelevant without specular reflection
     "$mat.shinpercent": (0.0, 1.0),
     "$mat.shadingm": tuple(map(float, range(12))),
     "$tex.blend": (1.0,),
@@ -52,14 +52,14 @@ _NEUTRAL = {  # values that change nothing, of those not asked for; 0 of the oth
 
 
 class _Asked(dict[tuple[str, int], Any]):
-    """What a file says of a material, which remembers what was asked for."""
+    """The properties of a material; records which were read."""
 
     def __init__(self, said: dict[tuple[str, int], Any]) -> None:
         super().__init__(said)
         self._asked: set[tuple[str, int]] = set()
 
     def get(self, key: tuple[str, int], default: Any = None) -> Any:
-        """A property's value, or the default."""
+        """Returns a property's value, or the default."""
         self._asked.add(key)
         return super().get(key, default)
 
@@ -69,7 +69,7 @@ class _Asked(dict[tuple[str, int], Any]):
         return super().__contains__(key)
 
     def left(self) -> list[str]:
-        """The names of properties that were not asked for and change a picture."""
+        """Returns the names of unread properties that affect the image."""
         found = []
         for (key, kind), value in self.items():
             name = key.rpartition(".")[2]
@@ -84,16 +84,16 @@ class _Asked(dict[tuple[str, int], Any]):
 
 
 class Materials:
-    """The description's materials by the file's numbers."""
+    """The description's materials by the file's indices."""
 
     def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
         self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
         self._known: dict[int, int] = {}
-        self.odd: Counter[str] = Counter()  # what is not taken over
+        self.odd: Counter[str] = Counter()  # count by unsupported content
         self._inside = {name: i for i, (name, _) in reversed(list(enumerate(imported.textures)))}
 
     def number(self, source: int) -> int:
-        """The description's number of one of the file's."""
+        """Returns the description's index of one of the file's materials."""
         if source not in self._known:
             sources = self._imported.materials
             self._materials.append(self._read(_Asked(sources[source])) if 0 <= source < len(sources) else Material())
@@ -139,7 +139,7 @@ class Materials:
         shininess = _number(said, "$mat.shininess", 0.0)
         if max(r, g, b) > 0 and shininess > 1 and int(_number(said, "$mat.shadingm", 3)) not in _MATTE:
             material.kind, material.specular_color = "metallic_roughness", (r, g, b)
-            material.roughness = unit((2 / (shininess + 2)) ** 0.25)  # as MTL's exponent
+            material.roughness = unit((2 / (shininess + 2)) ** 0.25)  # as for MTL
 
     def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
         opacity = unit(_number(said, "$mat.opacity", 1.0))
@@ -192,7 +192,7 @@ class Materials:
 
 
 def _transform(given: Any, is_x3d: bool) -> UvTransform:
-    """How a texture lies, of assimp's offset, scale and turn about the middle; in X3D about the corner, and moved first."""
+    """Returns a UV transform from assimp's offset, scale and rotation about the centre (X3D: about the corner, offset first)."""
     if not isinstance(given, np.ndarray) or len(given) < 5 or not np.isfinite(given[:5]).all():
         return UNMOVED
     x, y, wide, high, turn = (float(v) for v in given[:5])
@@ -202,7 +202,7 @@ def _transform(given: Any, is_x3d: bool) -> UvTransform:
         [(1, 0, -middle), (0, 1, -middle), (0, 0, 1)]
     )
     upward = scaled @ turned @ moved if is_x3d else moved @ turned @ scaled
-    flip = np.array([(1, 0, 0), (0, -1, 1), (0, 0, 1)])  # counted from the lower edge there, from the upper here
+    flip = np.array([(1, 0, 0), (0, -1, 1), (0, 0, 1)])  # from v upwards to v downwards
     a, b, c, d, e, f = (float(v) for v in (flip @ upward @ flip)[:2].reshape(-1))
     return a, b, c, d, e, f
 

@@ -1,4 +1,4 @@
-"""A file that assimp opens, as a scene at a moment."""
+"""Reader of a file that assimp opens, at a moment."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ __all__ = ["read"]
 F64 = npt.NDArray[np.float64]
 
 _DIRECTIONAL, _POINT, _SPOT, _AMBIENT = 1, 2, 3, 4
-_ASPECT = 16 / 9  # of a camera that does not say
+_ASPECT = 16 / 9  # of cameras without one
 _MOST = 1e12
-_TEXT = (".ac", ".ac3d", ".ase", ".dxf", ".md5mesh", ".nff", ".ogex", ".smd", ".x")  # which importers read as UTF-8 alone
+_TEXT = (".ac", ".ac3d", ".ase", ".dxf", ".md5mesh", ".nff", ".ogex", ".smd", ".x")  # text formats whose importers require UTF-8
 
 
 def read(
@@ -47,8 +47,10 @@ def read(
     scale: float = 1.0,
     change: Callable[[bytes], bytes] = bytes,
 ) -> None:
-    """Adds the file's scene at a moment to the description, so many times as large. change: what is done to its bytes first.
-    Raises SceneError."""
+    """Adds the file's scene at a moment to the description. Raises SceneError.
+
+    scale: factor of all lengths; change: preprocesses the file's bytes.
+    """
     imported = files.recall(("assimp", main), lambda: _opened(files, main, scale, change))
     shelf = TextureShelf(description, files)
     movement = Movement(imported, moment, DEFAULT_FPS, main)
@@ -70,7 +72,7 @@ def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes]
 
 
 class _Reader:
-    """Puts what assimp found into a description."""
+    """Adds the contents of a file to a description."""
 
     def __init__(
         self,
@@ -90,7 +92,7 @@ class _Reader:
         self._odd: Counter[str] = Counter()
 
     def read(self) -> None:
-        """Adds all of it."""
+        """Adds all contents."""
         first = len(self._description.instances)
         for i, node in enumerate(self._imported.nodes):
             shapes = [number for number in node.meshes if number in self._imported.meshes]
@@ -135,7 +137,7 @@ class _Reader:
         self._description.instances.append(Instance(known, world, name=name, moves=moves))
 
     def _make(self, numbers: list[int]) -> None:
-        """Adds the meshes of a node, which are one surface cut by its materials."""
+        """Adds the meshes of a node, which are parts of one surface with different materials."""
         new = [number for number in numbers if number not in self._numbers]
         if not new:
             return
@@ -147,7 +149,7 @@ class _Reader:
             self._numbers[number] = len(self._description.meshes) - 1
 
     def _skinned(self, shape: Shape, world: F64) -> Mesh:
-        """A mesh in the world where its bones carry it; what none carries stays with the node."""
+        """Returns a mesh in world space, deformed by its bones; vertices without bones follow the node."""
         count = len(shape.positions)
         places = [world]
         vertex, joint, weight = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0, np.float32)]
@@ -186,7 +188,7 @@ class _Reader:
         return found
 
     def _middle(self, first: int) -> F64:
-        """The middle of what is shown."""
+        """Returns the centre of the bounding box of the instances from `first`."""
         corners = []
         for instance in self._description.instances[first:]:
             points = self._description.meshes[instance.mesh].positions
@@ -205,8 +207,8 @@ class _Reader:
         length = float(np.linalg.norm(direction))
         direction = direction / length if length > 0 else np.array([0.0, -1.0, 0.0])
         name = self._unique(lamp.node or "light")
-        # A white surface that faces the light is as bright as the light's colour says: where it fades with the square of the
-        # distance, at the distance 1; where it does not fade, in the middle of the scene.
+        # A white surface that faces the light has the light's colour: with inverse-square falloff
+        # at distance 1, without falloff at the centre of the scene.
         scale = math.pi
         if lamp.kind != _DIRECTIONAL:
             far = float(np.linalg.norm(position - middle))
@@ -253,7 +255,7 @@ class _Reader:
 
 
 def _frames(main: str, files: SceneFiles) -> int:
-    """How many frames or animations a file has that assimp does not read."""
+    """Returns the number of frames or animations of a file that assimp does not read."""
     suffix = PurePosixPath(main).suffix.lower()
     if suffix == ".md5mesh":
         return len(files.siblings(main, (".md5anim",)))
@@ -263,7 +265,7 @@ def _frames(main: str, files: SceneFiles) -> int:
 
 
 def _bare(shape: Shape) -> Mesh:
-    uvs = [np.column_stack([u[:, 0], 1 - u[:, 1]]).astype(np.float32) for u in shape.uvs]  # counted from the lower edge
+    uvs = [np.column_stack([u[:, 0], 1 - u[:, 1]]).astype(np.float32) for u in shape.uvs]  # v upwards to v downwards
     colors = shape.colors
     if colors is not None and (colors == 1).all():
         colors = None

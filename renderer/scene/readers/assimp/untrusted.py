@@ -1,4 +1,4 @@
-"""What is checked before assimp opens a file: anything that would make it follow references, or unpack, until memory runs out."""
+"""Checks before assimp opens a file: references and packages that would expand until memory runs out."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _XML = (".dae", ".x3d", ".xgl", ".amf", ".irrmesh")
 
 
 def judge(data: bytes, main: str) -> None:
-    """Raises SceneError where a file is not to be opened."""
+    """Raises SceneError if a file must not be opened."""
     suffix = PurePosixPath(main).suffix.lower()
     if suffix in _XML:
         refuse_entities(data, main, doctype_too=False)
@@ -26,7 +26,7 @@ def judge(data: bytes, main: str) -> None:
         try:
             x3d_nodes(ElementTree.fromstring(data), main)
         except ElementTree.ParseError:
-            return  # assimp says what is wrong with it
+            return  # assimp reports the error
     if suffix == ".zae":
         _judge_package(data, main)
 

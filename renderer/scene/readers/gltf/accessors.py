@@ -16,9 +16,9 @@ from renderer.scene.readers.gltf.faults import DamagedError
 __all__ = ["Accessors", "as_floats"]
 
 MAX_ELEMENTS = 1 << 26
-MAX_VALUES = 1 << 29  # of all arrays together: an accessor without data costs a hostile file nothing
+MAX_VALUES = 1 << 29  # of all arrays together, since accessors without data make large arrays from small files
 
-MAX_BARE = 1 << 22  # vertices and indices of meshes that are all 0, as no data stands behind them
+MAX_BARE = 1 << 22  # vertices and indices from accessors without data, all 0
 
 _COMPONENT = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -74,9 +74,9 @@ class Accessors:
         return values.reshape(-1)
 
     def judge_bare(self, index: int) -> None:
-        """Counts an accessor without data before a mesh is made of it.
+        """Counts an accessor without data before a mesh uses it.
 
-        Raises SceneError if too many of the file's meshes have none.
+        Raises SceneError if too many meshes of the file use such accessors.
         """
         accessor = self.accessors[index]
         if "bufferView" not in accessor:
@@ -174,7 +174,7 @@ class Accessors:
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
 
     def _replaced(self, values: npt.NDArray[Any], sparse: Json) -> npt.NDArray[Any]:
-        # Specification 3.6.2.3: some elements of an array stand elsewhere.
+        # Sparse accessors (specification 3.6.2.3).
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")
         if places is None or replacements is None:

@@ -49,7 +49,7 @@ class Animations:
         self._times: dict[int, npt.NDArray[np.float64]] = {}
         names = [source.text("name", "") or f"animation {i}" for i, source in enumerate(self._sources)]
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
-        # Blender writes an animation for each object: as none moves what another does, they are meant to be seen together.
+        # Blender writes one animation per object; if no two move the same target, they are played together.
         self._is_of_parts = (
             len(names) > 1 and ALL_CLIPS not in names and files.recall(("clips apart", root.file), self._are_apart)
         )
@@ -57,7 +57,7 @@ class Animations:
             moving = [clip for clip in self.clips if clip.end > clip.start] or self.clips
             self.clips.insert(0, Clip(ALL_CLIPS, min(clip.start for clip in moving), max(clip.end for clip in moving)))
         self.warnings: list[str] = []
-        self.moving: set[Path] = set()  # what has another value at another moment of what is played
+        self.moving: set[Path] = set()  # animated paths of the clips that are played
 
     def at(self, moment: Moment) -> Json:
         """Returns the file's root with animated values in place. Raises SceneError if there is no such clip or it is damaged."""
@@ -123,7 +123,7 @@ class Animations:
     @staticmethod
     @contextlib.contextmanager
     def _left_out(source: Json) -> Iterator[None]:
-        """Counts a DamagedError inside the context as a fault of the file."""
+        """Counts a DamagedError raised inside the context as a fault of the file."""
         try:
             yield
         except DamagedError as fault:
@@ -192,7 +192,7 @@ class Animations:
         turns = kind == "rotation"
         if way != "CUBICSPLINE":
             return Curve(times, values.reshape(len(times), -1), is_step=way == "STEP" or kind == "flag", is_rotation=turns)
-        keys = values.reshape(len(times), 3, -1)  # with which it arrives, the value, with which it leaves
+        keys = values.reshape(len(times), 3, -1)  # in-tangent, value, out-tangent
         return Curve(times, keys[:, 1], slopes=keys[:, ::2], is_rotation=turns)
 
 

@@ -49,15 +49,15 @@ class Json:
         return DamagedError(self.file, self.place(key), what)
 
     def fault(self, key: str, what: str) -> None:
-        """Counts the value of a key as left out."""
+        """Counts the value of a key as left out. what: the rest of the sentence, after the place."""
         self.faults.add(self.wrong(key, what))
 
     def replace(self, key: str, what: str) -> None:
-        """Counts the value of a key as replaced. what: how a sentence goes on from "3 values are"."""
+        """Counts the value of a key as replaced. what: the rest of a sentence that begins "3 values are"."""
         self.faults.replace(self.file, self.place(key), what)
 
     def clamped(self, key: str, value: float, low: float, high: float) -> float:
-        """The value of a key within low..high; counts it where it lies outside by more than float32's precision."""
+        """Returns the value of a key clamped to low..high. Counts a fault if it is outside by more than float32's precision."""
         if not low - _SLACK <= value <= high * (1 + _SLACK) + _SLACK:
             self.replace(key, "out of range and brought into it")
         return min(max(value, low), high)

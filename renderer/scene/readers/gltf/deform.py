@@ -78,7 +78,7 @@ def skinned(mesh: Mesh, bones: Bones, matrices: Matrix) -> Mesh:
     tangents = none if mesh.tangents is None else mesh.tangents
     turned, bent = np.empty(normals.shape, np.float32), none
     if mesh.tangents is not None:
-        bent = mesh.tangents.astype(np.float32)  # whose last column stays
+        bent = mesh.tangents.astype(np.float32)  # the last column (handedness) is unchanged
     arrays = (matrices, bones.joints, bones.weights, mesh.positions, normals, tangents)
     placed = carried(*(read_only(array) for array in arrays), turned=turned, bent=bent)
     result = replace(mesh, positions=placed)

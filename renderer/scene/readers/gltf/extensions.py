@@ -36,7 +36,7 @@ def read_parameters(source: Json, material: Material, textures: Textures, metall
 
 
 def read_extensions(source: Json, material: Material) -> None:
-    """Sets parameters whose numbers have another meaning in extensions. Call it after `read_parameters`."""
+    """Sets parameters whose values need converting, after `read_parameters`."""
     for name, read in _READERS.items():
         found = source.extension(name)
         if found:
@@ -70,12 +70,12 @@ def _value(parameter: Parameter, owner: Json, key: str, material: Material, text
 
 def _ior(source: Json, material: Material) -> None:
     ior = source.number("ior", 1.5)
-    # 0 means that all is reflected
+    # 0 means full reflection
     material.ior = source.clamped("ior", ior, 1.0, ALL_REFLECTING_IOR) if ior > 0 else ALL_REFLECTING_IOR
 
 
 def _volume(source: Json, material: Material) -> None:
-    # The thickness, and its texture, let rasterisers guess at what a path tracer meets: how far it is to the other side.
+    # The thickness and its texture are approximations for rasterisers; a path tracer intersects the far side.
     distance = source.number("attenuationDistance", 0.0)
     material.attenuation_distance = distance if distance > 0 else math.inf
 
@@ -98,5 +98,5 @@ _READERS: dict[str, Callable[[Json, Material], None]] = {
     "KHR_materials_iridescence": _iridescence,
     "KHR_materials_unlit": _unlit,
 }
-# All that is read of materials here.
+# The supported material extensions.
 NAMES = {*_READERS, *(p.gltf.split(".")[0] for p in PARAMETERS if p.gltf and p.gltf.startswith(_EXTENSION))}

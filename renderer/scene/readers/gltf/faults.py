@@ -36,12 +36,12 @@ class Faults:
         self._places.setdefault(fault.what, {})[fault.place] = None
 
     def replace(self, file: str, place: str, what: str) -> None:
-        """Counts a value in whose place another is taken. what: how a sentence goes on from "3 values"."""
+        """Counts a value that is replaced by another. what: the rest of a sentence that begins "3 values"."""
         self._file = file
         self._replaced.setdefault(what, {})[place] = None
 
     def note(self, sentence: str) -> None:
-        """Keeps a sentence about the file as a whole."""
+        """Records a sentence about the file as a whole."""
         self._notes[sentence] = None
 
     def say(self, warn: Callable[[str], None]) -> None:

@@ -49,15 +49,15 @@ class Materials:
         return self._default
 
     def uv_sets(self, index: int | None) -> tuple[int, ...]:
-        """Returns the file's UV sets that meshes with this material keep."""
+        """Returns the file's UV sets that meshes with this material need."""
         return UV_SETS if index is None else self._uv_sets[index]
 
     def depends_on_mesh(self, index: int | None) -> bool:
-        """Whether the material transmits light, so that it depends on the mesh whether there is an inside."""
+        """Whether the material transmits light, so that it must be known whether a mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
     def pane(self, index: int) -> int:
-        """Returns the description's index of the material as a thin sheet, for meshes without an inside."""
+        """Returns the description's index of the material as a thin sheet, for meshes that are not closed."""
         if index not in self._panes:
             self._materials.append(replace(self._materials[self._first + index], thin=True))
             self._panes[index] = len(self._materials) - 1
@@ -101,9 +101,9 @@ class Materials:
         if max(material.emission) > 0:
             material.emission_texture = self._textures.find(source, "emissiveTexture", material.name, srgb=True)
             if material.emission_texture is None and "emissiveTexture" in source:
-                material.emission = (0.0, 0.0, 0.0)  # better dark than a lamp where a few pixels should shine
+                material.emission = (0.0, 0.0, 0.0)  # without its texture the whole surface would emit
 
 
 def _standard(name: str) -> Material:
-    # The specification's default of every property, metallic 1 among them.
+    # The specification's defaults, including metallic 1.
     return Material(name, "metallic_roughness", (1.0, 1.0, 1.0), metallic=1.0, roughness=1.0)

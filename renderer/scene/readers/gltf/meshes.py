@@ -47,7 +47,7 @@ class Meshes:
         self._variants = variants
         self._accessors, self._files = accessors, files
         self._materials, self._shelf, self._meshes, self._moving = materials, shelf, meshes, moving
-        self.restless: set[int] = set()  # the description's meshes that may shine at another moment, or be bent
+        self.restless: set[int] = set()  # the description's meshes with animated emission or shape
         self._file, self._vertices = root.file, 0
         self._sources: dict[int, list[tuple[Primitive, int | None]]] = {}
         self._shaped: dict[tuple[int, tuple[float, ...], str | None], list[int]] = {}

@@ -1,4 +1,4 @@
-"""Which parts of a glTF file are animated, by its channels: the others are kept between frames."""
+"""The animated parts of a glTF file, by its channels; all other parts are reused between frames."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ from renderer.scene.readers.replaced_values import Path
 __all__ = ["Moving"]
 
 _PLACE = ("translation", "rotation", "scale")
-_SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # what decides how the geometry is kept
+_SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # properties that affect how geometry is compiled
 
 
 class Moving:
-    """What moves, by the animated paths in the file's JSON. Nodes inherit motion from their parents."""
+    """The animated nodes, materials and meshes, by the animated paths in the file's JSON.
+
+    Nodes inherit motion from their parents.
+    """
 
     def __init__(self, root: Json, paths: Iterable[Path]) -> None:
-        self.nodes: set[int] = set()  # that are elsewhere, or not shown
-        self.surfaces: set[int] = set()  # materials by the file's numbers
+        self.nodes: set[int] = set()  # with animated transform or visibility
+        self.surfaces: set[int] = set()  # the file's material indices
         self._appearing: set[int] = set()
-        self.meshes: set[int] = set()  # whose own weights move
-        self.reshaped: set[int] = set()  # nodes whose weights do
-        self._shown: set[str] = set()  # as errors call nodes
+        self.meshes: set[int] = set()  # with animated default weights
+        self.reshaped: set[int] = set()  # nodes with animated weights
+        self._shown: set[str] = set()  # by the nodes' paths
         self._shaped: set[str] = set()
         self._where = [node.where for node in root.objects("nodes")]
         self._is_of_places = True
@@ -57,9 +60,7 @@ class Moving:
         return node.where in self._shown
 
     def own_shape(self, node: Json) -> str | None:
-        """Returns a key for a node with animated morph weights of its own, which shares its shape with no other node; None for
-        others.
-        """
+        """Returns a key for a node with its own animated morph weights, whose shape is not shared; None for other nodes."""
         return node.where if node.where in self._shaped else None
 
     @property

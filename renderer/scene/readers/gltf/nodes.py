@@ -1,4 +1,4 @@
-"""A glTF file's hierarchy of nodes: what hangs on them, in its place in the world."""
+"""The node hierarchy of a glTF file: world transforms, and the meshes, lights and cameras on nodes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["RAYS", "VISIBILITY", "Nodes"]
 MAX_NODES = 200_000
 MAX_INSTANCES = 500_000
 VISIBILITY = "KHR_node_visibility"
-RAYS = "RAYFARM_node_rays"  # ours: `camera` and `shadow`, false where such rays pass the node's own mesh by, as Blender has it
+RAYS = "RAYFARM_node_rays"  # ours: `camera` and `shadow` are false if the node's mesh is hidden from such rays
 
 
 class Nodes:
@@ -53,18 +53,18 @@ class Nodes:
         self._names: dict[str, int] = {}
         self._worlds: dict[int, Matrix] = {}  # of the scene's nodes
         self._parents: dict[int, int | None] = {}
-        self._instances: dict[int, tuple[int, int]] = {}  # the description's first one, and that behind the last, of each node
-        self._views: dict[int, int] = {}  # the description's camera
-        self._shining: dict[int, int] = {}  # the description's light
+        self._instances: dict[int, tuple[int, int]] = {}  # (first, end) in the description, by node
+        self._views: dict[int, int] = {}  # index of the description's camera, by node
+        self._shining: dict[int, int] = {}  # index of the description's first light, by node
         self._lacks_view = False
         self._bent: list[int] = []
         self._unskinned: set[str] = set()  # nodes whose skins are unusable
         self._taken = {camera.name for camera in description.cameras}
-        self._known_joints: dict[int, tuple[list[int], bool]] = {}  # of each skin, and whether one of them moves
-        self._carrying: dict[int, Matrix] = {}  # what `_joints` gave of skins
+        self._known_joints: dict[int, tuple[list[int], bool]] = {}  # by skin, and whether any is animated
+        self._carrying: dict[int, Matrix] = {}  # results of `_joints`, by skin
 
     def walk(self) -> None:
-        """Adds them all."""
+        """Adds the meshes, lights and cameras of all nodes of the scene."""
         if len(self._nodes) > MAX_NODES:
             raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
         self._parents, shown_nodes = self._tree()
@@ -72,7 +72,7 @@ class Nodes:
         self._worlds = self._in_world(list(self._parents), {})
         for index in self._parents:
             self._add_camera(index)
-        for index in shown_nodes:  # when all joints are in their places
+        for index in shown_nodes:  # after all joints' world transforms are known
             before, shining = len(self._description.instances), len(self._description.lights)
             self._place(self._nodes[index], self._worlds[index], index in self._moving.nodes)
             self._instances[index] = before, len(self._description.instances)
@@ -81,13 +81,13 @@ class Nodes:
         self._bent = [index for index in shown_nodes if self._is_bent(index)]
 
     def deforming(self) -> set[int]:
-        """The file's meshes whose vertices are others at another moment."""
+        """Returns the file's meshes whose vertices are animated, by morph weights or joints."""
         return {self._nodes[index].integer("mesh") for index in self._bent}
 
     def walk_again(self, root: Json, description: SceneDescription) -> bool:
-        """Puts what moves where the file has it at another moment; the description is a copy of that of the walk.
+        """Updates animated transforms, shapes, lights and cameras to another moment. description: a copy of that of `walk`.
 
-        False where that cannot be said without walking all of it, and the description is spoilt.
+        Returns False if that needs a new walk; the description is then unusable.
         """
         if self._lacks_view:
             return False
@@ -123,7 +123,7 @@ class Nodes:
         return True
 
     def _bend(self, index: int, description: SceneDescription, first: int, end: int) -> None:
-        """Gives a node's meshes the shapes that they have now."""
+        """Replaces the meshes of a node by their deformed shapes at the current moment."""
         node = self._nodes[index]
         matrices = None
         if self._is_skinned(index):
@@ -143,7 +143,7 @@ class Nodes:
         return node.extension(instancing.EXTENSION) is not None
 
     def _is_bent(self, index: int) -> bool:
-        """Whether a node's mesh has other vertices at another moment."""
+        """Whether the vertices of a node's mesh are animated."""
         node = self._nodes[index]
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is None:
@@ -155,7 +155,7 @@ class Nodes:
         return self._joints_of(node.integer("skin"))[1]
 
     def _places(self, node: Json, world: Matrix, most: int) -> Matrix | list[Matrix]:
-        """Where a node shows its mesh; raises SceneError where it does so more often than `most` times."""
+        """Returns the world transforms of a node's mesh, one per instance. Raises SceneError for more than `most`."""
         copies = node.extension(instancing.EXTENSION)
         if copies is None:
             return [world]
@@ -166,7 +166,10 @@ class Nodes:
             return [world]
 
     def _in_world(self, order: list[int], known: dict[int, Matrix]) -> dict[int, Matrix]:
-        """Where nodes are, each after its parent or with that known. All of one depth at once: files have ten thousands."""
+        """Returns world transforms by node. Parents come first in `order` or are in `known`.
+
+        Works level by level of the hierarchy, since files have tens of thousands of nodes.
+        """
         own = dict(zip(order, local([self._nodes[index] for index in order]), strict=True))
         below = {index: parent for index in order if (parent := self._parents[index]) is not None}
         depth: dict[int, int] = {}
@@ -187,7 +190,7 @@ class Nodes:
                     places = product(np.stack(outer), places)
             bad = ~np.isfinite(places).all(axis=(1, 2))
             if bad.any():
-                for i in np.flatnonzero(bad):  # stands where its parent does
+                for i in np.flatnonzero(bad):  # takes its parent's transform
                     node = self._nodes[level[i]]
                     node.faults.add(DamagedError(node.file, node.where, "has a transform that is not finite"))
                     places[i] = outer[i] if depth[level[0]] else np.eye(4)
@@ -195,7 +198,7 @@ class Nodes:
         return worlds
 
     def _tree(self) -> tuple[dict[int, int | None], list[int]]:
-        """The scene's nodes with their parents, each after its parent; and those of them that are shown."""
+        """Returns (parents by node, parents first; visible nodes) of the scene."""
         parents: dict[int, int | None] = {}
         shown_nodes: list[int] = []
         stack: list[tuple[int, int | None, bool]] = [(i, None, True) for i in reversed(self._top())]
@@ -239,7 +242,7 @@ class Nodes:
         self._description.lights += self._lights_on(node, world)
 
     def _show_skinned(self, node: Json, mesh: int, skin: int, name: str) -> bool:
-        """Adds a node's mesh as its skin bends it; False where the skin is unusable, which then counts as a fault."""
+        """Adds a node's mesh deformed by its skin. Returns False if the skin is unusable, which counts as a fault."""
         try:
             found = self._meshes.skinned(mesh, node, self._joints(skin), self._joints_of(skin)[1])
         except DamagedError as fault:
@@ -250,7 +253,7 @@ class Nodes:
         return True
 
     def _lights_on(self, node: Json, world: Matrix, name: str = "") -> list[Light]:
-        """What shines on a node, by that name or the file's own; one that is unusable counts as a fault."""
+        """Returns the lights on a node, named `name` or as in the file; an unusable one counts as a fault."""
         try:
             return self._read_lights(node, world, name)
         except DamagedError as fault:
@@ -276,7 +279,7 @@ class Nodes:
         ]
 
     def _passed_by(self, node: Json, mesh: int) -> int | None:
-        """The material in place of a mesh's own, where some rays pass the node by."""
+        """Returns the material that replaces a mesh's own if the node is hidden from camera or shadow rays; None otherwise."""
         rays = node.extension(RAYS)
         if rays is None:
             return None
@@ -284,14 +287,16 @@ class Nodes:
         return self._meshes.passed_by(mesh, *flags) if any(flags) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
-        """The nodes that are a skin's joints, and whether one of them moves."""
+        """Returns a skin's joint nodes, and whether any of them is animated."""
         if number not in self._known_joints:
             joints = self._skins[number].indices("joints", self._nodes)
             self._known_joints[number] = joints, not self._moving.nodes.isdisjoint(joints)
         return self._known_joints[number]
 
     def _joints(self, number: int) -> Matrix:
-        """(J, 4, 4): from a mesh's space to the world by each joint of a skin. The node's own place counts for nothing."""
+        """Returns (J, 4, 4) transforms from mesh space to world space, one per joint of a skin; the mesh node's transform is
+        ignored.
+        """
         if number not in self._carrying:
             self._carrying[number] = self._carried(self._skins[number], self._joints_of(number)[0])
         return self._carrying[number]
@@ -307,7 +312,7 @@ class Nodes:
         return matrices
 
     def _unique(self, name: str) -> str:
-        """The name, numbered where an earlier node has it: names tell objects apart."""
+        """Returns the name, numbered if an earlier node has the same one."""
         self._names[name] = self._names.get(name, 0) + 1
         return name if self._names[name] == 1 else f"{name} ({self._names[name]})"
 

@@ -1,6 +1,6 @@
-"""Which properties of a file can move: the pointers of KHR_animation_pointer that mean something here.
+"""The animatable properties of a glTF file: the pointers of KHR_animation_pointer that are supported.
 
-Source: glTF 2.0 Asset Object Model, and the README of each extension. What a material has follows from its table.
+Source: glTF 2.0 Asset Object Model, and the README of each extension. Pointers into materials follow from the parameter table.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["IDLE", "Kind", "find", "kind_of", "template"]
 
 Kind = Literal["number", "pair", "triple", "quadruple", "rotation", "list", "flag"]
 
-_EACH = "{}"  # the number of an element
+_EACH = "{}"  # placeholder of an array index
 
 _LIGHT = "/extensions/KHR_lights_punctual/lights/{}"
 _MATERIAL = "/materials/{}"
@@ -71,7 +71,7 @@ for _each in PARAMETERS:
 for _texture in _TEXTURES:
     _KINDS |= {f"{_texture}/extensions/KHR_texture_transform/{key}": kind for key, kind in _OF_TEXTURE.items()}
 
-# What moves without being seen: hints for rasterisers, and what people may do with a node.
+# Animated properties without effect on the image: hints for rasterisers, and interactivity.
 _OCCLUSION = f"{_MATERIAL}/occlusionTexture"
 IDLE = {
     *(f"/cameras/{{}}/orthographic/{key}" for key in ("xmag", "zfar")),
@@ -85,17 +85,20 @@ IDLE = {
 
 
 def kind_of(pointer: str) -> Kind | None:
-    """What is under a pointer; None where it is nothing that can move here."""
+    """Returns the kind of value under a pointer; None if it cannot be animated here."""
     return _KINDS.get(template(pointer))
 
 
 def template(pointer: str) -> str:
-    """The pointer with {} for each number in it."""
+    """Returns the pointer with {} in place of each array index."""
     return "/".join(_EACH if part.isdigit() else part for part in pointer.split("/"))
 
 
 def find(root: Any, pointer: str) -> Path | None:
-    """The way to what a pointer names, whose value may be missing, as its object may where it is an extension; else None."""
+    """Returns the path of keys that a pointer names, or None if it leads nowhere.
+
+    The value itself may be missing, and so may its object if that is an extension.
+    """
     path: list[str | int] = []
     at: Any = root
     for part in pointer.split("/")[1:]:

@@ -1,4 +1,4 @@
-"""Points and lines of glTF as thin balls and tubes (specification 3.7.2.1)."""
+"""Points and lines of glTF as small spheres and thin tubes (specification 3.7.2.1)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _SIDES = 8
 def thickened(
     name: str, positions: F32, indices: npt.NDArray[np.integer], mode: int, colors: F32 | None, thickness: float
 ) -> Mesh | None:
-    """The mesh of points or lines, as wide as the thickness; of very many points some. None where nothing is left of them.
+    """Returns a mesh of the points or lines, `thickness` wide; None if it has no triangles. Very many points are subsampled.
 
-    colors: (V, 4) linear.
+    colors: (V, 4) linear RGBA.
     """
     radius = thickness / 2
     if mode == _POINTS:

@@ -1,4 +1,4 @@
-"""glTF's meshes: one Mesh a primitive (specification 3.7.2)."""
+"""Primitives of glTF meshes, one Mesh each (specification 3.7.2)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LIST, _STRIP, _FAN = 4, 5, 6
 
 
 class Primitive(NamedTuple):
-    """A primitive as its file has it."""
+    """A primitive's mesh, morph targets, joints and weights."""
 
     mesh: Mesh  # its material not yet set
     targets: list[Json]
@@ -40,9 +40,10 @@ def read_primitive(
     thickness: float | None = None,
     uv_sets: tuple[int, ...] = UV_SETS,
 ) -> Primitive | None:
-    """The primitive, with these of the file's sets of UVs; None, with a warning, for points and lines without a thickness.
+    """Returns the primitive; None, with a warning, for points and lines without a thickness.
 
-    Raises DamagedError where its positions or its indices are unusable; of other attributes, those are left out.
+    uv_sets: numbers of the file's UV sets to read. Raises DamagedError if positions or indices are unusable; other unusable
+    attributes are left out.
     """
     mode = source.integer("mode", high=7) if "mode" in source else _LIST
     if mode < _LIST and thickness is None:
@@ -94,7 +95,10 @@ def _is_bad(indices: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.bool
 
 
 def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) -> tuple[F32, npt.NDArray[np.integer]]:
-    """Without triangles that need a vertex which is not there or not finite. Raises DamagedError where none is left."""
+    """Returns positions and triangles without triangles whose vertices are missing or not finite.
+
+    Raises DamagedError if no triangle remains.
+    """
     bad = np.asarray(_is_bad(triangles, len(positions)).any(axis=1))
     if bad.any():
         largest = int(triangles.max())
@@ -116,7 +120,7 @@ def _usable(source: Json, positions: F32, triangles: npt.NDArray[np.integer]) ->
 
 
 class _Attributes:
-    """A primitive's arrays by name, from accessors or, where it is compressed, from Draco's block."""
+    """The arrays of a primitive by name, from accessors or from Draco's compressed block."""
 
     def __init__(self, source: Json, accessors: Accessors) -> None:
         found = source.object("attributes")
@@ -138,20 +142,20 @@ class _Attributes:
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
     def bare(self) -> list[int]:
-        """The accessors of positions and indices, which Draco's block does not hold."""
+        """Returns the accessors of positions and indices that are not in Draco's block."""
         known = self._accessors.accessors
         found = None if self.indices is not None else self._source.index("indices", known)
         places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)
         return [at for at in (found, places) if at is not None]
 
     def positions(self) -> F32 | None:
-        """(V, 3), which need not be finite; None where the primitive has none. Raises DamagedError."""
+        """Returns (V, 3) positions, not necessarily finite; None if absent. Raises DamagedError."""
         if "POSITION" not in self._decoded and "POSITION" in self._attributes:
             self._attributes.integer("POSITION", high=len(self._accessors.accessors))
         return self._values("POSITION", (3,), finite=False)
 
     def get(self, key: str, widths: tuple[int, ...]) -> F32 | None:
-        """(count, width) float32, of one of the widths; None where the primitive has none, or one that is unusable."""
+        """Returns (count, width) float32 values, width being one of `widths`; None if absent or unusable."""
         try:
             return self._values(key, widths)
         except DamagedError as fault:
@@ -159,7 +163,7 @@ class _Attributes:
             return None
 
     def of_vertices(self, key: str, widths: tuple[int, ...], count: int) -> F32 | None:
-        """The same, of as many vertices."""
+        """Returns `get`'s values if there are `count` of them, one per vertex; otherwise None, and a fault is counted."""
         values = self.get(key, widths)
         if values is not None and len(values) != count:
             self._attributes.fault(key, f"has {len(values)} values for {count} vertices")
@@ -204,11 +208,11 @@ def _with_alpha(colors: F32 | None) -> F32 | None:
     colors = np.clip(colors, 0, 1)
     if colors.shape[1] == 3:
         colors = np.concatenate([colors, np.ones((len(colors), 1), np.float32)], axis=1)
-    return None if (colors == 1).all() else colors  # white changes nothing
+    return None if (colors == 1).all() else colors  # all white: no effect
 
 
 def _triangles(indices: npt.NDArray[np.integer], mode: int) -> npt.NDArray[np.integer]:
-    """(T, 3) corners of a list, a strip or a fan."""
+    """Returns (T, 3) vertex indices of a triangle list, strip or fan."""
     if mode == _LIST:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     count = max(len(indices) - 2, 0)

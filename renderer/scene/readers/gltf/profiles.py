@@ -1,4 +1,4 @@
-"""EXT_lights_ies: lights that IES profiles shape, in candela."""
+"""EXT_lights_ies: lights with IES profiles, in candela."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST = 1e12
 
 
 class Profiles:
-    """The profiles of one file; each is read once."""
+    """The IES profiles of one file. Each is read once."""
 
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
         self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
@@ -30,7 +30,7 @@ class Profiles:
         self._profiles = own.objects("lights") if own else []
 
     def light(self, node: Json, name: str, world: Matrix) -> Light | None:
-        """The light on a node; None where there is none, or, with a warning, where its profile cannot be read."""
+        """Returns the light on a node; None if there is none or, with a warning, if its profile cannot be read."""
         source = node.extension(EXTENSION)
         if source is None:
             return None
@@ -44,7 +44,7 @@ class Profiles:
             self._shelf.warn(f"{note}.")
         scale = clamped(source.number("multiplier", 1.0), 0.0, _MOST) / LUMENS_PER_WATT
         r, g, b = (c * scale for c in unit_color(source.vector("color", (1.0, 1.0, 1.0))))
-        # Vertical angles are those in the plane of X and Z; horizontal ones go from X to Y, but clockwise for types A and B.
+        # Vertical angles are in the XZ plane; horizontal ones go from X to Y, clockwise for types A and B.
         up = world[:3, 1] if photometry.goniometry == "C" else world[:3, 0]
         at, forward = vec3(world[:3, 3]), forward_of(world)
         return Light("point", (r, g, b), at, forward, emission=photometry.emission, up=vec3(unit_vector(up)), name=name)

@@ -41,8 +41,8 @@ _READ = {
     *meshopt.EXTENSIONS,
     *textures.EXTENSIONS,
 }
-_OF_CHARACTERS = "VRM"  # how they are posed and drawn as in a cartoon; glTF itself has their surfaces
-_WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # notes
+_OF_CHARACTERS = "VRM"  # poses and toon shading; the surfaces are plain glTF
+_WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # metadata
 
 
 def read(

@@ -1,7 +1,7 @@
-"""What scatters inside of glTF's surfaces: two drafts of Khronos's, and what Blender's files say beyond any.
+"""Scattering inside glTF surfaces: two Khronos drafts, and extensions of ours that Blender's files have.
 
-KHR_materials_volume_scatter and KHR_materials_scatter divide what KHR_materials_volume attenuates into what is scattered and what
-is absorbed. Where light goes in diffusely, the inside is dense, and is rendered as subsurface scattering, as the former advises.
+KHR_materials_volume_scatter and KHR_materials_scatter split the attenuation of KHR_materials_volume into scattering and
+absorption. With diffuse transmission the interior is dense, and is rendered as subsurface scattering, as the former advises.
 Source: KhronosGroup/glTF, pull requests 2453 and 2579, their READMEs as of June 2026.
 """
 
@@ -23,7 +23,7 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["NAMES", "read_scatter"]
 
 _VOLUME_SCATTER, _SCATTER = "KHR_materials_volume_scatter", "KHR_materials_scatter"
-# Ours, of what renderer/blender and blender/ write: sigmaA, sigmaS and g of the inside, isInterface where there is no surface;
+# Ours, written by renderer/blender and blender/: sigmaA, sigmaS and g of the interior, isInterface for index-matched boundaries;
 # subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy.
 _MEDIUM, _SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
 NAMES = {_VOLUME_SCATTER, _SCATTER, _MEDIUM, _SUBSURFACE}
@@ -31,7 +31,10 @@ _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
 def read_scatter(source: Json, material: Material, textures: Textures, shelf: TextureShelf, is_thin: bool) -> None:
-    """Sets what a material says of its inside. After all others. is_thin: KHR_materials_volume gives it no thickness."""
+    """Sets a material's interior scattering. Call it after all other extensions.
+
+    is_thin: whether KHR_materials_volume sets no thickness.
+    """
     old, new = source.extension(_VOLUME_SCATTER), source.extension(_SCATTER)
     if old:
         color = unit_color(old.vector("multiscatterColor", _NONE))
@@ -53,7 +56,10 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
 
 
 def _fill(material: Material, multiple: Vec3, g: float) -> None:
-    """Divides what the volume attenuates. multiple: the multi-scatter albedo."""
+    """Splits the volume's attenuation into scattering and absorption.
+
+    multiple: the multiple-scattering albedo; g: the mean cosine.
+    """
     if math.isinf(material.attenuation_distance) or not any(multiple):
         return
     extinct = [-math.log(clamped(c, 1e-6, 1.0)) / material.attenuation_distance for c in material.attenuation_color]
@@ -76,7 +82,10 @@ def _fill(material: Material, multiple: Vec3, g: float) -> None:
 
 
 def _scatter_in_a_sheet(material: Material, strength: float, color: Vec3, picture: int | None, g: float) -> None:
-    """Of what a sheet lets through, the scattered part leaves it diffusely, (1 + g) / 2 of that on the other side."""
+    """Sets diffuse transmission of a thin sheet: the fraction `strength` of transmitted light leaves diffusely.
+
+    Of that, (1 + g) / 2 leaves on the far side and the rest on the near side.
+    """
     through = material.transmission * strength
     if through <= 0:
         return
@@ -95,7 +104,7 @@ def _read_ours(source: Json, material: Material) -> None:
     if medium:
         material.sigma_a, material.sigma_s = (unit_color(medium.vector(name, _NONE), MOST_DENSE) for name in ("sigmaA", "sigmaS"))
         material.g = _g(medium, "g")
-        # All of it is in the medium; what Blender's exporter makes of the same nodes would be absorbed a second time.
+        # The medium includes all absorption; the attenuation that Blender's exporter derives would apply it twice.
         material.attenuation_color, material.attenuation_distance = (1.0, 1.0, 1.0), math.inf
         if medium.value.get("isInterface") is True:
             material.kind = "interface"

@@ -1,7 +1,7 @@
-"""KHR_materials_pbrSpecularGlossiness, which Khronos has archived and many models still have.
+"""KHR_materials_pbrSpecularGlossiness, archived by Khronos and still in many models.
 
-It becomes a dielectric whose reflectance at normal incidence is the specular colour: an index of refraction that reflects
-all, times KHR_materials_specular's colour. Khronos's own advice for moving models on is the same.
+It becomes a dielectric with the specular colour as reflectance at normal incidence: an index of refraction that reflects
+everything, times the colour of KHR_materials_specular. Khronos gives the same advice for converting models.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _KEY = "specularGlossinessTexture"
 
 
 def read_specular_glossiness(source: Json, material: Material, textures: Textures, shelf: TextureShelf) -> None:
-    """Sets the fields of a Material by the extension's."""
+    """Sets the material's fields from the extension."""
     r, g, b, material.opacity = (unit(c) for c in source.vector("diffuseFactor", (1.0, 1.0, 1.0, 1.0)))
     material.base_color = (r, g, b)
     material.base_color_texture = textures.find(source, "diffuseTexture", material.name, srgb=True)
@@ -42,7 +42,7 @@ def read_specular_glossiness(source: Json, material: Material, textures: Texture
 
 
 def _roughness(image: Image, glossiness: float) -> Image:
-    """glTF's roughness (G) of glossiness (A)."""
+    """Returns glTF's roughness texture (channel G) from a glossiness texture (channel A)."""
     rough = 1 - alpha(image) * np.float32(glossiness)
     black = np.zeros_like(rough)
     values = np.dstack([black, rough, black, np.ones_like(rough)])

@@ -1,4 +1,4 @@
-"""glTF's textures (specification 3.8): images from everywhere they may stand, samplers, and KHR_texture_transform."""
+"""Textures of glTF (specification 3.8): images in files, data URIs or buffer views, samplers, and KHR_texture_transform."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["EXTENSIONS", "UV_SETS", "Textures", "uv_sets_of"]
 
-_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu")  # images that are not in every glTF viewer
+_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu")  # optional image formats
 EXTENSIONS = {*_FORMATS, "KHR_texture_transform"}
 
 _REPEAT, _LINEAR = 10497, 9729
 _WRAP: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
 _NEAREST = {9728}
-_MIN_NEAREST = {9728, 9984, 9986}  # without mipmaps, with one, between two
-UV_SETS: tuple[int, ...] = (0, 1)  # which a mesh has here, of as many as the file's may have
+_MIN_NEAREST = {9728, 9984, 9986}  # without mipmaps, nearest and linear between mipmaps
+UV_SETS: tuple[int, ...] = (0, 1)  # the sets read by default; meshes have two here
 _UNSEEN = "occlusionTexture"
 
 
 def uv_sets_of(material: Any) -> tuple[int, ...]:
-    """The file's sets of UVs, two at the most, by which the textures of a material in JSON lie."""
+    """Returns the UV sets that a material's textures use, two at most. material: its JSON."""
     used: set[int] = set()
     left = [material]
     while left:
@@ -48,20 +48,20 @@ def uv_sets_of(material: Any) -> tuple[int, ...]:
 
 
 class Textures:
-    """Finds the textures of one file; each is put on the shelf when first asked for."""
+    """The textures of one file, added to the description at first use."""
 
     def __init__(self, root: Json, accessors: Accessors, files: SceneFiles, shelf: TextureShelf) -> None:
         self._root, self._accessors, self._files, self._shelf = root, accessors, files, shelf
         self._images = root.objects("images")
         self._samplers = root.objects("samplers")
         self._textures = root.objects("textures")
-        self.uv_sets = UV_SETS  # of the material that is read, by which its meshes have theirs
+        self.uv_sets = UV_SETS  # of the current material and its meshes
 
     def find(self, owner: Json, key: str, user: str, srgb: bool = False) -> int | None:
-        """The description's number of the texture under a key of a material or extension; None where there is none.
+        """Returns the description's index of the texture under a key of a material or extension; None if absent.
 
-        srgb: its colours are so encoded, as base colour, emission, specular and sheen colour are; other textures are data.
-        One that is unusable counts as a fault of the file.
+        srgb: whether its colours are sRGB-encoded, as for base colour, emission, specular and sheen colour; others are linear
+        data. An unusable texture counts as a fault of the file.
         """
         try:
             return self._find(owner, key, user, srgb)
@@ -103,8 +103,8 @@ class Textures:
         ):
             if value not in known:
                 sampler.replace(key, f"{value}, which is unknown, and taken as {usual}")
-        # What a path tracer shows of a texture that is seen small is a mean of many lookups, whatever minFilter says of it; so
-        # minFilter only tells what an author means who left magFilter out.
+        # A path tracer averages many lookups of a minified texture whatever minFilter is; so minFilter
+        # is only used if magFilter is missing.
         nearest = _NEAREST if "magFilter" in sampler else _MIN_NEAREST
         chosen = sampler.integer("magFilter" if "magFilter" in sampler else "minFilter", _LINEAR)
         return _WRAP.get(s, "repeat"), _WRAP.get(t, "repeat"), "nearest" if chosen in nearest else "linear"
@@ -132,7 +132,7 @@ class Textures:
 
 
 def _matrix(source: Json) -> UvTransform:
-    # translation * rotation * scale on (u, v), as the extension's text has it.
+    # translation * rotation * scale on (u, v), as in the extension's specification.
     (x, y), (width, height) = source.vector("offset", (0.0, 0.0)), source.vector("scale", (1.0, 1.0))
     angle = source.number("rotation", 0.0)
     cosine, sine = math.cos(angle), math.sin(angle)

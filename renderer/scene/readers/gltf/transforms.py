@@ -17,7 +17,7 @@ _NOWHERE, _UNTURNED, _AS_IT_IS = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.
 
 
 def local(nodes: Sequence[Json]) -> Matrix:
-    """(N, 4, 4): the transforms of nodes in their parents. All at once: files have ten thousands of small nodes."""
+    """Returns (N, 4, 4) transforms of nodes relative to their parents, vectorised since files have tens of thousands of nodes."""
     parts = np.tile(np.array([*_NOWHERE, *_UNTURNED, *_AS_IT_IS]), (len(nodes), 1))
     whole = {}
     for i, node in enumerate(nodes):
@@ -37,7 +37,10 @@ def local(nodes: Sequence[Json]) -> Matrix:
 
 
 def compose(translation: Matrix, rotation: Matrix, scale: Matrix) -> Matrix:
-    """(N, 4, 4) of (N, 3) translations, (N, 4) quaternions x y z w of any length and (N, 3) scales: T * R * S."""
+    """Returns (N, 4, 4) matrices T * R * S.
+
+    translation: (N, 3); rotation: (N, 4) quaternions x y z w of any length; scale: (N, 3).
+    """
     length = np.linalg.norm(rotation, axis=1, keepdims=True)
     turned = np.divide(rotation, length, out=np.tile(np.array([0.0, 0, 0, 1]), (len(rotation), 1)), where=length > 1e-12)
     x, y, z, w = turned.T
@@ -53,10 +56,10 @@ def compose(translation: Matrix, rotation: Matrix, scale: Matrix) -> Matrix:
 
 
 def unit_vector(v: Matrix) -> Matrix:
-    """The vector scaled to length 1."""
+    """Returns the vector scaled to length 1."""
     return v / max(float(np.linalg.norm(v)), 1e-300)
 
 
 def vec3(v: Matrix) -> Vec3:
-    """Three plain numbers."""
+    """Returns the first three numbers as floats."""
     return float(v[0]), float(v[1]), float(v[2])

@@ -1,4 +1,4 @@
-"""KHR_materials_variants: one of several sets of materials that a file offers."""
+"""KHR_materials_variants: alternative sets of materials of a file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EXTENSION = "KHR_materials_variants"
 
 
 class Variants:
-    """The variants of a file by their names, and the one that is shown: the file's own materials unless one is chosen."""
+    """The material variants of a file by name, and the selected one; by default none, which shows the file's own materials."""
 
     def __init__(self, root: Json, chosen: str | None) -> None:
         declared = root.extension(EXTENSION)
@@ -20,7 +20,7 @@ class Variants:
         self._chosen = None if chosen is None else number_of("variant", self.names, chosen, root.file)
 
     def material_of(self, primitive: Json, materials: list[Json]) -> int | None:
-        """The file's number of a primitive's material; None for the default one."""
+        """Returns the file's index of a primitive's material; None for the default material."""
         mapped = primitive.extension(EXTENSION) if self._chosen is not None else None
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):

@@ -1,4 +1,7 @@
-"""Mitsuba's BSDFs as materials. Roughness is the square root of Mitsuba's alpha; indices are relative to what lies outside."""
+"""Mitsuba's BSDFs as materials.
+
+Roughness is the square root of Mitsuba's alpha; indices of refraction are relative to the exterior's.
+"""
 
 from __future__ import annotations
 
@@ -66,20 +69,20 @@ def _no_spans() -> None:
 
 
 class Bsdfs:
-    """Adds materials to a description; the same BSDF with the same light gives the same number again."""
+    """Adds materials to a description. The same BSDF with the same emission has the same index."""
 
     def __init__(self, document: Document, textures: Textures, media: Media, description: SceneDescription) -> None:
         self._document, self._textures, self._media, self._description = document, textures, media, description
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._bumps = BumpMaps(textures.shelf, _LUMINANCE)
-        self.bumpy: set[int] = set()  # materials whose normal map is made of heights
-        self.attributes: dict[int, str] = {}  # the mesh attributes by which materials are coloured
-        self.inside_out: set[int] = set()  # materials thinner than what surrounds them: theirs is the outside that is filled
+        self.bumpy: set[int] = set()  # materials with a normal map made from heights
+        self.attributes: dict[int, str] = {}  # mesh attributes used as colour, by material
+        self.inside_out: set[int] = set()  # materials with a lower index inside: their exterior is the filled side
 
     def material(self, shape: Element, spans: Spans = _no_spans) -> int:
-        """The material of a shape: of its BSDF, with the light of its area emitter.
+        """Returns the index of a shape's material: its BSDF with the emission of its area emitter.
 
-        spans: how long its coordinates are (height_maps.py), asked of what has bumps.
+        spans: returns the lengths per unit of UV (height_maps.py); called only for bump maps.
         """
         source = next(iter(shape.of("bsdf")), None)
         emitter = next((each for each in shape.of("emitter") if each.type == "area"), None)
@@ -91,7 +94,7 @@ class Bsdfs:
         key = (id(source), id(emitter), length, None if inside is None else (inside.sigma_a, inside.sigma_s, inside.g))
         if key not in self._numbers:
             self._textures.attribute = ""
-            grey = 0.0 if any(shape.of("emitter")) else 0.5  # what shines reflects nothing unless it says so
+            grey = 0.0 if any(shape.of("emitter")) else 0.5  # emissive shapes are black by default
             made = self._made(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
                 made = self._bumpy(bumps, made, length)
@@ -168,7 +171,7 @@ class Bsdfs:
         return replace(made, name=source.id or source.type)
 
     def _is_inside_out(self, source: Element) -> bool:
-        """Whether it is of glass whose inside is optically thinner than its outside, as a bubble in water is."""
+        """Whether a BSDF is glass with a lower index inside than outside, such as a bubble in water."""
         if source.type in ("dielectric", "roughdielectric"):
             return self._ior(source, "int_ior", "bk7") < self._ior(source, "ext_ior", "air")
         inner = source.of("bsdf")
@@ -295,7 +298,7 @@ class Bsdfs:
         return replace(made, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
-        """Distribution and roughness of microfacets. brushes: whether the kind can be brushed."""
+        """Returns microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
         named = str(source.get("distribution", "beckmann"))
         if named not in ("ggx", "beckmann"):
             self._document.ignore(f"{source.what}: its distribution {named[:40]!r} is rendered as Beckmann's with the same alpha")
@@ -320,7 +323,7 @@ class Bsdfs:
 
 
 def _bumps_within(source: Element) -> Element | None:
-    """The bump map around what a BSDF is, if there is one."""
+    """Returns the bump map that wraps a BSDF, or None."""
     found: Element | None = source
     for _ in range(_MAX_NESTED):
         if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:

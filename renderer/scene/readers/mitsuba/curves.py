@@ -1,4 +1,4 @@
-"""Mitsuba's curves: a text file of `x y z radius` lines, with an empty one between two curves.
+"""Mitsuba's curves: a text file of `x y z radius` lines, with an empty line between curves.
 
 Source: Mitsuba 3's documentation, plugin "bsplinecurve".
 """
@@ -14,11 +14,14 @@ from renderer.scene.readers.strands import Strand, line_of, together
 
 __all__ = ["CURVES", "mesh_of_curves"]
 
-CURVES = {"bsplinecurve": 4, "linearcurve": 2}  # and the points that each takes at least
+CURVES = {"bsplinecurve": 4, "linearcurve": 2}  # minimum number of points by type
 
 
 def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
-    """The curves of a file as tubes in the world: Mitsuba moves their points, and leaves their radii. Raises SceneError."""
+    """Returns the curves of a file as tubes in the world. Raises SceneError.
+
+    As in Mitsuba, points are transformed and radii are not.
+    """
     strands: list[Strand] = []
     for block in _blocks(data.decode("utf-8", "replace"), name):
         if len(block) < CURVES[kind]:

@@ -1,4 +1,4 @@
-"""A scene file of Mitsuba as elements: defaults filled in, included files taken along, references followed."""
+"""Parses a Mitsuba scene file into elements, with defaults, includes and references resolved."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ _OBJECTS = (
     "volume",
 )
 _OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor", "spectrum": "texture"}
-_OF_OBJECTS = ("type", "id", "name", "version")  # attributes
-_OF_VALUES = {"intent", "unit"}  # of spectra of Mitsuba 0.6: reflectance or light, which their place says; nanometres
+_OF_OBJECTS = ("type", "id", "name", "version")  # attributes of objects
+_OF_VALUES = {"intent", "unit"}  # of Mitsuba 0.6's spectra: redundant, or always nanometres
 MAX_INCLUDES = 32
 MAX_ELEMENTS = 2_000_000
 MAX_DEPTH = 60
@@ -47,28 +47,28 @@ MAX_DEPTH = 60
 
 @dataclass(eq=False)
 class Element:
-    """An object of the scene: `tag` (shape, bsdf, ...), `type` of its plugin, `name` by which its parent knows it."""
+    """An object of the scene: `tag` (shape, bsdf, ...), the `type` of its plugin, and `name`, its role in its parent."""
 
     tag: str
     type: str
     id: str = ""
     name: str = ""
-    file: str = ""  # that it stands in
+    file: str = ""  # file that contains it
     values: dict[str, Any] = field(default_factory=dict)
     children: list[Element] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
 
     def take(self) -> None:
-        """Marks an object as one that the scene is made of, also where nothing is asked of it."""
+        """Marks an object as used, even if none of its properties is read."""
         self.used.add("")
 
     def get(self, name: str, default: Any = None) -> Any:
-        """A property's value; asked for is what counts as understood."""
+        """Returns a property's value and marks the property as used."""
         self.used.add(name)
         return self.values.get(name, default)
 
     def number(self, name: str, default: float) -> float:
-        """A number, whichever of Mitsuba's kinds of value it is written as; of a colour the mean."""
+        """Returns a property as a number, whatever its type in the file; the mean of a colour. Raises SceneError."""
         found = self.get(name, default)
         if isinstance(found, np.ndarray):
             return float(found.mean())
@@ -79,39 +79,39 @@ class Element:
         return float(found)
 
     def flag(self, name: str, default: bool) -> bool:
-        """A boolean."""
+        """Returns a property as a boolean."""
         found = self.get(name, default)
         return found if isinstance(found, bool) else str(found).strip().lower() == "true"
 
     def matrix(self, name: str = "to_world") -> Matrix:
-        """A transform; the identity where there is none."""
+        """Returns a transform; the identity if absent."""
         found = self.get(name)
         return found if isinstance(found, np.ndarray) and found.shape == (4, 4) else np.eye(4)
 
     def of(self, *tags: str) -> list[Element]:
-        """The objects in it of these kinds."""
+        """Returns the child objects with these tags."""
         return [child for child in self.children if child.tag in tags]
 
     def child(self, name: str) -> Element | None:
-        """The object that it knows by a name, as a texture stands in a colour's place."""
+        """Returns the child object with a name, such as a texture in place of a colour; None if absent."""
         self.used.add(name)
         return next((child for child in self.children if child.name == name), None)
 
     @property
     def what(self) -> str:
-        """For a sentence."""
+        """Returns a description of the object for messages."""
         return f"{self.tag} {self.id!r} ({self.type})" if self.id else f"{self.tag} ({self.type})"
 
 
 class _Attributes(dict[str, str]):
-    """Attributes of a value, which remember the names that were asked for."""
+    """The attributes of a value; records which were read."""
 
     def __init__(self, written: Mapping[str, str]) -> None:
         super().__init__(written)
         self.asked = {"name", "id", "value"}
 
     def get(self, key: str, default: Any = None) -> Any:
-        """An attribute, or the default."""
+        """Returns an attribute, or the default."""
         self.asked.add(key)
         return super().get(key, default)
 
@@ -121,12 +121,12 @@ class _Attributes(dict[str, str]):
 
 
 def _is_object(part: ElementTree.Element) -> bool:
-    """A spectrum is one where it is a plugin's, and a value where not."""
+    """Whether an element is an object; a spectrum is one if it names a plugin, otherwise a value."""
     return bool(part.get("type")) if part.tag == "spectrum" else _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS
 
 
 class Document:
-    """Parses a file and all that it includes. Raises SceneError where it is no scene, or says too much."""
+    """Parses a file and its includes. Raises SceneError if it is no scene or exceeds the limits."""
 
     def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
         self.files, self.main = files, main
@@ -146,20 +146,20 @@ class Document:
             made.children[at] = self._referred(wanted, name, where)
 
     def warn(self, sentence: str) -> None:
-        """Adds a warning, once."""
+        """Adds a warning, unless it was added before."""
         self._warned.add(sentence)
 
     def ignore(self, what: str) -> None:
-        """Counts something that is not taken over."""
+        """Counts unsupported content."""
         self._ignored[what] += 1
 
     @property
     def ignored(self) -> list[str]:
-        """What is not taken over, so far."""
+        """Returns the unsupported content found so far."""
         return list(self._ignored)
 
     def say_ignored(self) -> None:
-        """One warning for everything that was not taken over."""
+        """Adds a warning for each kind of unsupported content, with its count."""
         for what, count in self._ignored.items():
             self.warn(f"{what}{f' ({count} times)' if count > 1 else ''}")
 
@@ -187,7 +187,7 @@ class Document:
                 made.children.append(self._object(part, where, depth + 1))
             elif part.tag == "alias":
                 self._rename(part, where)
-            elif part.tag != "path":  # files are found wherever they lie
+            elif part.tag != "path":  # files are found regardless of search paths
                 name = self._key(part.get("name", ""))
                 if name in made.values:
                     self.ignore(f"{name[:60]} of {made.what} is given more than once: the last one counts")
@@ -199,7 +199,7 @@ class Document:
         return made
 
     def _parts(self, source: ElementTree.Element, file: str) -> Iterator[tuple[ElementTree.Element, str]]:
-        """An element's parts, those of included files in the place of what includes them."""
+        """Yields an element's children with their files; includes are replaced by the children of the included file."""
         for part in source:
             if part.tag != "include":
                 yield part, file
@@ -218,7 +218,7 @@ class Document:
         if wanted in self._by_id:
             made.children.append(self._referred(wanted, name, file))
             return
-        self._waiting.append((made, len(made.children), wanted, name, file))  # it may stand further down
+        self._waiting.append((made, len(made.children), wanted, name, file))  # may be defined later
         made.children.append(made)
 
     def _referred(self, wanted: str, name: str, file: str) -> Element:
@@ -236,7 +236,7 @@ class Document:
         self._by_id[name] = self._by_id[wanted]
 
     def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
-        """Counts attributes of an element that are not known."""
+        """Counts unknown attributes of an element."""
         for key in part.keys():  # noqa: SIM118 - an element is no dict
             if key not in known:
                 self.ignore(f"The attribute {key[:40]} of <{part.tag[:40]}> is not taken over")
@@ -272,7 +272,7 @@ class Document:
         return self.files.read(found).decode("utf-8", "replace")
 
     def _text(self, source: ElementTree.Element, key: str, file: str) -> str:
-        """An attribute, with $names replaced by their defaults."""
+        """Returns an attribute with $names replaced by their defaults."""
         text = source.get(key, "")
         if "$" not in text:
             return text
@@ -286,5 +286,5 @@ class Document:
         return re.sub(r"\$(?:\{(\w+)\}|(\w+))", default, text)
 
     def _key(self, name: str) -> str:
-        """A property's name as Mitsuba 3 writes it: toWorld of 0.6 is to_world."""
+        """Returns a property's name in Mitsuba 3's spelling: toWorld of 0.6 is to_world."""
         return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower() if getattr(self, "is_old", False) else name

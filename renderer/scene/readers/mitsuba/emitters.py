@@ -1,4 +1,4 @@
-"""Lights without a body, and light from all around."""
+"""Lights without a surface, and environment light."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["add_emitter"]
 
-_HALF_OF_50_MM = math.hypot(36, 24) / 2 / 50  # the tangent of half its diagonal: a projector's lens unless it says otherwise
+_HALF_OF_50_MM = math.hypot(36, 24) / 2 / 50  # tangent of the diagonal half angle: a projector's default lens
 
 
 def add_emitter(source: Element, document: Document, shelf: TextureShelf, description: SceneDescription) -> None:
@@ -57,12 +57,12 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
 
 
 def _placed(light: Light, world: np.ndarray) -> Light:
-    """The light where it stands, along +Z and with +Y up."""
+    """Returns the light with its position and axes in the world: it emits along +Z, with +Y up."""
     return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
 
 
 def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, outer: float) -> tuple[Vec3, EmissionMap | None]:
-    """A spot's colour and its picture, which fills the square about its cone: first column at -X, first row at -Y."""
+    """Returns a spot's colour and its texture, which fills the square around its cone: first column at -X, first row at -Y."""
     color, number = Textures(document, shelf).color(source, "texture", 1.0)
     if number is None:
         return color, None
@@ -73,7 +73,7 @@ def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, o
 
 
 def _projector(source: Element, name: str, document: Document, shelf: TextureShelf) -> Light:
-    """A picture that is the irradiance, by pi, of the plane at the distance 1: upright for who looks along +Z."""
+    """Returns a projector: its image is the irradiance, divided by pi, of the plane at distance 1, upright as seen along +Z."""
     color, number = Textures(document, shelf).color(source, "irradiance", 1.0)
     pixels = np.ones((1, 1, 3), np.float32) if number is None else _pixels(source, number, document, shelf)
     height, width = pixels.shape[:2]
@@ -91,7 +91,7 @@ def _projector(source: Element, name: str, document: Document, shelf: TextureShe
 
 
 def _side(source: Element) -> float:
-    """1 where +X is to the right of who looks along +Z: of a mirrored space; else -1."""
+    """Returns 1 if +X is to the right when looking along +Z, as in a mirrored space; otherwise -1."""
     return 1.0 if np.linalg.det(source.matrix()[:3, :3]) < 0 else -1.0
 
 
@@ -126,7 +126,7 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
         _surround(Environment(image=upright, strength=strength), source, document, description)
         return
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
-    # The middle of Mitsuba's image looks along +Z, that of ours along -Z.
+    # The centre of Mitsuba's image is at +Z, of ours at -Z.
     _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
 
 

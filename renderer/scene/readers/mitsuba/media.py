@@ -1,4 +1,4 @@
-"""Mitsuba's media: what fills shapes, and the world around the sensor."""
+"""Mitsuba's media: inside shapes, and around the sensor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from renderer.scene.readers.substances import substance
 __all__ = ["Media"]
 
 NOTHING = Medium()
-_OLD_SUBSTANCE = "skin1"  # what Mitsuba 0.6 takes where nothing is said
+_OLD_SUBSTANCE = "skin1"  # Mitsuba 0.6's default
 _SCATTERING_SKIN = ("dipole", "multipole", "singlescatter", "adipole")  # Mitsuba 0.6's subsurface integrators
 
 
@@ -27,12 +27,12 @@ class Media:
         self._known: dict[int, Medium] = {}  # by the identity of their values
         self._inside: set[tuple[Vec3, Vec3, float]] = set()
         self._outside: dict[tuple[Vec3, Vec3, float], str] = {}
-        self._unsaid = False  # whether glass does not say what it is filled with
+        self._unsaid = False  # whether any glass names no medium
 
     def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
-        """What fills a shape; None of one that says nothing of it, or of what is around it.
+        """Returns the medium inside a shape; None if it names none, or only the exterior one.
 
-        is_inside_out: whether its outside is what is filled here.
+        is_inside_out: whether the shape's exterior is the filled side.
         """
         media = {child.name: child for child in shape.of("medium")}
         if not media:
@@ -47,7 +47,7 @@ class Media:
         return found
 
     def fill(self, made: Material, found: Medium | None, shape: Element) -> Material:
-        """A shape's material with what fills the shape."""
+        """Returns a shape's material with the medium inside it."""
         lets_through = made.kind in ("glass", "interface") or made.transmission > 0
         if found is None:
             self._unsaid |= made.kind == "glass" and not made.thin
@@ -60,7 +60,7 @@ class Media:
         return made
 
     def surround(self, description: SceneDescription) -> None:
-        """Fills the world, where the first sensor stands in a medium; once all shapes are there."""
+        """Sets the world's medium if the first sensor is in one. Call it after all shapes are added."""
         sensor = next(iter(self._document.scene.of("sensor")), None)
         around = None if sensor is None else next(iter(sensor.of("medium")), None)
         found = NOTHING if around is None else self._of(around)
@@ -72,7 +72,7 @@ class Media:
                 self._document.ignore(f"The medium around {what} fills no shape: what is around it is not changed")
 
     def _of(self, source: Element) -> Medium:
-        key = id(source.values)  # which references share
+        key = id(source.values)  # shared by references
         if key not in self._known:
             self._known[key] = self._read(source)
         return self._known[key]
@@ -118,7 +118,7 @@ class Media:
         return rgb(constant)
 
     def _direction(self, source: Element) -> float:
-        """The mean cosine."""
+        """Returns the mean cosine of the phase function."""
         phase = next(iter(source.of("phase")), None)
         if phase is not None:
             phase.take()
@@ -132,7 +132,7 @@ class Media:
 
 
 def constant_volume(source: Element) -> object | None:
-    """The value of a volume, or a texture, that is the same everywhere; None of others."""
+    """Returns the value of a constant volume or texture; None for others."""
     if source.type == "constvolume":
         inner = source.child("value")
         return source.get("value", 1.0) if inner is None else constant_of(inner)

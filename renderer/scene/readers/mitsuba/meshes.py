@@ -1,4 +1,4 @@
-"""Shapes that are meshes, in their own space: of files, or of a formula."""
+"""Meshes in object space, from files and analytic shapes."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from renderer.scene.readers.mitsuba.serialized import read_serialized
 __all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned", "wound_by_normals"]
 
 MESH_FILES = ("obj", "ply", "serialized")
-_NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # where a file has some
+_NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # match files with normals
 _LINEAR_COLORS = re.compile(rb"\A[^\0]{0,20000}?property\s+(?:float|double|half)\w*\s+(?:r|red)\b")
 _EVERY_EDGE = 181.0
 FORMULAS = ("rectangle", "cube", "disk", "cylinder")
 
 
 def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[tuple[Mesh, np.ndarray]]:
-    """Returns the shape's meshes, and where each lies in the shape's space. Raises SceneError.
+    """Returns the shape's meshes, each with its transform to the shape's space. Raises SceneError.
 
-    attribute: name of the mesh attribute that their colours hold, such as face_heat; empty: the file's own colours. Meshes that
-    lack it have no colours.
+    attribute: mesh attribute used as colour, such as face_heat; empty for the file's own colours. Meshes without it have no
+    colours.
     """
     name = shape.id or shape.type
     if shape.type == "rectangle":
@@ -50,7 +50,7 @@ def meshes_of(shape: Element, document: Document, attribute: str = "") -> list[t
 
 
 def file_of(shape: Element, document: Document) -> str:
-    """The name of a shape's file. Raises SceneError where it is not there."""
+    """Returns the name of a shape's file. Raises SceneError if it is missing."""
     wanted = str(shape.get("filename", ""))
     name = document.files.find(wanted, shape.file)
     if name is None:
@@ -74,8 +74,8 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
     if shape.type == "obj" and not shape.flag("flip_tex_coords", True):
         _flip(part)
     if shape.type == "ply" and not shape.flag("flip_tex_coords", False):
-        _flip(part)  # Mitsuba takes v as it stands, other programs count it from below
-    for sentence in part.warnings if shape.type == "ply" else ():  # of OBJ's materials Mitsuba reads nothing
+        _flip(part)  # Mitsuba uses v unchanged, other programs count it from the bottom
+    for sentence in part.warnings if shape.type == "ply" else ():  # Mitsuba ignores OBJ's materials
         document.warn(sentence)
     has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
     shaded = [_shaded(mesh, shape, has_normals) for mesh in part.meshes]
@@ -87,7 +87,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
 
 
 def _as_written(colors: np.ndarray) -> np.ndarray:
-    """Colours that were taken for sRGB, as the file's numbers, which Mitsuba takes for linear ones."""
+    """Returns colours decoded as sRGB in the file's encoding again, since Mitsuba reads them as linear."""
     return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 
 
@@ -99,20 +99,20 @@ def _flip(part: SceneDescription) -> None:
 
 
 def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
-    """With the normals that Mitsuba gives it: of faces where it is told so, else the file's, else smooth over every edge."""
+    """Returns the mesh with Mitsuba's normals: face normals if requested, else the file's, else smooth over all edges."""
     if shape.flag("face_normals", False):
         return replace(mesh, normals=None)
     return mesh if has_normals else smoothed(replace(mesh, normals=None), _EVERY_EDGE)
 
 
 def turned(mesh: Mesh) -> Mesh:
-    """Inside out."""
+    """Returns the mesh with reversed winding and normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
 def wound_by_normals(mesh: Mesh) -> Mesh:
-    """The mesh with triangles turned whose vertices' normals oppose them: Mitsuba's lights shine along normals."""
+    """Returns the mesh with triangles reversed if they oppose their vertex normals, along which Mitsuba's lights emit."""
     if mesh.normals is None:
         return mesh
     a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(np.float64) for k in range(3))
@@ -126,7 +126,7 @@ def wound_by_normals(mesh: Mesh) -> Mesh:
 
 
 def _between(shape: Element) -> np.ndarray:
-    """The place of a cylinder between its two points."""
+    """Returns the transform of a cylinder between its two points. Raises SceneError."""
     p0, p1 = (np.asarray(shape.get(key, default), float) for key, default in (("p0", (0, 0, 0)), ("p1", (0, 0, 1))))
     radius = shape.number("radius", 1.0)
     axis = p1 - p0

@@ -1,7 +1,7 @@
-"""Conductors by Mitsuba's names: the index eta + i k at red, green and blue that they have in its RGB mode.
+"""Conductors by Mitsuba's names: the indices eta + i k at red, green and blue of its RGB mode.
 
-It brings measured eta and k to linear sRGB as if they were light, so that these differ from those of
-`renderer/scene/readers/metals.py`, whose white is white. Read from Mitsuba 3.9's own parameters;
+Mitsuba converts measured eta and k to linear sRGB as if they were light, so they differ from those of
+`renderer/scene/readers/metals.py`, which are normalised to white. Read from Mitsuba 3.9's own parameters;
 tests/peers/test_mitsuba_files.py reads them again.
 """
 

@@ -1,7 +1,6 @@
-"""Mitsuba's shapes that are formulas, as meshes with its own coordinates: a picture's first row lies at v = 0.
+"""Mitsuba's analytic shapes as meshes with Mitsuba's UVs; an image's first row is at v = 0.
 
-Tangents say what normal maps are turned by: Mitsuba's frame is right-handed whichever way v goes. Source: its documentation of
-shapes.
+Tangents define the frame of normal maps; Mitsuba's is right-handed whichever way v goes. Source: its documentation of shapes.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ _SEGMENTS = 256
 _TUBE = 192
 _RINGS = 64
 _Y_TO_Z = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float32)
-# Of each of the cube's faces: its first corner, and the way to the second (along u) and from the second to the third (against v).
+# For each face of the cube: first corner, direction to the second (along u), direction from second to third (against v).
 _FACES = (
     ((1, -1, -1), (0, 0, 1), (-1, 0, 0)),
     ((1, 1, -1), (-1, 0, 0), (0, 0, 1)),
@@ -32,7 +31,7 @@ _FACES = (
 
 
 def rectangle(name: str) -> Mesh:
-    """-1..1 in x and y, towards +Z."""
+    """Returns the square -1..1 in x and y, facing +Z."""
     mesh = shapes.quad(name)
     return _held(
         replace(mesh, uvs=((mesh.positions[:, :2] + 1) / 2).astype(np.float32)), np.tile(np.array([1, 0, 0], np.float32), (4, 1))
@@ -40,7 +39,7 @@ def rectangle(name: str) -> Mesh:
 
 
 def cube(name: str) -> Mesh:
-    """-1..1; each face has the whole picture."""
+    """Returns the cube -1..1; each face shows the whole texture."""
     positions, along = [], []
     for first, u, v in np.array(_FACES, np.float32):
         positions.append([first, first + 2 * u, first + 2 * u + 2 * v, first + 2 * v])
@@ -53,7 +52,7 @@ def cube(name: str) -> Mesh:
 
 
 def disk(name: str) -> Mesh:
-    """Radius 1, towards +Z; u goes from the middle to the rim, v once round."""
+    """Returns the disk of radius 1, facing +Z; u goes from the centre to the rim, v once around."""
     turn = np.arange(_SEGMENTS + 1) / _SEGMENTS
     rim = np.column_stack([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn), np.zeros(len(turn))])
     rim[-1] = rim[0]
@@ -66,20 +65,20 @@ def disk(name: str) -> Mesh:
 
 
 def tube(name: str) -> Mesh:
-    """An open cylinder of radius 1 about Z, from 0 to 1; it faces out. v goes up."""
+    """Returns an open cylinder of radius 1 about Z, from 0 to 1, facing outwards; v goes up."""
     mesh = _upright(shapes.lathe(name, [(1.0, 0.0), (1.0, 1.0)], _TUBE))
     assert mesh.uvs is not None
     return replace(mesh, uvs=np.column_stack([mesh.uvs[:, 0], 1 - mesh.uvs[:, 1]]).astype(np.float32))
 
 
 def sphere(name: str) -> Mesh:
-    """Radius 1; v goes from the pole at +Z down."""
+    """Returns the sphere of radius 1; v goes down from the pole at +Z."""
     turns = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
     return _upright(shapes.lathe(name, [(float(np.cos(t)), float(np.sin(t))) for t in turns], 2 * _RINGS))
 
 
 def _upright(mesh: Mesh) -> Mesh:
-    """About Z, with u from +X."""
+    """Returns the mesh rotated from the Y to the Z axis, with u starting at +X."""
     assert mesh.uvs is not None
     normals = None if mesh.normals is None else np.ascontiguousarray(mesh.normals @ _Y_TO_Z.T)
     uvs = (mesh.uvs - np.array([0.25, 0], np.float32)).astype(np.float32)
@@ -87,5 +86,5 @@ def _upright(mesh: Mesh) -> Mesh:
 
 
 def _held(mesh: Mesh, along: npt.NDArray[np.float32]) -> Mesh:
-    """With tangents along u, and the third axis of a right-handed frame."""
+    """Returns the mesh with tangents along u, completed to a right-handed frame."""
     return replace(mesh, tangents=np.column_stack([along, np.ones(len(along))]).astype(np.float32))

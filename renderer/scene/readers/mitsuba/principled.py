@@ -1,4 +1,4 @@
-"""Mitsuba's principled BSDFs, which are Burley's of 2012 and 2015, as glTF's material."""
+"""Mitsuba's principled BSDFs (Burley 2012 and 2015) as metallic-roughness materials."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from renderer.scene.readers.number_ranges import clamped, unit
 
 __all__ = ["principled"]
 
-_COAT = 0.25  # of the energy that the model's main reflection has
-_COAT_ALPHAS = 0.1, 0.001  # of a gloss of 0 and of 1
+_COAT = 0.25  # clear coat strength relative to the main specular lobe
+_COAT_ALPHAS = 0.1, 0.001  # coat alpha at gloss 0 and 1
 _SHEEN, _SHEEN_ROUGHNESS = 0.5, 0.3
 
 
@@ -24,7 +24,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
     """The material of a `principled` or `principledthin`."""
     color, texture = textures.color(source, "base_color", 0.5)
     number = textures.number
-    # Burley's specular of 0.5 is an index of 1.5: F0 = 0.08 specular.
+    # Burley's specular 0.5 is an index of 1.5: F0 = 0.08 * specular.
     given = source.child("specular") is not None or source.get("specular") is not None
     ior = ior_of(0.08 * number(source, "specular", 0.5)) if given else number(source, "eta", 1.5)
     for name in ("flatness", "spec_tint"):
@@ -33,11 +33,15 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
     through, sheen = unit(number(source, "spec_trans", 0.0)), unit(number(source, "sheen", 0.0))
     is_thin = source.type == "principledthin"
     if through == 1 and not is_thin and texture is None:
-        color = (math.sqrt(color[0]), math.sqrt(color[1]), math.sqrt(color[2]))  # Mitsuba's at each of two crossings
+        color = (
+            math.sqrt(color[0]),
+            math.sqrt(color[1]),
+            math.sqrt(color[2]),
+        )  # Mitsuba applies the root at both crossings
     elif through > 0 and not is_thin:
         document.ignore(f"{source.what}: light that goes through it is tinted by the whole colour at each crossing")
     if through == 0 and not is_thin:
-        # Burley's matt light is not lessened by what the surface reflects, as glTF's is.
+        # Burley's diffuse lobe is not attenuated by the specular one, unlike glTF's.
         matt = 1 - unit(number(source, "metallic", 0.0))
         color, texture = textures.scaled(color, texture, 1 + matt * (1 / (1 - dielectric_albedo(clamped(ior, 1.0, 4.0))) - 1))
     made = Material(
@@ -45,7 +49,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
         base_color=color,
         base_color_texture=texture,
         ior=clamped(ior, 1.0, ALL_REFLECTING_IOR),
-        specular=0.0 if through == 0 and is_thin else 1.0,  # a thin one reflects no more than its share transmits
+        specular=0.0 if through == 0 and is_thin else 1.0,  # a thin sheet without transmission has no specular lobe
         transmission=through,
         thin=is_thin,
         clearcoat=_COAT * unit(number(source, "clearcoat", 0.0)),
@@ -63,7 +67,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
 
 
 def _rough(made: Material, source: Element, textures: Textures) -> Material:
-    """With its roughness and metal."""
+    """Returns the material with roughness, anisotropy and metalness set."""
     strength = unit(textures.number(source, "anisotropic", 0.0))
     metal, metal_texture = textures.amount(source, "metallic", 0.0)
     made = replace(made, metallic=unit(metal))

@@ -1,4 +1,4 @@
-"""A scene of Mitsuba as a scene: its parts in the order in which they need each other."""
+"""Reader of a Mitsuba scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras, and the settings that the film, the sampler and the integrator ask for."""
+"""Cameras, and settings from film, sampler and integrator."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _FILM = (768, 576)
 _FILTERS = {"box": "box", "tent": "tent"}
 _SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler", "halton", "hammersley", "sobol")
 _WIDTHS = {"box": ("radius", 0.5), "tent": ("radius", 1.0), "gaussian": ("stddev", 0.5)}
-_UNBOUNDED = 64  # segments of a path for "as many as it takes": roulette ends nearly all before
+_UNBOUNDED = 64  # path segments for unlimited depth; Russian roulette terminates nearly all paths earlier
 _DIAGONAL_MM = math.hypot(36, 24)
 
 
 def add_sensor(source: Element, document: Document, description: SceneDescription) -> None:
-    """Adds a camera; the first one's film and sampler are the scene's."""
+    """Adds a camera; the scene's settings come from the first one's film and sampler."""
     width, height, window = _film(source, document, description, is_first=not description.cameras)
     world = source.matrix()
     eye, forward, up = world[:3, 3], world[:3, 2], world[:3, 1]
@@ -41,7 +41,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
             aperture = max(source.number("aperture_radius", 0.0), 0.0)
             focus = max(source.number("focus_distance", 1.0), 1e-6)
         more: dict[str, Any] = {"fov": fov, "aperture": aperture, "focus": focus, "near": near}
-        # In parts of the film's width and height, the latter downwards.
+        # As fractions of the film's width and height, downwards.
         more["shift_x"] = source.number("principal_point_offset_x", 0.0) * width / height
         more["shift_y"] = -source.number("principal_point_offset_y", 0.0)
     elif source.type == "orthographic":
@@ -58,7 +58,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
-    """The vertical field of view, in degrees, of a lens of 50 mm on film of 35 mm unless a sensor says otherwise."""
+    """Returns the vertical field of view in degrees; by default that of a 50 mm lens on 35 mm film."""
     ratio = width / height
     fov = source.get("fov")
     axis = str(source.get("fov_axis", "x"))
@@ -80,7 +80,7 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
 
 
 def _millimetres(source: Element) -> float:
-    """A sensor's focal length. Raises SceneError."""
+    """Returns a sensor's focal length in millimetres. Raises SceneError."""
     written = str(source.get("focal_length", "50mm"))
     try:
         found = float(written.strip().removesuffix("mm"))
@@ -92,7 +92,7 @@ def _millimetres(source: Element) -> float:
 
 
 def _film(source: Element, document: Document, description: SceneDescription, is_first: bool) -> tuple[int, int, Window]:
-    """Its width and height, and what of it is rendered; the first one's settings are the scene's."""
+    """Returns the film's width, height and crop window. is_first: whether to take the scene's settings from it."""
     film = next(iter(source.of("film")), None)
     sampler = next(iter(source.of("sampler")), None)
     named = next(iter(film.of("rfilter")), None) if film is not None else None
@@ -122,7 +122,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
         else:
-            description.defaults["filter"] = "tent"  # nearer to Mitsuba's Gaussian than Blackman and Harris's, half as wide
+            description.defaults["filter"] = "tent"  # closer to Mitsuba's Gaussian than Blackman-Harris, which is half as wide
             if named is not None and named.type != "gaussian":
                 document.ignore(f"{named.what}: pixels are filtered by a tent of two pixels")
     elif (window.width, window.height) != (description.defaults["width"], description.defaults["height"]):
@@ -131,7 +131,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
 
 
 def _window(film: Element, width: int, height: int) -> Window:
-    """The film's crop window, within the film."""
+    """Returns the film's crop window. Raises SceneError if it exceeds the film."""
     x, y = (int(film.number(f"crop_offset_{axis}", 0)) for axis in "xy")
     across, down = int(film.number("crop_width", width)), int(film.number("crop_height", height))
     if not (0 <= x < x + across <= width and 0 <= y < y + down <= height):
@@ -140,7 +140,7 @@ def _window(film: Element, width: int, height: int) -> Window:
 
 
 def add_integrator(source: Element, document: Document, description: SceneDescription) -> None:
-    """The way in which light is followed."""
+    """Sets the integrator's settings."""
     inner = next(iter(source.of("integrator")), None)
     source.take()
     if inner is not None:
@@ -160,7 +160,7 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
 
 
 def note_what_lies_beyond(source: Element, document: Document, description: SceneDescription) -> None:
-    """Notes where a camera's end would cut something away."""
+    """Adds a note if a camera's far clipping distance would cut off part of the scene."""
     far = source.number("far_clip", 1e4)
     eye, forward = source.matrix()[:3, 3], source.matrix()[:3, 2]
     forward = forward / max(float(np.linalg.norm(forward)), 1e-300)

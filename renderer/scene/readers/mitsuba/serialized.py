@@ -1,4 +1,4 @@
-"""Mitsuba's own file of meshes: .serialized, versions 3 and 4. Source: Mitsuba 3's documentation, plugin "serialized"."""
+"""Reader for Mitsuba's own mesh format .serialized, versions 3 and 4. Source: Mitsuba 3's documentation, plugin "serialized"."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MAX_UNPACKED = 4 << 30
 
 
 def read_serialized(data: bytes, name: str, index: int) -> Mesh:
-    """The mesh of this number in the file. Raises SceneError where it is damaged, or has no such mesh."""
+    """Returns the mesh with an index. Raises SceneError if the file is damaged or has no such mesh."""
     damaged = SceneError(f"{name}: is damaged, or no file of meshes of Mitsuba; export it again")
     try:
         magic, version = struct.unpack_from("<HH", data, 0)

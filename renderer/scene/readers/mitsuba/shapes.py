@@ -1,4 +1,4 @@
-"""Shapes placed in the world, with their material; groups that are shown many times."""
+"""Shapes in the world with their materials, and instances of shape groups."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ class Shapes:
 
     def __init__(self, document: Document, bsdfs: Bsdfs, description: SceneDescription) -> None:
         self._document, self._bsdfs, self._description = document, bsdfs, description
-        # Meshes of spheres that are scaled unevenly, by material and whether they are inside out.
+        # Meshes of non-uniformly scaled spheres, by material and orientation.
         self._balls: dict[tuple[int, bool], int] = {}
-        self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # of a shape: its meshes' numbers, and where they lie in it
+        self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # (mesh index, transform) by shape
 
     def judge(self) -> None:
-        """Raises SceneError where groups of groups show more than fits, before any is."""
+        """Raises SceneError if nested groups expand to too many shapes, before any is added."""
         judge_spread(self._document.scene, _shown, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
-        """Adds a shape, in the place of the group that it belongs to."""
+        """Adds a shape at the transform of its group. Raises SceneError."""
         if depth > _MAX_NESTED:
             raise SceneError(f"{shape.file}: {shape.what} is nested too deep")
         shape.take()
         if shape.type == "shapegroup":
-            return  # seen where an instance shows it
+            return  # added by its instances
         world = (np.eye(4) if place is None else place) @ shape.matrix()
         if not np.isfinite(world).all():
             raise SceneError(f"{shape.file}: {shape.what} stands nowhere: its transform has numbers that are not finite")
@@ -72,7 +72,7 @@ class Shapes:
                 if material in self._bsdfs.inside_out:
                     mesh = turned(mesh)
                 if material in self._bsdfs.bumpy:
-                    mesh = replace(mesh, tangents=None)  # heights rise along the picture's axes, whichever way these go
+                    mesh = replace(mesh, tangents=None)  # bump maps follow the image's own axes
                 if any(shape.of("emitter")):
                     mesh = wound_by_normals(mesh)
                 self._description.meshes.append(mesh)
@@ -82,7 +82,7 @@ class Shapes:
             self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
     def _colored(self, shape: Element, world: Matrix) -> list[tuple[Mesh, Matrix]]:
-        """Returns the shape's meshes with their materials, with colours where these ask for a mesh attribute."""
+        """Returns the shape's meshes with their materials, and with colours if a material uses a mesh attribute."""
         found = meshes_of(shape, self._document)
         numbers = [self._bsdfs.material(shape, _spans(mesh, world @ place)) for mesh, place in found]
         attribute = next((self._bsdfs.attributes[number] for number in numbers if number in self._bsdfs.attributes), "")
@@ -120,7 +120,7 @@ class Shapes:
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
     def _is_painted(self, material: int) -> bool:
-        """Whether a material has a texture, or is brushed: both lie on a sphere as Mitsuba's coordinates have it."""
+        """Whether a material has a texture or anisotropy, which need Mitsuba's UVs on a sphere."""
         made = self._description.materials[material]
         return made.anisotropy > 0 or any(name.endswith("_texture") and value is not None for name, value in vars(made).items())
 
@@ -139,7 +139,7 @@ class Shapes:
 
 @functools.cache
 def _unit_ball() -> Mesh:
-    """To be measured, and not to be shown."""
+    """Returns a sphere for measuring UV spans; it is not rendered."""
     return sphere("sphere")
 
 
@@ -148,7 +148,7 @@ def _spans(mesh: Mesh, place: Matrix) -> Callable[[], tuple[float, float] | None
 
 
 def _shown(thing: Element) -> Iterator[Element]:
-    """The shapes that a shape or a scene shows."""
+    """Yields the shapes that a shape or scene contains."""
     if thing.type == "instance":
         for group in thing.of("shape"):
             yield from group.of("shape")

@@ -1,7 +1,7 @@
-"""Mitsuba's sky and sun by our own model of the air, as bright as its own.
+"""Mitsuba's sky and sun, rendered with our own sky model at the brightness of Mitsuba's.
 
-Mitsuba's turbidity of 3 is our dust of 1, and both are tinted so that a level plane gets what it gets in Mitsuba 3.9:
-of the sky within 9 % in each channel, with the sun at 10 to 85 degrees; of the sun within 3 % from 30 degrees on.
+Mitsuba's turbidity of 3 is our dust of 1. Both sky and sun are tinted so that the irradiance of a level plane matches
+Mitsuba 3.9: sky within 9 % per channel, with the sun at 10 to 85 degrees; sun within 3 % from 30 degrees on.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from renderer.scene.textures import TextureShelf
 __all__ = ["SKIES", "sky_of"]
 
 SKIES = ("sunsky", "sky", "sun")
-_SKY, _SUN = (0.88, 1.02, 0.97), (0.495, 0.493, 0.465)  # Mitsuba's, of ours
-_BENT = 1.37  # between turbidity and dust
+_SKY, _SUN = (0.88, 1.02, 0.97), (0.495, 0.493, 0.465)  # factors from our radiance to Mitsuba's
+_BENT = 1.37  # exponent from turbidity to dust
 _F64 = npt.NDArray[np.float64]
 
 
 def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[Environment | None, Light | None]:
-    """The sky of an emitter, black below the horizon, and its sun, as far as it has them."""
+    """Returns the sky of an emitter, black below the horizon, and its sun; None for either that it lacks."""
     world = source.matrix()[:3, :3]
     up = _unit(world @ ((0.0, 1.0, 0.0) if document.is_old else (0.0, 0.0, 1.0)))
     document.ignore(f"{source.what}: rendered with the sky of Rayfarm, which is another model, as bright as Mitsuba's")
@@ -53,7 +53,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
 def _above(sky: Sky, up: _F64, towards: _F64, shelf: TextureShelf, strength: float) -> Environment:
     pixels = np.array(image_of_sky(sky))
     pixels[len(pixels) // 2 :] = 0
-    # Its middle column is below the sun: +Y is up there, and -Z where the sun stands.
+    # The image's centre column is below the sun: +Y is up, and -Z towards the sun.
     level = towards - up * float(towards @ up)
     back = -_unit(level) if float(np.linalg.norm(level)) > 1e-6 else -_across(up)
     turn = np.column_stack([np.cross(up, back), up, back])
@@ -73,7 +73,7 @@ def _sun(sky: Sky, towards: _F64, strength: float, name: str) -> Light | None:
 
 
 def _across(up: _F64) -> _F64:
-    """A direction that is level."""
+    """Returns a horizontal direction."""
     other = np.array((0.0, 0.0, -1.0) if abs(up[2]) < 0.9 else (0.0, 1.0, 0.0))
     return _unit(other - up * float(other @ up))
 

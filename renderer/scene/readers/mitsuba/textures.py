@@ -1,4 +1,4 @@
-"""What varies over a surface: Mitsuba's textures as ours."""
+"""Mitsuba's textures."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)
 
 
 class Textures:
-    """Looks up colours and numbers, by textures or without."""
+    """Looks up colours and numbers that may be textured."""
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
         self._document, self.shelf = document, shelf
-        self.attribute = ""  # the mesh attribute that a colour was asked for by; empty: none
+        self.attribute = ""  # mesh attribute last used as colour; empty: none
 
     def color(self, owner: Element, name: str, default: float | Vec3 = 0.5, is_light: bool = False) -> tuple[Vec3, int | None]:
-        """A colour and the texture that multiplies it."""
+        """Returns a colour, and the texture multiplied by it or None."""
         texture = owner.child(name)
         if texture is None:
             return rgb(owner.get(name, default), is_light), None
@@ -49,7 +49,7 @@ class Textures:
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
 
     def number(self, owner: Element, name: str, default: float) -> float:
-        """A number; of a texture the mean, which is said."""
+        """Returns a number; the mean, with a note, of a texture."""
         texture = owner.child(name)
         if texture is None:
             return owner.number(name, default)
@@ -63,7 +63,7 @@ class Textures:
         return float(linear(self.shelf.image_of(image)).mean())
 
     def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
-        """A number raised to a power, and the grey texture that it is multiplied by."""
+        """Returns a number raised to a power, and the grey texture multiplied by it or None."""
         texture = owner.child(name)
         if texture is None or constant_of(texture) is not None:
             return max(self.number(owner, name, default), 0.0) ** power, None
@@ -71,9 +71,9 @@ class Textures:
         return (1.0, found) if found is not None else (default**power, None)
 
     def coated(self, color: Vec3, texture: int | None, inner: float) -> tuple[Vec3, int | None]:
-        """A colour, and the texture that multiplies it, as light sees them that a coat throws back to them again and again.
+        """Returns a colour and its texture as the effective reflectance under a coat.
 
-        inner: what the coat throws back of light from within.
+        inner: the coat's internal albedo.
         """
 
         def make(image: Image) -> Image:
@@ -84,7 +84,7 @@ class Textures:
         return WHITE, self.shelf.derived(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
-        """A colour, and the texture that multiplies it, brighter or darker, as far as a colour can be."""
+        """Returns a colour and its texture times a factor, clamped to 1."""
         if texture is None:
             r, g, b = (unit(v * factor) for v in color)
             return (r, g, b), None
@@ -97,20 +97,20 @@ class Textures:
         return WHITE, self.shelf.derived(texture, f"by {factor}", make)
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
-        """glTF's texture of two grey ones, white for none."""
+        """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore("A texture of metallic lies here as that of roughness does")
         return with_roughness_and_metal(self.shelf, roughness, metal)
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
-        """A texture of a colour, white for none, whose alpha is how bright another is."""
+        """Returns a colour texture (white for None) with the brightness of another as alpha."""
         if color is not None and not self._lie_alike(color, opacity):
             self._document.ignore("A mask lies here as the texture of the colour beneath does")
         grey = self._grey(opacity)
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
 
     def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
-        """A texture of how bright another is, to a power."""
+        """Returns a grey texture with another's brightness raised to a power."""
 
         def make(image: Image) -> Image:
             bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
@@ -124,7 +124,7 @@ class Textures:
         return (a.wrap_s, a.wrap_t, a.transform) == (b.wrap_s, b.wrap_t, b.transform)
 
     def texture(self, source: Element, is_color: bool) -> int | None:
-        """The number of a texture; None where there is none that is read."""
+        """Returns the index of a texture; None if its plugin is not supported."""
         transform = _uv(source.get("to_uv", _spread(source)))
         if source.type == "bitmap":
             return self._bitmap(source, is_color, transform)
@@ -145,7 +145,7 @@ class Textures:
         if name is None:
             self.shelf.missing(wanted, source.what)
             return None
-        is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # gamma: of Mitsuba 0.6
+        is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # `gamma` is Mitsuba 0.6's
         if not is_raw and not is_color:
             self._document.ignore(
                 f"{source.what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true"
@@ -163,14 +163,14 @@ class Textures:
 
 
 def _spread(source: Element) -> Matrix:
-    """As Mitsuba 0.6 has it: by how much UVs are multiplied, and then moved."""
+    """Returns Mitsuba 0.6's UV transform: scale, then offset."""
     found = np.diag([source.number("uscale", 1.0), source.number("vscale", 1.0), 1.0, 1.0])
     found[:2, 3] = source.number("uoffset", 0.0), source.number("voffset", 0.0)
     return found
 
 
 def _uv(matrix: Any) -> UvTransform:
-    """A transform of UVs: of a 3x3 matrix, or of a 4x4 one its x and y."""
+    """Returns a UV transform from a 3x3 matrix, or from x and y of a 4x4 one."""
     if not isinstance(matrix, np.ndarray):
         return UNMOVED
     found: Matrix = matrix
@@ -181,7 +181,7 @@ def _uv(matrix: Any) -> UvTransform:
 
 
 def constant_of(source: Element) -> Any:
-    """The value of a plugin that is the same all over, its spectrum; None of others. Raises SceneError."""
+    """Returns the constant value or spectrum of a plugin; None if it varies. Raises SceneError."""
     if source.type == "uniform":
         return Spectrum.even(source.number("value", 1.0))
     if source.type in ("srgb", "rawconstant"):
@@ -203,7 +203,7 @@ def constant_of(source: Element) -> Any:
 
 
 def radiance_of(owner: Element, name: str) -> Vec3:
-    """What a light without a body sends out; white where nothing is said. Raises SceneError."""
+    """Returns the emission of a light without a surface; white if not set. Raises SceneError."""
     child = owner.child(name)
     found = None if child is None else constant_of(child)
     return rgb(owner.get(name, 1.0) if found is None else found, is_light=True)

@@ -1,4 +1,4 @@
-"""What of a scene nobody asked for: properties of plugins that are read, and objects within them."""
+"""Notes about properties of plugins, and child objects, that were never read."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from renderer.scene.readers.mitsuba.document import Element
 
 __all__ = ["left_over"]
 
-# Properties that change no picture here, or that a note of their own speaks of, by the kind of object.
+# Properties without effect on the image, or with their own note, by kind of object.
 _IDLE = {
     "integrator": {"rr_depth", "samples_per_pass", "block_size", "timeout", "strict_normals", "max_depth", "hide_emitters"}
     | {"emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples", "aovs"},
     "scene": set(),
     "sensor": {"far_clip", "near_clip", "focus_distance", "fov", "fov_axis", "focal_length", "shutter_open", "shutter_close"},
     "film": {"component_format", "file_format", "sample_border", "compensate", "banner", "high_quality_edges", "attach_log"},
-    "sampler": {"seed", "jitter", "scramble", "dimension"},  # which samples: no mean depends on it
+    "sampler": {"seed", "jitter", "scramble", "dimension"},  # choice of samples only
     "rfilter": set(),
     "bsdf": {"sample_visible", "main_specular_sampling_rate", "clearcoat_sampling_rate"}
     | {"diffuse_reflectance_sampling_rate", "diff_refl_sampling_rate", "spec_refl_sampling_rate", "spec_trans_sampling_rate"},
@@ -23,14 +23,14 @@ _IDLE = {
     "shape": {"silhouette_sampling_weight", "to_world", "flip_tex_coords", "face_normals"},
     "texture": {"accel", "format"},
     "medium": {"sample_emitters", "has_spectral_extinction", "method", "strategy"}
-    | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # of which two say all
+    | {"scale", "sigma_a", "sigma_s", "sigma_t", "albedo"},  # any two determine the others
     "phase": set(),
 }
-_SHOWN = ("shape", "emitter", "sensor", "integrator")  # of a scene; the others are seen where something refers to them
+_SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a scene; others only if referenced
 
 
 def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
-    """A sentence for each, again where there are more. sentences: what is said already."""
+    """Yields a sentence for each unread property or object. sentences: those already issued, whose subjects are skipped."""
     said = tuple({sentence.partition(":")[0] for sentence in sentences})
     unread = tuple(each.partition(" is no")[0] for each in said if " is no" in each)
     seen: set[int] = set()
@@ -49,7 +49,7 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
                 yield f"{name} of {element.tag}s{of_type} is not taken over"
         for child in element.children:
             if child.tag == "volume":
-                continue  # of a medium, which names it
+                continue  # reported by its medium
             is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _SHOWN))
             if child.used or any(each.startswith(child.what) for each in said):
                 stack.append(child)
@@ -59,5 +59,5 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
 
 
 def _counts(element: Element, name: str) -> bool:
-    """Whether a picture may differ by it."""
+    """Whether a property can affect the image."""
     return element.tag in _IDLE and name not in _IDLE[element.tag]

@@ -25,7 +25,7 @@ _TO_RGB = np.array([[3.240479, -1.537150, -0.498535], [-0.969256, 1.875991, 0.04
 
 
 class Spectrum:
-    """Values at wavelengths, in nanometres."""
+    """A spectrum: values at wavelengths in nanometres."""
 
     def __init__(self, wavelengths: Sequence[float], values: Sequence[float]) -> None:
         if len(wavelengths) != len(values) or not len(values):
@@ -34,8 +34,10 @@ class Spectrum:
         self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
 
     def rgb(self, is_light: bool) -> Vec3:
-        """Linear Rec.709. is_light: radiance, against the luminance of an equal-energy light of 1; else how much of white is
-        left, 0 ... 1 for what reflects.
+        """Returns linear Rec.709.
+
+        is_light: whether the spectrum is a radiance, normalised by the luminance of an equal-energy light of 1; otherwise it is a
+        reflectance in 0..1, relative to white.
         """
         if not is_light and (self.values == self.values[0]).all():
             return (float(self.values[0]),) * 3
@@ -48,12 +50,12 @@ class Spectrum:
 
     @property
     def mean(self) -> float:
-        """Over its wavelengths."""
+        """Returns the mean over the given wavelengths."""
         return float(self.values.mean())
 
     @classmethod
     def even(cls, value: float) -> Spectrum:
-        """As much at all wavelengths: grey of what reflects, and of light warmer than Rec.709's white."""
+        """Returns a spectrum constant over wavelengths: grey as a reflectance, warmer than Rec.709's white as a light."""
         return cls((300.0, 900.0), (value, value))
 
 
@@ -72,12 +74,15 @@ def _cached_matching(key: bytes) -> F64:
 
 
 def _matching(at: F64) -> F64:
-    """The CIE 1931 colour matching functions. Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit."""
+    """Returns the CIE 1931 colour matching functions. Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit."""
     return _cached_matching(at.tobytes())
 
 
 def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
-    """What a black body shines, in watts per square metre, steradian and nanometre. Raises ValueError."""
+    """Returns the radiance of a black body, in W / (m^2 sr nm), times `scale`.
+
+    Raises ValueError for a temperature out of range.
+    """
     if not 1 <= kelvin <= 1e6:
         raise ValueError("a black body has a temperature, in kelvins")
     at = np.arange(360.0, 831.0, 5.0)
@@ -87,7 +92,7 @@ def planck(kelvin: float, scale: float = 1.0) -> Spectrum:
 
 
 def rgb(found: Any, is_light: bool = False) -> Vec3:
-    """A colour from a value: three numbers, one for grey, or a spectrum."""
+    """Returns a colour from three numbers, one for grey, or a spectrum."""
     if isinstance(found, Spectrum):
         return found.rgb(is_light)
     r, g, b = np.broadcast_to(np.asarray(found, float).reshape(-1), (3,))
@@ -95,7 +100,10 @@ def rgb(found: Any, is_light: bool = False) -> Vec3:
 
 
 def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
-    """What an element of a file says. curve: the text of a file of a spectrum. Raises ValueError with the half of a sentence."""
+    """Returns the value of an element. curve: returns the text of a spectrum's file.
+
+    Raises ValueError with part of a sentence.
+    """
     text = written.get("value", "").strip()
     if tag in ("float", "integer"):
         return numbers(text, 1)[0]
@@ -119,7 +127,7 @@ def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Ca
 
 
 def numbers(text: str, count: int | None = None) -> F64:
-    """All numbers of a text, or so many. Raises ValueError with the half of a sentence."""
+    """Returns the numbers of a text. count: how many there must be. Raises ValueError with part of a sentence."""
     parts = [part for part in re.split(r"[\s,]+", text.strip()) if part]
     try:
         found = np.array([float(part) for part in parts])
@@ -170,7 +178,7 @@ def _spectrum(text: str, written: Mapping[str, str], curve: Callable[[str], str]
 
 
 def _transform(steps: Sequence[Step]) -> Matrix:
-    """The product of the steps: each is applied after those before it."""
+    """Returns the product of transform steps, each applied after the previous ones."""
     found = np.eye(4)
     for tag, written in steps:
         found = _step(tag.lower(), written) @ found
@@ -217,7 +225,7 @@ def _step(tag: str, written: Mapping[str, str]) -> Matrix:
 
 
 def _look_at(origin: F64, target: F64, up: F64) -> Matrix:
-    """Mitsuba's camera looks along +Z, and +X is to its left."""
+    """Returns a camera's transform. Mitsuba's camera looks along +Z, and +X is to its left. Raises ValueError."""
     forward = target - origin
     left = np.cross(up, forward)
     if np.linalg.norm(forward) == 0 or np.linalg.norm(left) == 0:

@@ -1,4 +1,4 @@
-"""Cameras, and the settings that the film, the sampler and the integrator ask for."""
+"""Cameras, and settings from film, sampler and integrator."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ __all__ = [
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 _FILM = (1280, 720)
 _FAR = 1e6
-# A tent of two pixels is nearer to pbrt's Gaussian than ours of Blackman and Harris, which is half as wide.
+# A tent of two pixels is closer to pbrt's Gaussian than our Blackman-Harris, which is half as wide.
 _FILTERS = {"box": "box", "triangle": "tent", "gaussian": "tent"}
-FILTER = "tent"  # where none is named
+FILTER = "tent"  # default
 _SAMPLERS = ("halton", "independent", "paddedsobol", "pmj02bn", "sobol", "stratified", "zsobol")
-_OF_SAMPLERS = ("seed", "randomization", "jitter", "pixelsamples", "xsamples", "ysamples")  # which samples: no mean depends on it
+_OF_SAMPLERS = ("seed", "randomization", "jitter", "pixelsamples", "xsamples", "ysamples")  # choice of samples only
 _UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "nbuckets", "lambdamin", "lambdamax")
 
 
 def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
-    """Whether the scene is mirrored, so that a camera of a right-handed world shows the same picture."""
+    """Whether the scene must be mirrored so that a camera in a right-handed world shows the same picture."""
     axes = to_world[:3, :3]
     is_left_handed = float((axes[:, 0] * np.cross(axes[:, 1], axes[:, 2])).sum()) > 0
-    # A spherical camera's picture runs the other way round.
+    # A spherical camera's image runs in the opposite direction.
     return is_left_handed != (source is not None and source.type == "spherical")
 
 
 def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
-    """What the film multiplies all light by: by its speed, and by how long the shutter is open."""
+    """Returns the film's exposure factor, from its ISO speed and the shutter time."""
     seconds = camera.number("shutterclose", 1.0) - camera.number("shutteropen", 0.0) if camera is not None else 1.0
     speed = film.number("iso", 100.0) if film is not None else 100.0
     found = abs(seconds) * speed / 100
@@ -53,7 +53,7 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
 
 
 def set_film(source: Parameters, description: SceneDescription, notes: Notes) -> Window:
-    """The size of the film; what of it is rendered."""
+    """Sets the image size; returns the window to render."""
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
@@ -69,7 +69,7 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
 
 
 def _rendered(source: Parameters, width: int, height: int) -> Window:
-    """The pixels that pixelbounds or cropwindow leave of a film: left, right, top and bottom, of which pbrt keeps those on it."""
+    """Returns the film window of pixelbounds or cropwindow, clipped to the film. Raises SceneError if it is empty."""
     bounds, window = source.numbers("pixelbounds", "integer"), source.numbers("cropwindow", "float")
     if bounds is not None and len(bounds) == 4:
         ends = [int(v) for v in bounds]
@@ -87,7 +87,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
 
 
 def set_sampler(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """How many samples a pixel has."""
+    """Sets the samples per pixel."""
     if source.type not in _SAMPLERS:
         notes.add(source.place, f"{source} is no sampler of pbrt's: the number of samples that it names is taken")
     count = source.integer("pixelsamples", 16)
@@ -98,7 +98,7 @@ def set_sampler(source: Parameters, description: SceneDescription, notes: Notes)
 
 
 def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
-    """(3, 3) by which the film balances linear Rec.709; None where it does not."""
+    """Returns the (3, 3) matrix of the film's white balance in linear Rec.709; None without one."""
     kelvin = film.number("whitebalance", 0.0) if film is not None else 0.0
     if film is None or not kelvin > 0:
         return None
@@ -109,7 +109,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
 
 
 def set_filter(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """How wide a pixel looks."""
+    """Sets the pixel filter."""
     description.defaults["filter"] = _FILTERS.get(source.type, FILTER)
     if source.type not in _FILTERS:
         notes.add(source.place, f"{source}: pixels are filtered by a tent of two pixels")
@@ -117,11 +117,11 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
         radii = [source.number(f"{axis}radius", 2.0) for axis in "xy"]
         if radii != [1.0, 1.0]:
             notes.add(source.place, f"{source} is two pixels wide here, and not {2 * radii[0]:g} by {2 * radii[1]:g}")
-    source.used.add("")  # so that what shapes it is named
+    source.used.add("")  # so that its parameters are reported as unused
 
 
 def set_integrator(source: Parameters, description: SceneDescription, notes: Notes) -> None:
-    """How light is traced; pbrt counts bounces, ours the path's segments."""
+    """Sets the integrator. pbrt's depth counts bounces, ours path segments."""
     if source.type in ("ambientocclusion", "ao"):
         description.defaults["integrator"] = "ao"
         distance = source.number("maxdistance", math.inf)
@@ -141,12 +141,12 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
 def add_camera(
     source: Parameters, to_world: Matrix, description: SceneDescription, notes: Notes, rendered: Window | None = None
 ) -> None:
-    """The camera. to_world: (4, 4), of its own space, in which it looks along +Z, with +Y up. rendered: of the film."""
+    """Adds the camera. to_world: (4, 4) from camera space, which looks along +Z with +Y up; rendered: window of the film."""
     width, height = (description.defaults.get(key, size) for key, size in zip(("width", "height"), _FILM, strict=True))
     right, up, forward, eye = (to_world[:3, k] for k in range(4))
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + _unit(forward)), "up": _vec(_unit(up))}
     axis = int(np.argmax(np.abs(up)))
-    description.up = _vec(np.sign(up[axis]) * np.eye(3)[axis])  # the world's axis that is most so
+    description.up = _vec(np.sign(up[axis]) * np.eye(3)[axis])  # the nearest world axis
     left, right_end, low, high = _window(source, width / height, notes)
     shift: dict[str, Any] = {"shift_x": (left + right_end) / 2 / (high - low), "shift_y": (low + high) / 2 / (high - low)}
     source.used.update(("shutteropen", "shutterclose"))
@@ -186,7 +186,7 @@ def add_camera(
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
-    """What of the plane before the camera is seen: left, right, low, high."""
+    """Returns the screen window as left, right, bottom, top."""
     frame = source.number("frameaspectratio", ratio)
     if not frame > 0:
         raise source.place.wrong(f"frameaspectratio of {source} is {frame:g}; it is above 0")

@@ -1,8 +1,8 @@
-"""Paint and metal under a coat, as pbrt's random walk between the two makes them look.
+"""Coated diffuse and coated conductors, as they look by pbrt's random walk between the two layers.
 
-A coat takes light each time it is crossed, also where nothing in it scatters: exp(-thickness / cosine). Its rough boundary loses
-what its facets shadow, from within far more than from outside. Paint forgets where light came from, so that what bounces
-between it and the coat is a geometric series, of as many terms as the walk has steps.
+A coat attenuates light at each crossing, even without scattering: exp(-thickness / cosine). Its rough boundary loses the light
+that its facets shadow, far more from inside than from outside. Diffuse reflection is independent of the incident direction, so
+the interreflections with the coat form a geometric series with as many terms as the walk has steps.
 
 Source: Pharr, Jakob and Humphreys 2023, 14.3; facets: 9.6 and 9.7. Numbers are rounded, to be the same on each host.
 """
@@ -19,13 +19,14 @@ import numpy.typing as npt
 __all__ = ["Coat", "coat_of", "metal_beneath", "paint_beneath"]
 
 F64 = npt.NDArray[np.float64]
-_COSINES, _OF_SMOOTH, _STEPS = 32, 1024, 32  # of the quadrature: directions, and facets along the sides of what they see
+_COSINES, _OF_SMOOTH, _STEPS = 32, 1024, 32  # quadrature: directions, directions for smooth coats, facets per axis
 _DIGITS = 6
 
 
 class Coat(NamedTuple):
-    """Shares of light from everywhere. entering, leaving: what gets through; back: what is thrown back to the paint; reflected:
-    what never enters. bounces: how often the walk meets the paint.
+    """Fractions of uniform incident light. entering, leaving: transmitted; back: returned to the base; reflected: never entering.
+
+    bounces: number of the walk's reflections off the base.
     """
 
     entering: float
@@ -37,9 +38,9 @@ class Coat(NamedTuple):
 
 @functools.cache
 def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
-    """A coat of an index above 1, with facets of alpha; 0: smooth. depth: the steps of the walk, at least 1."""
+    """Returns a coat with an index above 1 and microfacet alpha, 0 for smooth. depth: steps of the walk, at least 1."""
     count = _COSINES if alpha > 0 else _OF_SMOOTH
-    cosines = np.sqrt((np.arange(count) + 0.5) / count)  # as many for each share of a matt surface's light
+    cosines = np.sqrt((np.arange(count) + 0.5) / count)  # cosine-weighted
     outside = _boundary(cosines, ior, alpha, thickness)
     inside = _boundary(cosines, 1 / ior, alpha, thickness)
     crossed = np.exp(-thickness / cosines)
@@ -49,8 +50,10 @@ def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
 
 
 class _Boundary(NamedTuple):
-    """(C,) for each cosine. through: what is refracted and then crosses the coat; plain: without that. back: the same of what is
-    reflected.
+    """Fractions by incident cosine, (C,) each.
+
+    through: refracted and transmitted by the coat; plain: refracted, without the coat's attenuation; reflected: reflected, without
+    attenuation; back: reflected and transmitted by the coat.
     """
 
     through: F64
@@ -60,7 +63,7 @@ class _Boundary(NamedTuple):
 
 
 def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boundary:
-    """ior: of what lies beyond the boundary over what lies before it."""
+    """Integrates a boundary. ior: index beyond the boundary relative to that before it."""
     view = np.stack([np.sqrt(1 - cosines**2), np.zeros_like(cosines), cosines], axis=-1)[:, None, :]
     facets = _visible_facets(view, alpha)
     cosine = np.maximum((facets * view).sum(axis=-1), 1e-9)
@@ -79,7 +82,7 @@ def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boun
 
 
 def _visible_facets(view: F64, alpha: float) -> F64:
-    """(C, N, 3) normals of facets, each as often as (C, 1, 3) views see it. Source: Dupuy and Benyoub 2023."""
+    """Returns (C, N, 3) facet normals distributed by their visibility from (C, 1, 3) views. Source: Dupuy and Benyoub 2023."""
     if alpha == 0:
         return np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(view), 1, 3))
     u, v = (each.reshape(-1) for each in np.meshgrid(*2 * [(np.arange(_STEPS) + 0.5) / _STEPS], indexing="ij"))
@@ -93,7 +96,7 @@ def _visible_facets(view: F64, alpha: float) -> F64:
 
 
 def _left(seen_from: F64, cosine: F64, alpha: float) -> F64:
-    """What other facets leave of light that one of them sends to a cosine: G / G1 of Smith's."""
+    """Returns the unshadowed fraction of light sent to a cosine: G / G1 of Smith's functions."""
     first, second = (
         (np.sqrt(1 + alpha**2 * (1 / np.maximum(each, 1e-9) ** 2 - 1)) - 1) / 2 for each in (seen_from, np.maximum(cosine, 1e-9))
     )
@@ -101,7 +104,7 @@ def _left(seen_from: F64, cosine: F64, alpha: float) -> F64:
 
 
 def paint_beneath(reflectance: Any, coat: Coat) -> Any:
-    """The reflectance that paint seems to have, one or an array of them, of light that the coat itself does not reflect."""
+    """Returns the effective reflectance of a diffuse base, a number or an array, for light that the coat does not reflect."""
     values = np.clip(np.asarray(reflectance, np.float64), 0, 1)
     bounced = values * coat.back
     series = (1 - _power(bounced, coat.bounces)) / np.maximum(1 - bounced, 1e-9)
@@ -113,7 +116,7 @@ def paint_beneath(reflectance: Any, coat: Coat) -> Any:
 
 
 def _power(values: F64, exponent: int) -> F64:
-    """By products alone, which are the same on each host."""
+    """Returns values raised to a power by products only, which are the same on each host."""
     found, square = np.ones_like(values), values
     while exponent:
         found = found * square if exponent & 1 else found
@@ -122,7 +125,9 @@ def _power(values: F64, exponent: int) -> F64:
 
 
 def metal_beneath(reflectance: F64, ior: float, thickness: float) -> F64:
-    """What a metal seems to reflect head on, and all that bounces between, of light that a coat itself does not reflect."""
+    """Returns the effective reflectance at normal incidence of a metal, interreflections included, for light not reflected by the
+    coat.
+    """
     coat = ((ior - 1) / (ior + 1)) ** 2
     crossed = math.exp(-2 * thickness)
     return np.asarray(np.round((1 - coat) * reflectance * crossed / (1 - coat * reflectance * crossed), _DIGITS))

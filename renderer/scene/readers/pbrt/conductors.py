@@ -1,4 +1,4 @@
-"""Metals: the index of refraction eta + i k at red, green and blue, by which head on as much is reflected as of the spectrum."""
+"""Conductors: indices eta + i k at red, green and blue that match the spectrum's reflectance at normal incidence."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 __all__ = ["absorbing", "index_of", "of_reflectance"]
 
 F64 = npt.NDArray[np.float64]
-_BRIGHTEST = 0.9999  # pbrt's
+_BRIGHTEST = 0.9999  # pbrt's limit
 _BRIGHTEST_METAL = 0.998
 
 
 def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tuple[Vec3, Vec3]:
-    """eta and k of a conductor; copper's where it does not say."""
+    """Returns eta and k of a conductor; those of copper by default."""
     names = [text_of(each) if each is not None else "" for each in (eta, k)]
     if eta is None and k is None:
         names = ["metal-Cu-eta", "metal-Cu-k"]
@@ -46,21 +46,21 @@ def _metal(name: str, part: str) -> str | None:
 
 def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
     mean = np.maximum(WEIGHTS @ eta, 1e-3)
-    wanted = np.clip(WEIGHTS @ head_on(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is redder than Rec.709's red
+    wanted = np.clip(WEIGHTS @ head_on(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is outside Rec.709's gamut
     square = (wanted * (mean + 1) ** 2 - (mean - 1) ** 2) / (1 - wanted)
-    # Where no k reflects so little, it is the index.
+    # If no k reflects so little, eta is changed instead.
     root = np.sqrt(wanted)
     mean = np.where(square < 0, (1 + root) / (1 - root), mean)
     return _vec(mean), _vec(np.sqrt(np.maximum(square, 0)))
 
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
-    """An index of 1 with the k by which head on so much is reflected: pbrt's rule."""
+    """Returns eta = 1 and the k with this reflectance at normal incidence: pbrt's rule."""
     return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
 
 
 def absorbing(reflectance: npt.NDArray[Any]) -> F64:
-    """The k by which a metal of an index of 1 reflects so much head on."""
+    """Returns the k of a metal with index 1 and this reflectance at normal incidence."""
     values = np.clip(np.asarray(reflectance, np.float64), 0.0, _BRIGHTEST)
     return np.asarray(2 * np.sqrt(values) / np.sqrt(1 - values))
 

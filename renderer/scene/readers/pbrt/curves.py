@@ -1,4 +1,4 @@
-"""pbrt's curves, cut into lines."""
+"""pbrt's curves as polylines."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ F64 = npt.NDArray[np.float64]
 
 
 def strand_of(source: Parameters, notes: Notes) -> Strand:
-    """A curve cut into lines. Raises SceneError."""
+    """Returns a curve as a polyline with radii. Raises SceneError."""
     points = source.numbers("P", "point3", "point")
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
@@ -37,7 +37,7 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
 
 
 def _cubic(points: F64, basis: str) -> F64:
-    """Quadratic curves as cubic Beziers."""
+    """Returns quadratic curves as cubic Beziers."""
     if basis == "bspline":
         ends = (points[:-1] + points[1:]) / 2
         points = np.insert(ends, np.arange(1, len(ends)), points[1:-1], axis=0)

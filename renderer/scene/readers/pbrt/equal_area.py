@@ -1,4 +1,4 @@
-"""Square pictures of all directions, in which each pixel spans as much, as equirectangular ones.
+"""Conversion of equal-area octahedral images of all directions to equirectangular ones.
 
 Source: Clarberg 2008, "Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD".
 """
@@ -16,12 +16,12 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 
 _MOST_ROWS = 2048
-_ROWS = 64  # worked out together
-_FINE = 2  # lookups along a pixel's side
+_ROWS = 64  # rows computed at a time
+_FINE = 2  # supersampling per axis
 
 
 def to_square(directions: F64) -> tuple[F64, F64]:
-    """The places (u, v), 0 to 1, of (..., 3) unit directions; +Z is in the middle."""
+    """Returns the square's coordinates (u, v), 0..1, of (..., 3) unit directions; +Z is at the centre."""
     x, y, z = np.moveaxis(directions, -1, 0)
     r = np.sqrt(np.maximum(1 - np.abs(z), 0))
     most, least = np.maximum(np.abs(x), np.abs(y)), np.minimum(np.abs(x), np.abs(y))
@@ -34,7 +34,10 @@ def to_square(directions: F64) -> tuple[F64, F64]:
 
 
 def equirectangular(pixels: F32, turn: Matrix) -> F32:
-    """(h, 2h, 3) with +Y above and -Z in the middle, as bright in all, of (n, n, 3) pixels that a (3, 3) rotation turns."""
+    """Returns an (h, 2h, 3) equirectangular image, +Y up and -Z at the centre, with the same total flux.
+
+    pixels: (n, n, 3) equal-area image; turn: (3, 3) rotation applied to it.
+    """
     height = min(len(pixels), _MOST_ROWS)
     whole = np.empty((height, 2 * height, 3), np.float32)
     fine = _FINE * height
@@ -55,7 +58,7 @@ def equirectangular(pixels: F32, turn: Matrix) -> F32:
 
 
 def _mixed(pixels: F32, u: F64, v: F64) -> F64:
-    """Bilinear; over an edge the square goes on where it is folded."""
+    """Returns bilinear samples; beyond an edge the square continues where it is folded."""
     size = len(pixels)
     x, y = u * size - 0.5, v * size - 0.5
     left, above = np.floor(x).astype(int), np.floor(y).astype(int)

@@ -1,4 +1,4 @@
-"""What statements change, and what they make."""
+"""Execution of statements: the graphics state and the scene it produces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from renderer.scene.readers.pbrt.transforms import Ctm
 
 __all__ = ["Graphics"]
 
-_MOST_STATES = 1_000  # blocks within each other
+_MOST_STATES = 1_000  # nested blocks
 _LEAST_SECONDS = 1e-4
 _ON = "_on_"
 _ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
@@ -36,7 +36,7 @@ _ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
 
 @dataclass
 class _State:
-    """What AttributeBegin saves."""
+    """The graphics state saved by AttributeBegin."""
 
     ctm: Ctm = field(default_factory=lambda: (np.eye(4),) * 2)
     active: tuple[bool, bool] = (True, True)
@@ -49,7 +49,7 @@ class _State:
 
 
 class Graphics:
-    """Carries statements out. Raises SceneError, with a line, where one cannot be."""
+    """Executes statements. Raises SceneError, with a line, for invalid ones."""
 
     def __init__(self, files: SceneFiles, description: SceneDescription, moment: Moment, notes: Notes) -> None:
         self._files, self._description, self._moment, self._notes = files, description, moment, notes
@@ -67,7 +67,7 @@ class Graphics:
         self._camera_medium = ""
         self._film: Parameters | None = None
         self._rendered: Window | None = None  # of the film
-        self._all: list[tuple[Parameters, int]] = []  # and how much was asked of each to begin with
+        self._all: list[tuple[Parameters, int]] = []  # with the number of parameters used at first
         self._depth = 0
         self._outer = np.eye(4)
         self._do: dict[str, Callable[[Statement], None]] = {
@@ -75,7 +75,7 @@ class Graphics:
         }
 
     def run(self, name: str) -> None:
-        """Carries out a file's statements."""
+        """Executes a file's statements."""
         for statement in self._statements.of(name, self._depth):
             do = self._do.get(statement.directive)
             if do is None:
@@ -85,7 +85,7 @@ class Graphics:
             do(statement)
 
     def end(self, main: str) -> None:
-        """All is said. Raises SceneError where a block is open, or the world never began."""
+        """Ends the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
             raise Place(PurePosixPath(main).name, 1).wrong(
                 "has no WorldBegin: nothing is in its world; give the scene's main file"
@@ -96,7 +96,7 @@ class Graphics:
         place = self._camera[0].place if self._camera is not None else Place(PurePosixPath(main).name, 1)
         self._media.surround(self._description, self._camera_medium, place)
         for each, asked in self._all:
-            if len(each.used) > asked:  # else nothing shows it
+            if len(each.used) > asked:  # otherwise the object is unused
                 each.say_unused(self._notes)
 
     # Files
@@ -127,7 +127,7 @@ class Graphics:
         return numbers
 
     def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
-        """To the transformations that are active."""
+        """Applies a matrix to the active transformations."""
         old = self._state.ctm
         first, last = (
             (matrix if replaces else product(each, matrix)) if active else each
@@ -168,7 +168,7 @@ class Graphics:
         self._state.ctm = self._named[name]
 
     def _on_active_transform(self, statement: Statement) -> None:
-        """Its word stands without quotes, and so is a directive of its own."""
+        """Does nothing: its unquoted word is parsed as a directive."""
 
     def _on_start_time(self, statement: Statement) -> None:
         self._state.active = (True, False)
@@ -267,7 +267,7 @@ class Graphics:
         cameras.set_filter(self._kept(statement, "filter"), self._description, self._notes)
 
     def _on_accelerator(self, statement: Statement) -> None:
-        """Trees are ours."""
+        """Ignored: the BVH is ours."""
 
     def _on_option(self, statement: Statement) -> None:
         note_option(self._name(statement), statement, self._notes)
@@ -386,12 +386,12 @@ class Graphics:
         return found
 
     def _kept(self, statement: Statement, what: str) -> Parameters:
-        """The same of what is looked at later."""
+        """Returns parameters that are read later, and whose unused ones are reported at the end."""
         found = self._parameters(statement, what)
         self._all.append((found, 0))
         return found
 
 
 def _directive(method: str) -> str:
-    """The directive that a method carries out: LookAt is done by _on_look_at."""
+    """Returns the directive that a method executes: LookAt for _on_look_at."""
     return "".join(word.capitalize() for word in method.removeprefix(_ON).split("_"))

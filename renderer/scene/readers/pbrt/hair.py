@@ -14,7 +14,7 @@ __all__ = ["hair"]
 
 
 def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """The material of a `hair`."""
+    """Returns the material of a `hair`."""
     notes.add(source.place, "hair is rendered as a glossy surface in its colour: light does not go through its fibres")
     along, around = (textures.one_number(source, name, 0.3) for name in ("beta_m", "beta_n"))
     source.used.update(("alpha", "sigma_a", "color", "reflectance", "eumelanin", "pheomelanin"))

@@ -1,6 +1,6 @@
-"""Lights without a body, light from all around, and what surfaces shine with.
+"""Lights without a surface, environment light, and emission of surfaces.
 
-pbrt scales each light's spectrum to a luminance of 1 before its scale, power or illuminance is taken; an rgb is so as it stands.
+pbrt scales a light's spectrum to a luminance of 1 before it applies scale, power or illuminance; an rgb is used unscaled.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MOST_LIGHTS = 1_000_000
 
 
 class Lights:
-    """Adds lights to a description. exposure: of the film, which all light is multiplied by; balance: (3, 3) of it, likewise."""
+    """Adds lights to a description. exposure: factor of the film for all lights; balance: its (3, 3) white balance, or None."""
 
     def __init__(self, files: SceneFiles, textures: Textures, description: SceneDescription, notes: Notes) -> None:
         self._files, self._textures, self._description, self._notes = files, textures, description, notes
@@ -37,7 +37,7 @@ class Lights:
         self.balance: Matrix | None = None
 
     def add(self, source: Parameters, world: Matrix) -> None:
-        """A light of the scene. world: (4, 4), of its own space."""
+        """Adds a light. world: (4, 4) from light space."""
         place = source.place
         if len(self._description.lights) >= _MOST_LIGHTS:
             raise place.wrong(f"there are more than {_MOST_LIGHTS} lights; leave some out")
@@ -65,7 +65,7 @@ class Lights:
             self._notes.add(place, f"{source} is no light that is read: it is left out")
 
     def shines(self, source: Parameters, areas: np.ndarray) -> Emission:
-        """What a surface shines with. areas: (n,) of the parts that pbrt takes for a light each, for lights of a power."""
+        """Returns the emission of a surface. areas: (n,) of the parts that pbrt treats as lights, to convert a power."""
         if source.type != "diffuse":
             self._notes.add(source.place, f"{source} is no light that is read: its surface does not shine")
             return Emission()
@@ -114,7 +114,7 @@ class Lights:
         return x, y, z
 
     def _thrown(self, source: Parameters, world: Matrix) -> None:
-        """A light by a picture of where it shines."""
+        """Adds a light with an image of its emission by direction."""
         is_projection = source.type == "projection"
         name = self._files.find(source.text("filename"), source.place.file)
         image = None if name is None else self._textures.shelf.image_file(name)
@@ -194,7 +194,7 @@ class Lights:
             pixels = np.ascontiguousarray(np.maximum(pixels @ self.balance.T.astype(np.float32), 0))
         turn = _rotation(world[:3, :3])
         around = Image(f"{name} all around", equirectangular(pixels, turn), srgb=False)
-        self._description.images[image] = around  # nothing else looks at what it was
+        self._description.images[image] = around  # replaces the square image, which has no other use
         strength = min(max(scale * self.exposure, 0.0), _MOST)
         self._surround(Environment((strength,) * 3, image), source)
 
@@ -220,7 +220,7 @@ class Lights:
 
 
 def _illuminance(pixels: np.ndarray) -> float:
-    """What falls on a level surface from the upper half of a square picture, as pbrt counts it: by half its pixels."""
+    """Returns the illuminance of a horizontal surface by the upper half of a square image, estimated as in pbrt."""
     size = len(pixels)
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(middles, middles)
@@ -231,7 +231,7 @@ def _illuminance(pixels: np.ndarray) -> float:
 
 
 def _square(pixels: np.ndarray) -> np.ndarray:
-    """A square picture of an equirectangular one: +Z up, and its left edge along +X."""
+    """Returns a square equal-area image from an equirectangular one: +Z up, its left edge along +X."""
     size = int(min(max(pixels.shape[0], 2), 2048))
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     u, v = np.meshgrid(middles, middles)
@@ -247,7 +247,7 @@ def _square(pixels: np.ndarray) -> np.ndarray:
 
 
 def _rotation(matrix: Matrix) -> Matrix:
-    """A transformation without its scale; it may mirror."""
+    """Returns the transformation without its scale; it may be a reflection."""
     lengths = np.sqrt((matrix * matrix).sum(axis=0))
     return np.asarray(matrix / np.maximum(lengths, 1e-300))
 

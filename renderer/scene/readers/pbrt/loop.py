@@ -1,4 +1,4 @@
-"""Loop's subdivision surfaces, as pbrt has them: some levels, then every point onto the limit.
+"""Loop subdivision surfaces as in pbrt: some levels, then all points on the limit surface.
 
 Source: Loop 1987; Warren's weights, and the limit: Pharr and Humphreys, Physically Based Rendering, 2nd edition, 3.8.
 """
@@ -17,19 +17,19 @@ I64 = npt.NDArray[np.int64]
 
 
 class _Mesh(NamedTuple):
-    """What surrounds each point."""
+    """The neighbourhood of each point and edge."""
 
     edges: I64  # (E, 2)
     of: I64  # (T, 3) the edge from each corner to the next
-    opposite: F64  # (E, 3) the sum of the points across
+    opposite: F64  # (E, 3) sum of the opposite points
     border: npt.NDArray[np.bool_]  # (E,)
-    around: F64  # (V, 3) the sum of the neighbours; of a point of the border, of its two along that
+    around: F64  # (V, 3) sum of the neighbours; for border points, of the two along the border
     valence: I64  # (V,)
     on_border: npt.NDArray[np.bool_]  # (V,)
 
 
 def subdivided(points: F64, triangles: I64, levels: int) -> tuple[F64, I64]:
-    """(V, 3) points on the limit surface, and (T, 3) triangles, after so many levels."""
+    """Returns (V, 3) points on the limit surface and (T, 3) triangles after `levels` subdivisions."""
     for _ in range(levels):
         points, triangles = _finer(points, triangles)
     mesh = _surroundings(points, triangles)
@@ -49,7 +49,7 @@ def _finer(points: F64, triangles: I64) -> tuple[F64, I64]:
 
 
 def _moved(points: F64, mesh: _Mesh, share: F64) -> F64:
-    """Each point mixed with those around it, which count for a share each; alone it stays."""
+    """Returns each point mixed with its neighbours, each weighted by its share; isolated points are unchanged."""
     count = np.where(mesh.on_border, 2, mesh.valence)
     alone = (mesh.valence == 0)[:, None]
     return np.where(alone, points, (1 - count * share)[:, None] * points + share[:, None] * mesh.around)
@@ -69,7 +69,7 @@ def _surroundings(points: F64, triangles: I64) -> _Mesh:
     codes = np.minimum(start, end) * count + np.maximum(start, end)
     unique, of, faces = np.unique(codes, return_inverse=True, return_counts=True)
     edges = np.stack([unique // count, unique % count], axis=1)
-    opposite = _sums(of, points[across], len(edges)) * (2 / np.maximum(faces, 2))[:, None]  # where more than two meet, their mean
+    opposite = _sums(of, points[across], len(edges)) * (2 / np.maximum(faces, 2))[:, None]  # the mean for non-manifold edges
     border = faces == 1
     on_border = np.zeros(count, bool)
     on_border[edges[border]] = True

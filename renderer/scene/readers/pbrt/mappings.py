@@ -23,9 +23,9 @@ UPRIGHT: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 class Mapping(NamedTuple):
-    """kind: planar, spherical or cylindrical. of_world: rows of the matrix from the world to the texture's space.
+    """A texture mapping. kind: planar, spherical or cylindrical; of_world: rows of the matrix from world to texture space.
 
-    axes, offsets: of planar ones, along which s and t grow, and what they begin with.
+    axes, offsets: for planar mappings, the directions of s and t and their values at the origin.
     """
 
     kind: str
@@ -34,7 +34,7 @@ class Mapping(NamedTuple):
     offsets: tuple[float, float] = (0.0, 0.0)
 
     def uvs(self, points: F64) -> F64:
-        """(V, 2) s and t of points (V, 3) of the world."""
+        """Returns (V, 2) coordinates s and t of (V, 3) points in world space."""
         matrix = np.array(self.of_world)
         x, y, z = (points @ matrix[:3, :3].T + matrix[:3, 3]).T
         if self.kind == "planar":
@@ -48,12 +48,12 @@ class Mapping(NamedTuple):
 
     @property
     def around(self) -> int | None:
-        """Which of s and t begins again after a turn."""
+        """Returns which of s and t wraps around: 0, 1 or None."""
         return {"spherical": 1, "cylindrical": 0}.get(self.kind)
 
 
 def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
-    """How a texture lies on things, which was named under this transformation; None where it lies there by their UVs."""
+    """Returns the mapping of a texture defined under a transformation; None for UV mapping."""
     kind = source.text("mapping", "uv")
     if kind == "uv":
         return None
@@ -67,7 +67,7 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
 
 
 def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
-    """The mesh, which stands in the world by a transformation, with a second set of UVs."""
+    """Returns the mesh with a second UV set by the mapping. ctm: from object to world space."""
     points = mesh.positions.astype(np.float64) @ ctm[:3, :3].T + ctm[:3, 3]
     found = mapping.uvs(points)
     if mapping.around is not None:
@@ -76,7 +76,7 @@ def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
 
 
 def _sewn(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
-    """Triangles across the line where the count begins again go on beyond 1: those have vertices of their own."""
+    """Returns the mesh and coordinates with separate vertices for triangles across the wrap line, whose coordinates exceed 1."""
     turns = found[mesh.triangles, around]
     across = np.flatnonzero(np.ptp(turns, axis=1) > 0.5)
     if len(across) == 0:

@@ -1,6 +1,6 @@
-"""pbrt's materials as ours.
+"""pbrt's materials.
 
-Its roughness becomes its alpha by a square root unless told otherwise; ours is the square root of alpha.
+pbrt's alpha is the square root of its roughness unless remapping is off; our roughness is the square root of alpha.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ __all__ = ["Emission", "Materials", "is_nothing"]
 
 _HALF: Vec3 = (0.5, 0.5, 0.5)
 _NO_LIGHT: Vec3 = (0.0, 0.0, 0.0)
-_SMOOTH = 1e-3  # alpha, below which pbrt takes a surface for a mirror
+_SMOOTH = 1e-3  # alpha below which pbrt's surfaces are perfectly specular
 _MAX_NESTED = 16
 _IGNORED = ("maxdepth", "nsamples")
 
 
 @dataclass(frozen=True)
 class Emission:
-    """What a surface shines with."""
+    """The emission of a surface."""
 
     radiance: Vec3 = _NO_LIGHT
     texture: int | None = None
@@ -46,12 +46,12 @@ class Emission:
 
 
 def is_nothing(source: Parameters | None) -> bool:
-    """Whether a material only bounds a medium, and is not seen."""
+    """Whether a material is an invisible boundary of a medium."""
     return source is not None and source.type in ("interface", "", "none")
 
 
 class Materials:
-    """Adds materials to a description; the same material with the same light and holes gives the same number again."""
+    """Adds materials to a description. The same material with the same emission and alpha has the same index."""
 
     def __init__(self, textures: Textures, media: Media, description: SceneDescription, notes: Notes) -> None:
         self._textures, self._media, self._description, self._notes = textures, media, description, notes
@@ -59,16 +59,16 @@ class Materials:
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._made: dict[int, Material] = {}
         self._ways: dict[int, tuple[Mapping, ...]] = {}
-        self._heights: dict[int, Varying] = {}  # by the materials that have bumps of them
+        self._heights: dict[int, Varying] = {}  # height texture by material
         self._bumps = BumpMaps(textures.shelf)
-        self.mappings: dict[int, Mapping] = {}  # by the description's numbers of materials, whose textures do not lie by UVs
+        self.mappings: dict[int, Mapping] = {}  # by material index, for textures without UV mapping
 
     def bounds_media(self, between: Interface, place: Place) -> bool:
-        """Whether a surface that is not seen lies between two media."""
+        """Whether an invisible surface separates two media."""
         return self._media.bounds(between, place)
 
     def heights(self, source: Parameters | None) -> Varying | None:
-        """By which texture a material's surface rises; None where it is smooth."""
+        """Returns the height texture of a material; None if it has none."""
         if source is None or is_nothing(source):
             return None
         self.of(source, 0)
@@ -83,10 +83,10 @@ class Materials:
         between: Interface = ("", ""),
         spans: tuple[float, float] | None = None,
     ) -> int:
-        """The description's number of a material of a shape, which stands at a place of the file.
+        """Returns the description's index of a shape's material.
 
-        alpha: how much of the surface is there. between: the media inside and outside. spans: of a shape that has bumps, how
-        long its coordinates are (height_maps.py).
+        alpha: opacity; place: of the shape in the file; between: names of the media inside and outside; spans: lengths per unit
+        of UV (height_maps.py), for shapes with bumps.
         """
         key = (id(source), emission, alpha, between, spans)
         if key not in self._numbers:
@@ -109,7 +109,7 @@ class Materials:
         return self._numbers[key]
 
     def of(self, source: Parameters, depth: int) -> Material:
-        """A material without light and holes."""
+        """Returns a material without emission and alpha."""
         if id(source) not in self._made:
             before = len(self._textures.mappings)
             self._made[id(source)] = self._make(source, depth)
@@ -145,7 +145,7 @@ class Materials:
         return _painted(self._textures.color(source, "reflectance", _HALF))
 
     def _coated(self, source: Parameters) -> Material:
-        """Paint under varnish: what of the light that enters comes out again, after being thrown back within."""
+        """Returns a coated diffuse material with the effective reflectance of its base."""
         color = self._textures.color(source, "reflectance", _HALF)
         ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
         ior = min(max(ior, 1.0), 4.0)
@@ -168,7 +168,7 @@ class Materials:
         return min(max(self._textures.one_number(source, "thickness", 0.01), 0.0), 100.0)
 
     def _mean_alpha(self, rough: dict[str, Any]) -> float:
-        """Of a coat's facets, where it is brushed or varies."""
+        """Returns the mean microfacet alpha of a coat that is anisotropic or textured."""
         least: float = rough["roughness"] ** 2
         texture = rough.get("metallic_roughness_texture")
         if texture is not None:
@@ -295,7 +295,7 @@ class Materials:
         return made
 
     def _nearest(self, source: Parameters) -> Material:
-        """What pbrt renders and ours does not."""
+        """Returns a substitute for materials that are not supported."""
         if is_nothing(source):
             return Material(kind="interface")
         self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
@@ -327,9 +327,9 @@ class Materials:
             self._notes.add(source.place, f"{source}: what scatters within its coat is not taken over")
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
-        """Our roughness, and how brushed it is, as fields of a material."""
+        """Returns roughness and anisotropy as material fields."""
         remaps = source.flag("remaproughness", True)
-        power = 0.25 if remaps else 0.5  # ours is the root of alpha
+        power = 0.25 if remaps else 0.5  # our roughness is the root of alpha
         name = f"{prefix}roughness"
         u, v = (f"{prefix}{axis}roughness" for axis in "uv")
         if source.get(u) is None and source.get(v) is None:

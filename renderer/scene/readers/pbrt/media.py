@@ -1,7 +1,7 @@
-"""pbrt's media: what fills shapes and the world, and its subsurface material.
+"""pbrt's media, inside shapes and in the world, and its subsurface material.
 
-Lengths are those of the scene, whatever their unit: pbrt multiplies coefficients by `scale`, and so its named ones, which are
-a millimetre's, stand for a scene in millimetres.
+Lengths are in scene units: pbrt multiplies coefficients by `scale`, so its named ones, which are per millimetre, assume a scene
+in millimetres.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from renderer.scene.readers.substances import SUBSTANCES
 __all__ = ["NOTHING", "Interface", "Media", "subsurface"]
 
 NOTHING = Medium()
-_MILK = SUBSTANCES["Wholemilk"]  # what pbrt's subsurface is of where nothing is said
+_MILK = SUBSTANCES["Wholemilk"]  # default of pbrt's subsurface
 
-Interface = tuple[str, str]  # the names of the media inside and outside; "" is none
+Interface = tuple[str, str]  # names of the media inside and outside; "" for none
 
 
 class Media:
-    """The media that a file names."""
+    """The media named in a file."""
 
     def __init__(self, textures: Textures, notes: Notes) -> None:
         self._textures, self._notes = textures, notes
         self._named: dict[str, Medium] = {"": NOTHING}
-        self._inside: set[str] = set()  # the names of those that fill shapes
-        self._outside: dict[str, Place] = {}  # and of those that are said to be around them
-        self._unsaid = False  # whether glass does not say what it is filled with
+        self._inside: set[str] = set()  # names of media inside shapes
+        self._outside: dict[str, Place] = {}  # media named as exteriors
+        self._unsaid = False  # whether any glass names no medium
 
     def make(self, name: str, source: Parameters) -> None:
-        """Names a medium."""
+        """Defines a medium by name."""
         kind = source.type
         if name in self._named:
             self._notes.add(source.place, f"The medium {name[:60]!r} is made again: the later one counts")
@@ -51,18 +51,18 @@ class Media:
         )
 
     def find(self, name: str, place: Place) -> Medium:
-        """A medium by its name."""
+        """Returns a medium by name. Raises SceneError if it is undefined."""
         if name not in self._named:
             raise place.wrong(f"there is no medium {name[:60]!r}; MakeNamedMedium names one before it is used")
         return self._named[name]
 
     def bounds(self, between: Interface, place: Place) -> bool:
-        """Whether a surface lies between two media."""
+        """Whether a surface is a boundary between different media."""
         inside, outside = between
         return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
 
     def fill(self, made: Material, source: Parameters | None, between: Interface, place: Place) -> Material:
-        """A material of a shape that stands between an inside and an outside. Of equal ones pbrt takes no notice."""
+        """Returns a material with the medium inside its shape. As in pbrt, equal media inside and outside have no effect."""
         inside, outside = between
         lets_through = made.kind in ("glass", "interface") or made.transmission > 0 or made.diffuse_transmission > 0
         if inside == outside:
@@ -81,7 +81,7 @@ class Media:
         return made
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
-        """Fills the world, where the camera stands in a medium; once all shapes are there."""
+        """Sets the world's medium if the camera is in one. Call it after all shapes are added."""
         fill_world(description, self.find(camera, place))
         if self._unsaid and any(each != NOTHING for each in self._named.values()):
             self._notes.add(place, "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it")
@@ -106,7 +106,7 @@ class Media:
 
 
 def coefficients(source: Parameters, name: str, default: Vec3, textures: Textures) -> Vec3:
-    """Three numbers from 0 on; of a texture their mean."""
+    """Returns three non-negative numbers; the mean of a texture."""
     found = textures.index(source, name)
     if found is None:
         return default
@@ -115,7 +115,7 @@ def coefficients(source: Parameters, name: str, default: Vec3, textures: Texture
 
 
 def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """The material of a `subsurface`, without its roughness."""
+    """Returns the material of a `subsurface`, without its roughness."""
     ior = clamped(textures.one_number(source, "eta", 1.33), 1.0, 4.0)
     scale = max(source.number("scale", 1.0), 0.0)
     made = Material(kind="metallic_roughness", ior=ior, subsurface=1.0)

@@ -1,4 +1,4 @@
-"""Shapes of triangles and of patches, in their own space; v of the UVs is counted from above."""
+"""Triangle meshes and bilinear patches in object space; v of the UVs is counted from the top."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ __all__ = ["MESHES", "mesh_of", "turned", "with_uvs"]
 MESHES = ("trianglemesh", "plymesh", "bilinearmesh", "loopsubdiv")
 _NORMALS = rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"
 _EVERY_EDGE = 181.0
-_PATCH = 8  # squares along a side of a patch that is bent
+_PATCH = 8  # quads per side of a curved patch
 _FLAT = 1e-5
 
 
 def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth) -> Mesh:
-    """The mesh of a shape. Raises SceneError."""
+    """Returns the mesh of a shape. Raises SceneError."""
     if source.type == "trianglemesh":
         return _triangles(source, notes)
     if source.type == "plymesh":
@@ -91,7 +91,7 @@ def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     cross = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     away = np.abs(np.einsum("qc,qc->q", cross, quads[:, 3] - quads[:, 0]))
     size = np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1) * np.linalg.norm(cross, axis=1)
-    skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 of a parallelogram, whose UVs two triangles show rightly
+    skew = quads[:, 3] - quads[:, 1] - quads[:, 2] + quads[:, 0]  # 0 for parallelograms, whose UVs are exact with two triangles
     even = np.linalg.norm(skew, axis=1) <= _FLAT * np.linalg.norm(quads[:, 3] - quads[:, 0], axis=1)
     steps = 1 if (away <= _FLAT * size).all() and (even.all() or uvs is None) else _PATCH
     while steps > 1 and 2 * steps * steps * len(corners) > growth.room:
@@ -129,17 +129,17 @@ def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
         notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
     fine, faces = subdivided(points, triangles, levels)
     mesh = Mesh("loopsubdiv", exact(fine), faces.astype(np.int32))
-    return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals of it are on the side from which its triangles run clockwise
+    return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals are on the clockwise side
 
 
 def turned(mesh: Mesh) -> Mesh:
-    """Inside out."""
+    """Returns the mesh with reversed winding and normals."""
     normals = None if mesh.normals is None else -mesh.normals
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
 def with_uvs(mesh: Mesh) -> Mesh:
-    """With the UVs that pbrt gives each triangle that has none: (0, 0), (1, 0), (1, 1)."""
+    """Returns the mesh with pbrt's default UVs if it has none: (0, 0), (1, 0), (1, 1) for each triangle."""
     if mesh.uvs is not None:
         return mesh
     corners = mesh.triangles.reshape(-1)
@@ -150,7 +150,7 @@ def with_uvs(mesh: Mesh) -> Mesh:
 
 
 def _facing(mesh: Mesh) -> Mesh:
-    """With each triangle's front where its normals are."""
+    """Returns the mesh with each triangle wound to face its normals."""
     if mesh.normals is None or not len(mesh.triangles):
         return mesh
     along = np.einsum("tc,tc->t", face_normals(mesh.positions, mesh.triangles), mesh.normals[mesh.triangles].sum(axis=1))

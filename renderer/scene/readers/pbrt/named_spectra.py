@@ -1,8 +1,8 @@
-"""What pbrt knows by name: metals, glasses and lights.
+"""Named spectra of pbrt: metals, glasses and lights.
 
-Metals: eta and k at Rec.709's primaries, by which head on as much daylight is reflected as of the measured spectrum, and eta
-is its mean; tests/renderer/scene/test_pbrt_colors.py makes them again. Measurements: the tables of luxpop.com, which pbrt and
-Mitsuba share; brass as in metals.py. Glasses: index at 587.6 nm and Abbe number, of Schott's catalogues. Lights:
+Metals: eta and k at Rec.709's primaries, with the daylight reflectance at normal incidence of the measured spectrum and eta its
+mean; tests/renderer/scene/test_pbrt_colors.py recomputes them. Measurements: the tables of luxpop.com, which pbrt and Mitsuba
+share; brass as in metals.py. Glasses: index at 587.6 nm and Abbe number, from Schott's catalogues. Lights:
 chromaticities of CIE 015:2018.
 """
 

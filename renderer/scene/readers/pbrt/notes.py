@@ -1,4 +1,4 @@
-"""What of a file is not taken over: each thing named once, with the line where it first stands."""
+"""Notes about unsupported content of a file, each with the line of its first occurrence."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from renderer.scene.description import SceneDescription
 
 __all__ = ["Notes", "Place"]
 
-_MOST = 200  # kinds of notes; a damaged file may have one for each of its lines
+_MOST = 200  # distinct notes; a damaged file may cause one per line
 
 
 class Place(NamedTuple):
-    """Where something stands in a file."""
+    """A position in a file."""
 
     file: str
     line: int
@@ -22,19 +22,19 @@ class Place(NamedTuple):
         return f"{self.file}, line {self.line}"
 
     def wrong(self, sentence: str) -> SceneError:
-        """The error that says so."""
+        """Returns an error with the position and the sentence."""
         return SceneError(f"{self}: {sentence}")
 
 
 class Notes:
-    """Collects notes, and gives them to a description as warnings."""
+    """Collects notes, and adds them to a description as warnings."""
 
     def __init__(self) -> None:
         self._found: dict[str, tuple[Place, int]] = {}
         self._left = 0
 
     def add(self, place: Place, sentence: str) -> None:
-        """Notes something; the same sentence again is counted."""
+        """Adds a note; repeated ones are counted."""
         first, count = self._found.get(sentence, (place, 0))
         if count or len(self._found) < _MOST:
             self._found[sentence] = (first, count + 1)
@@ -42,7 +42,7 @@ class Notes:
             self._left += 1
 
     def say(self, description: SceneDescription) -> None:
-        """One warning for each."""
+        """Adds one warning per note."""
         for sentence, (place, count) in self._found.items():
             times = f" ({count} times)" if count > 1 else ""
             description.warnings.append(f"{place}: {sentence}{times}")

@@ -1,6 +1,6 @@
-"""How an eye weighs wavelengths: the CIE 1931 standard observer, and daylight.
+"""The CIE 1931 standard observer, and daylight.
 
-Source: CIE 018:2019, tables of the 2 degree observer and of illuminant D65, at every tenth nanometre.
+Source: CIE 018:2019, tables of the 2 degree observer and of illuminant D65, every ten nanometres.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _DAYLIGHT = """49.98 54.65 82.75 91.49 93.43 86.68 104.86 117.01 117.81 114.86 1
 
 
 def _between(rows: str) -> F64:
-    """Values of every tenth nanometre at every fifth: between them by a cubic through four."""
+    """Returns values every 5 nm from a table every 10 nm, by cubic interpolation through four points."""
     tens = np.array(rows.split(), float)
     wide = np.r_[2 * tens[0] - tens[1], tens, 2 * tens[-1] - tens[-2]]
     middle = np.maximum((9 * (wide[1:-2] + wide[2:-1]) - wide[:-3] - wide[3:]) / 16, 0)
@@ -39,19 +39,19 @@ def _between(rows: str) -> F64:
 
 
 MATCHING = np.stack([_between(_X), _between(_Y), _between(_Z)])  # (3, W)
-D65 = np.interp(WAVELENGTHS, _TENS, np.array(_DAYLIGHT.split(), float))  # by CIE's own rule straight between every tenth
+D65 = np.interp(WAVELENGTHS, _TENS, np.array(_DAYLIGHT.split(), float))  # linear between 10 nm steps, as CIE specifies
 
 _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23
 
 
 def planck(kelvin: float) -> F64:
-    """(W,) the radiance of a black body, up to a factor."""
+    """Returns (W,) the radiance of a black body, up to a factor."""
     metres = WAVELENGTHS * 1e-9
     exponent = np.minimum(_H * _C / (metres * _K * kelvin), 700.0)
     return np.asarray(1e-30 / (metres**5 * np.expm1(exponent)))
 
 
 def at_wavelengths(wavelengths: F64, values: F64) -> F64:
-    """(W,) a spectrum of pairs, straight between them and 0 beyond them."""
+    """Returns (W,) a spectrum interpolated linearly between pairs, 0 outside."""
     order = np.argsort(wavelengths, kind="stable")
     return np.asarray(np.interp(WAVELENGTHS, wavelengths[order], values[order], left=0.0, right=0.0))

@@ -1,4 +1,4 @@
-"""Options of pbrt's: most are of its running, and not of the scene."""
+"""Options of pbrt; most affect only how it runs."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _OF_THE_RUN = (
     *("disablewavelengthjitter", "displacementedgescale", "fullscreen", "gpudevice", "interactive", "msereferenceimage"),
     *("msereferenceout", "nthreads", "pixelstats", "quickrender", "quiet", "recordpixelstatistics", "rendercoordsys", "seed"),
     *("upgrade", "usegpu", "wavefront", "writepartialimages"),
-)  # and displacement, which is noted where it stands
+)  # displacement is noted at the material
 
 
 def note_option(name: str, statement: Statement, notes: Notes) -> None:
-    """Notes an option that is on, and by which a picture would be another."""
+    """Adds a note if an option is on and would change the image."""
     key = name.split()[-1].replace("_", "").replace("-", "").lower()
     said = statement.arguments[1] if len(statement.arguments) > 1 else ""
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))

@@ -1,4 +1,4 @@
-"""A statement's parameters, by name and type, as `"float radius" 2`."""
+"""Parameters of statements by name and type, such as `"float radius" 2`."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ _COLORS = ("rgb", "blackbody", "spectrum")
 
 
 class Parameter(NamedTuple):
-    """A value as a file has it."""
+    """A typed parameter value."""
 
     type: str
     value: Argument
     place: Place
-    space: str  # the colour space that an rgb is in
+    space: str  # colour space of an rgb
 
 
 @dataclass
 class Parameters:
-    """What a statement says of a thing `what`, of a type as "diffuse"; asked for is what counts as understood.
+    """The parameters of a statement. what: the kind of object; type: its type, such as "diffuse". Records which are used.
 
-    defaults: parameters of Attribute directives, each with the set of names that were asked for of its directive.
-    repeated: names that are given more than once. cut: how many numbers were given, and how many of them count, by name.
+    defaults: parameters of Attribute directives, each with the set of names used of its directive.
+    repeated: names given more than once. cut: by name, the count of numbers given, and of those used.
     """
 
     what: str
@@ -46,11 +46,11 @@ class Parameters:
     used: set[str] = field(default_factory=set)
     repeated: set[str] = field(default_factory=set)
     cut: dict[str, tuple[int, int]] = field(default_factory=dict)
-    space: str = "srgb"  # the colour space where it stands
+    space: str = "srgb"  # current colour space
 
     @classmethod
     def of(cls, what: str, statement: Statement, names: int, space: str) -> tuple[list[str], Parameters]:
-        """The names that a directive begins with, and its parameters, whose type is the last name. Raises SceneError."""
+        """Returns the leading names of a directive, and its parameters, whose type is the last name. Raises SceneError."""
         place, arguments = statement.place, statement.arguments
         first = arguments[:names]
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
@@ -71,7 +71,7 @@ class Parameters:
         return f"{self.what} {self.type[:60]!r}" if self.type else self.what
 
     def get(self, name: str, *types: str) -> Parameter | None:
-        """A parameter of one of the types; None where it is not there. Raises SceneError where it is of another."""
+        """Returns a parameter of one of the types; None if absent. Raises SceneError if it is of another type."""
         self.used.add(name)
         found = self.values.get(name)
         if found is None and name in self.defaults:
@@ -84,16 +84,16 @@ class Parameters:
         return found
 
     def number(self, name: str, default: float) -> float:
-        """A float, or an integer."""
+        """Returns a float or integer parameter."""
         found = self.get(name, "float", "integer")
         return default if found is None else float(self._some(found, name, 1)[0])
 
     def integer(self, name: str, default: int) -> int:
-        """A whole number within 32 bits."""
+        """Returns an integer clamped to 32 bits."""
         return int(min(max(self.number(name, default), -(2**31)), 2**31 - 1))
 
     def flag(self, name: str, default: bool) -> bool:
-        """true or false, also in quotes as older files have it."""
+        """Returns a boolean, which older files write in quotes."""
         found = self.get(name, "bool", "string")
         if found is None or isinstance(found.value, np.ndarray) or not len(found.value):
             return default
@@ -101,19 +101,19 @@ class Parameters:
         return value if isinstance(value, bool) else value == "true"
 
     def text(self, name: str, default: str = "") -> str:
-        """A string, or the name of a texture."""
+        """Returns a string, or the name of a texture or spectrum."""
         found = self.get(name, "string", "texture", "spectrum")
         return default if found is None else text_of(found) or default
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """Several strings."""
+        """Returns several strings."""
         found = self.get(name, "string")
         if found is None or isinstance(found.value, np.ndarray):
             return ()
         return (found.value,) if isinstance(found.value, str) else tuple(str(each) for each in found.value)
 
     def vector(self, name: str, default: Vec3) -> Vec3:
-        """Three numbers."""
+        """Returns three numbers."""
         found = self.get(name, "point3", "vector3", "point", "vector", "normal", "normal3")
         if found is None:
             return default
@@ -121,7 +121,7 @@ class Parameters:
         return x, y, z
 
     def numbers(self, name: str, *types: str) -> F64 | None:
-        """(n,) all numbers of a list, or (n, width) of points, vectors and normals; None where there is none."""
+        """Returns (n,) numbers, or (n, width) for points, vectors and normals; None if absent."""
         found = self.get(name, *(types or _NUMBERS))
         if found is None:
             return None
@@ -132,16 +132,16 @@ class Parameters:
         return values.reshape(-1, width) if width > 1 else values
 
     def names_texture(self, name: str) -> bool:
-        """Whether a texture stands in a value's place."""
+        """Whether a parameter is a texture."""
         found = self.values.get(name) or self.defaults.get(name, (None,))[0]
         return found is not None and found.type == "texture"
 
     def color(self, name: str) -> Parameter | None:
-        """A colour: rgb, a black body, or a spectrum."""
+        """Returns a colour: rgb, a black body, or a spectrum."""
         return self.get(name, *_COLORS)
 
     def say_unused(self, notes: Notes) -> None:
-        """Notes parameters that were not asked for, and those of which only a part counts."""
+        """Adds notes about parameters that are unused, repeated, or used in part."""
         for name, parameter in self.values.items():
             if name not in self.used:
                 notes.add(parameter.place, f"{name[:60]!r} of {self} is not taken over")
@@ -160,7 +160,7 @@ class Parameters:
 
 
 def text_of(found: Parameter) -> str:
-    """The text that a parameter has; empty where it has numbers."""
+    """Returns the text of a parameter; empty for numbers."""
     value = found.value
     if isinstance(value, str):
         return value

@@ -1,6 +1,6 @@
-"""pbrt's goniometric and projection lights: pictures that say how much goes into each direction.
+"""pbrt's goniometric and projection lights: images of emission by direction.
 
-pbrt looks pixels up one by one, where ours are mixed: small pictures are made finer first, so that edges stay where they are.
+pbrt looks up the nearest pixel, ours are interpolated; small images are enlarged first, so that edges keep their positions.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from renderer.scene.readers.pbrt.equal_area import to_square
 
 __all__ = ["goniometric", "projected_power", "projection"]
 
-_FINE = 512  # pixels a side
-_ROWS = (256, 1024)  # of pictures of all directions, at least and at most
-_INSIDE = 2  # lookups along a pixel's side
+_FINE = 512  # minimum pixels per side
+_ROWS = (256, 1024)  # minimum and maximum of spherical images
+_INSIDE = 2  # supersampling per axis
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
-    """Of (n, n) grey pixels, whose middle is the light's +Y; the map's axis is the light's +Z, and up its +Y.
+    """Returns the emission map of (n, n) grey pixels with +Y at the centre; its axis is the light's +Z, `up` is +Y.
 
-    is_mirrored: whether the light's space is left-handed in ours, so that its +X is to the right of who looks along +Z.
+    is_mirrored: whether light space is left-handed in our world, so that +X is to the right when looking along +Z.
     """
     size = len(pixels)
     height = min(max(2 * size, _ROWS[0]), _ROWS[1])
@@ -41,7 +41,7 @@ def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
 
 
 def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
-    """Of (h, w, 3) pixels. fov: degrees that their smaller side spans. is_mirrored: as of `goniometric`."""
+    """Returns the emission map of (h, w, 3) pixels. fov: degrees across the smaller side; is_mirrored: as for `goniometric`."""
     half_width, half_height = _halves(pixels, fov)
     pixels = pixels if is_mirrored else pixels[:, ::-1]
     times = max(1, _FINE // max(pixels.shape[:2]))
@@ -49,7 +49,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
 
 
 def projected_power(pixels: F32, fov: float) -> float:
-    """The luminance that such a light of scale 1 sends out, as pbrt sums it up."""
+    """Returns the luminous power of a projection light of scale 1, summed as in pbrt."""
     half_width, half_height = _halves(pixels, fov)
     height, width = pixels.shape[:2]
     x = half_width * ((np.arange(width) + 0.5) / width * 2 - 1)

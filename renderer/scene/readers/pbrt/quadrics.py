@@ -1,4 +1,4 @@
-"""Spheres, cylinders and disks, also parts of them, as meshes in their own space; v of the UVs is counted from above."""
+"""Spheres, cylinders and disks, whole or partial, as meshes in object space; v of the UVs is counted from the top."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _ALONG = 96
 
 
 class Quadric(NamedTuple):
-    """A mesh, and the area that pbrt counts: in its own space, whatever the transformation makes of it."""
+    """A mesh, and its area in object space, which pbrt uses regardless of the transformation."""
 
     mesh: Mesh
     area: float
 
 
 def whole_sphere(source: Parameters) -> float | None:
-    """The radius of a sphere that nothing is cut off; None of another shape."""
+    """Returns the radius of a complete sphere; None for other shapes."""
     if source.type != "sphere":
         return None
     radius = _radius(source)
@@ -36,13 +36,13 @@ def whole_sphere(source: Parameters) -> float | None:
 
 
 def shape_key(source: Parameters) -> tuple[object, ...]:
-    """What tells shapes from each other."""
+    """Returns a key that distinguishes shapes."""
     names = ("radius", "phimax", *(("height", "innerradius") if source.type == "disk" else ("zmin", "zmax")))
     return (source.type, *((name, source.number(name, math.inf)) for name in names))
 
 
 def quadric(source: Parameters, coarser: int = 1) -> Quadric:
-    """The mesh of a shape, of so many times fewer edges. Raises SceneError where nothing of it is left."""
+    """Returns the mesh of a shape. coarser: divisor of the number of segments. Raises SceneError if the shape is empty."""
     radius = _radius(source)
     all_around, along = _AROUND // coarser, _ALONG // coarser
     turn = math.radians(min(max(source.number("phimax", 360.0), 0.0), 360.0))
@@ -86,7 +86,7 @@ def _radius(source: Parameters) -> float:
 
 
 def _surface(ring: F64, height: F64, around: F64) -> F64:
-    """(R, C, 3) points of rings about Z."""
+    """Returns (R, C, 3) points of rings about Z."""
     x, y = ring[:, None] * np.cos(around), ring[:, None] * np.sin(around)
     return np.stack([x, y, np.broadcast_to(height[:, None], x.shape)], axis=-1)
 

@@ -1,4 +1,4 @@
-"""A scene of pbrt-v4 as a scene."""
+"""Reader of a pbrt-v4 scene."""
 
 from __future__ import annotations
 

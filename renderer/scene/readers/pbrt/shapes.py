@@ -1,4 +1,4 @@
-"""Shapes placed in the world, with their material and light; objects that are shown many times."""
+"""Shapes in the world with their materials and area lights, and object instances."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ _UNSEEN = Varying((0.0, 0.0, 0.0))
 
 
 class Looks(NamedTuple):
-    """What a shape is given besides its own parameters."""
+    """The graphics state that applies to a shape."""
 
     ctm: Ctm
     material: Parameters | None
-    area: Parameters | None  # of its light
+    area: Parameters | None  # its area light
     reverse: bool
-    medium: Interface = ("", "")  # what is inside of it, and outside
+    medium: Interface = ("", "")  # (inside, outside)
 
 
 class Part(NamedTuple):
-    """A mesh of the description, or a sphere of a radius, in its place."""
+    """A mesh of the description, or a sphere, with its transformation."""
 
     mesh: int
     ctm: Ctm
@@ -54,7 +54,7 @@ class Part(NamedTuple):
 
 
 class Shapes:
-    """Adds shapes to a description. time: the share of the transformations' time that is shown."""
+    """Adds shapes to a description. time: the fraction of the interval between the transformations."""
 
     def __init__(
         self,
@@ -71,31 +71,31 @@ class Shapes:
         self._description, self._notes, self._outer, self._time = description, notes, outer, time
         self.objects: dict[str, list[Part]] = {}
         self._open: list[Part] | None = None
-        self._quadrics: dict[tuple[object, ...], int] = {}  # the meshes of shapes that are alike
+        self._quadrics: dict[tuple[object, ...], int] = {}  # mesh index by shape
         self._strands: dict[tuple[int, bytes, bytes], tuple[list[Strand], Ctm]] = {}
-        self._places: dict[str, np.ndarray] = {}  # (N, 4, 4) of each object's parts in it
+        self._places: dict[str, np.ndarray] = {}  # (N, 4, 4) transforms of the parts, by object
         self._made: dict[tuple[object, ...], Quadric] = {}
-        self._balls: dict[int, int] = {}  # whole spheres as meshes, by their material
+        self._balls: dict[int, int] = {}  # mesh index of complete spheres, by material
         self._growth = Growth()
 
     def begin(self, name: str) -> None:
-        """What follows belongs to an object."""
+        """Begins an object."""
         self.flush()
         self._open = self.objects[name] = []
         self._places.pop(name, None)
 
     def end(self) -> None:
-        """The object is whole."""
+        """Ends the object."""
         self.flush()
         self._open = None
 
     @property
     def in_object(self) -> bool:
-        """Whether shapes belong to an object."""
+        """Whether an object is open."""
         return self._open is not None
 
     def instance(self, name: str, ctm: Ctm, place: Place) -> None:
-        """Shows an object."""
+        """Adds an instance of an object. Raises SceneError if it is undefined."""
         if name not in self.objects:
             raise place.wrong(f"there is no object {name[:60]!r}; its ObjectBegin stands before it is shown")
         parts = self.objects[name]
@@ -109,7 +109,7 @@ class Shapes:
             self._show(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
 
     def add(self, source: Parameters, looks: Looks) -> None:
-        """Adds a shape."""
+        """Adds a shape to the world or to the open object."""
         if source.type not in (*MESHES, *QUADRICS, "curve"):
             source.used.update(source.values)
             self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
@@ -126,7 +126,7 @@ class Shapes:
             if looks.area is None or self.in_object:
                 source.used.update(source.values)
                 return
-            looks, alpha = looks._replace(material=None), _UNSEEN  # it is not met, and shines all the same
+            looks, alpha = looks._replace(material=None), _UNSEEN  # not intersected, but emits
         if source.type == "curve":
             strand = strand_of(source, self._notes)
             number = self._materials.number(looks.material, self._emission(looks, np.zeros(0)), alpha, source.place)
@@ -157,7 +157,7 @@ class Shapes:
             self._quadrics[shared] = len(self._description.meshes) - 1
 
     def _spans(self, source: Parameters, looks: Looks, mesh: Mesh | None) -> tuple[float, float] | None:
-        """How long the shape's coordinates are, of which a texture of heights makes bumps; None of what is smooth."""
+        """Returns the lengths per unit of UV of a shape with a height texture; None without one."""
         heights = self._materials.heights(looks.material)
         if heights is None:
             return None
@@ -171,18 +171,18 @@ class Shapes:
         return None if found is None else (rounded(found[0]), rounded(found[1]))
 
     def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
-        """pbrt's quadrics that are mirrored face inwards where rays meet them, and outwards where light is sampled."""
+        """Adds a note about a mirrored quadric: pbrt's faces inwards for intersected rays, and outwards for light sampling."""
         if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
             self._notes.add(source.place, f"{source} is mirrored: its inside stays inside, where pbrt turns it inside out")
 
     def flush(self) -> None:
-        """Makes meshes of the curves so far."""
+        """Adds the pending curves as meshes."""
         strands, self._strands = self._strands, {}
         for (number, _, _), (found, ctm) in strands.items():
             self._add_mesh(replace(together(found), material=number), ctm)
 
     def _mesh(self, source: Parameters, looks: Looks, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
-        """The mesh (of a whole sphere only where it is needed), and the areas that pbrt takes for a light each."""
+        """Returns the mesh (None for a complete sphere that needs none), and the areas of its parts that are lights in pbrt."""
         if radius is not None and not looks.reverse:
             return None, np.array([4 * np.pi * radius**2])
         if source.type in QUADRICS:
@@ -198,7 +198,7 @@ class Shapes:
         return mesh, areas
 
     def _quadric(self, source: Parameters) -> Quadric:
-        """Those that are alike are made once; where there are very many, they are drawn coarser."""
+        """Returns a quadric, cached for equal shapes; if there are many, later ones are tessellated coarser."""
         key = shape_key(source)
         if key not in self._made:
             coarser = self._growth.coarser()
@@ -243,12 +243,12 @@ class Shapes:
             raise place.wrong(f"with it more than {_MOST_INSTANCES} shapes are shown; show fewer")
 
     def _place(self, part: Part) -> None:
-        """Shows a part where it is."""
+        """Adds a part to the world."""
         world = product(self._outer, between(part.ctm, self._time))
         self._show(part, world, moves=part.ctm[0] is not part.ctm[1], is_within=False)
 
     def _show(self, part: Part, world: Matrix, moves: bool, is_within: bool) -> None:
-        """is_within: it is a part of an object."""
+        """Adds a part at a transform. is_within: whether it belongs to an object."""
         self._description.moves |= moves
         if part.mesh >= 0:
             self._description.instances.append(Instance(part.mesh, world, name=part.name, moves=moves))

@@ -1,9 +1,8 @@
 """Spectra and colours as linear Rec.709, as pbrt's film would show them.
 
-pbrt follows light by wavelengths. An rgb of a light stands for its colour space's white light times a smooth spectrum, so that
-on the film it is that rgb again; any other spectrum of a light is scaled to a luminance of 1, and keeps its colour; what
-reflects is seen in white light. Ours follows three colours, each for itself: what bounces often off strong
-colours comes out a little otherwise.
+pbrt renders with wavelengths. A light's rgb is its colour space's white multiplied by a smooth spectrum, so the film shows the
+same rgb; any other light spectrum is scaled to a luminance of 1 and retains its colour; reflectances are seen in white light.
+We render three independent channels, so light that bounces repeatedly off saturated colours differs slightly.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def _to_xyz(space: str) -> F64:
 _FROM_XYZ = np.linalg.inv(_to_xyz("srgb"))
 _INTO_709 = {space: np.eye(3) if space == "srgb" else _FROM_XYZ @ _to_xyz(space) for space in SPACES}
 WEIGHTS = _FROM_XYZ @ (MATCHING * D65)
-WEIGHTS = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)  # (3, W): how much each wavelength of daylight adds to a colour
+WEIGHTS = WEIGHTS / WEIGHTS.sum(axis=1, keepdims=True)  # (3, W) weights of wavelengths under daylight
 
 
 # Source: the cone responses of Bradford's chromatic adaptation, as CIE 160:2004 has them.
@@ -53,7 +52,7 @@ _CONES = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389
 
 
 def balanced(kelvin: float, space: str) -> F64:
-    """(3, 3) by which a film of a colour space that takes daylight of this temperature for white shows linear Rec.709."""
+    """Returns the (3, 3) matrix to linear Rec.709 of a film balanced for daylight of a temperature in kelvins."""
     if kelvin < 4000:
         source = MATCHING @ planck(kelvin)
     else:
@@ -71,18 +70,18 @@ def balanced(kelvin: float, space: str) -> F64:
 
 
 def luminance(rgb: Vec3) -> float:
-    """Rec.709's."""
+    """Returns the Rec.709 luminance."""
     return 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 
 
 class Colors:
-    """Looks colours up."""
+    """Converts colour parameters."""
 
     def __init__(self, files: SceneFiles, notes: Notes) -> None:
         self._files, self._notes = files, notes
 
     def light(self, found: Parameter | None) -> Vec3:
-        """What a light is like at a scale of 1; white where nothing is said."""
+        """Returns a light's colour at a scale of 1; white if not set."""
         if found is None:
             return 1.0, 1.0, 1.0
         if found.type == "rgb":
@@ -99,7 +98,7 @@ class Colors:
         return self._shown(self.spectrum(found), found)
 
     def albedo(self, found: Parameter) -> Vec3:
-        """What reflects, 0 to 1."""
+        """Returns a reflectance, 0..1."""
         if found.type == "rgb":
             into = _INTO_709[found.space]
             rgb = (into @ self._three(found)) / into.sum(axis=1)
@@ -111,7 +110,7 @@ class Colors:
         return r, g, b
 
     def numbers(self, found: Parameter) -> Vec3:
-        """Three numbers that are no colours, as an index of refraction."""
+        """Returns three numbers that are no colour, such as an index of refraction."""
         if found.type == "float":
             value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             return value, value, value
@@ -119,7 +118,7 @@ class Colors:
         return r, g, b
 
     def index(self, found: Parameter | None) -> tuple[float, float]:
-        """An index of refraction, and 20 / Abbe number."""
+        """Returns an index of refraction, and 20 / Abbe number."""
         if found is None:
             return 1.5, 0.0
         name = text_of(found)
@@ -130,7 +129,7 @@ class Colors:
         return green, 0.0
 
     def spectrum(self, found: Parameter) -> F64:
-        """(W,) values of a spectrum: pairs, one number, or a file of pairs."""
+        """Returns (W,) values of a spectrum given as pairs, one number, or a file of pairs."""
         if isinstance(found.value, np.ndarray):
             values = found.value.reshape(-1)
             if len(values) == 1:

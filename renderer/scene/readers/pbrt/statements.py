@@ -1,6 +1,6 @@
-"""A file of pbrt, and all that it includes, as statements: a directive with its arguments.
+"""Parses a pbrt file and its includes into statements: a directive with its arguments.
 
-Lists of numbers, which are nearly all of a large file, are taken as a whole and never token by token.
+Lists of numbers, the bulk of large files, are parsed as a whole rather than token by token.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from renderer.zips import most_unpacked
 
 __all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]
 
-Argument = str | npt.NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]  # a quoted text, or a list in brackets or of one
+Argument = str | npt.NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]  # a quoted string, or a list
 
-MAX_DEPTH = 32  # of files that include each other
+MAX_DEPTH = 32  # of nested includes
 MAX_FILES = 20_000
 MAX_STATEMENTS = 5_000_000
 MAX_TEXT = 2 << 30  # bytes of all files together
-MAX_AGAIN = 16 << 20  # bytes of those that were included before
+MAX_AGAIN = 16 << 20  # bytes of files included repeatedly
 _TOKEN = re.compile(r'\s+|#[^\n]*|"(?P<text>[^"\n]*)"|(?P<open>\[)|(?P<word>[^\s"\[\]#]+)')
 _LIST = re.compile(r'(?:[^"\]#]+|"[^"\n]*"|#[^\n]*)*+\]')
 _COMMENT = re.compile(r'("[^"\n]*")|#[^\n]*')
 _QUOTED = re.compile(r'"([^"\n]*)"')
-_LONG = 2000  # characters, from which a list is taken at once
+_LONG = 2000  # characters; longer lists are parsed as a whole
 _TRUTHS = {"true": True, "false": False}
 
 
 class Statement(NamedTuple):
-    """A directive, what stands behind it, and where."""
+    """A directive with its arguments and position."""
 
     directive: str
     arguments: list[Argument]
@@ -47,7 +47,7 @@ class Statement(NamedTuple):
 
 
 class Statements:
-    """Reads statements. Raises SceneError, with a line, where there are none."""
+    """Parses statements. Raises SceneError, with a line, on a syntax error."""
 
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
@@ -55,7 +55,7 @@ class Statements:
         self._seen: set[str] = set()
 
     def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
-        """The statements of a file; those that include others are among them."""
+        """Yields the statements of a file, including Include and Import statements."""
         if depth > MAX_DEPTH:
             raise SceneError(f"{name}: is included {MAX_DEPTH} files deep; do files include each other?")
         self._opened += 1
@@ -114,7 +114,7 @@ class Statements:
 
 
 def unpacked(data: bytes, name: str) -> bytes:
-    """What a .gz file holds. Raises SceneError."""
+    """Returns the content of a .gz file. Raises SceneError."""
     packed = zlib.decompressobj(wbits=31)
     most = min(most_unpacked(len(data)), MAX_FILE_BYTES)
     try:
@@ -138,10 +138,10 @@ def _one(word: str, place: Place) -> Argument:
 
 
 def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
-    """The list whose bracket opened before `start`, and where it ends."""
+    """Returns the list whose bracket opens before `start`, and the index after it."""
     end = text.find("]", start)
     inside = text[start:end]
-    if '"' in inside or "#" in inside:  # a bracket may stand within quotes, or in a comment
+    if '"' in inside or "#" in inside:  # brackets in quotes or comments do not count
         whole = _LIST.match(text, start)
         end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
@@ -171,7 +171,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
 
 
 def _at_once(text: str) -> npt.NDArray[np.float64] | None:
-    """Numbers with spaces between them; None where something else is among them."""
+    """Returns whitespace-separated numbers; None if the text contains anything else."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

@@ -1,7 +1,7 @@
-"""What varies over a surface: pbrt's textures as ours.
+"""pbrt's textures.
 
-An image, how it repeats and where it lies is taken over as it is; what textures are made of others, is worked out as a picture.
-pbrt counts v from below, ours from above: meshes are turned so when they are made, and the transforms of textures here.
+Images are used with their wrapping and mapping; textures computed from others are baked to images.
+pbrt counts v from the bottom, we from the top: UVs of meshes are flipped when they are made, texture transforms here.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ __all__ = ["Definition", "Textures", "Varying"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "clamp": "clamp", "black": "clamp"}
 _MAX_NESTED = 24
-_MOST_PARTS = 32  # of a texture that is worked out as a picture
-_SOLID = {"fbm": 0.0, "wrinkled": 0.3, "windy": 0.3}  # what varies in space, and a middling value of it
+_MOST_PARTS = 32  # of a baked texture
+_SOLID = {"fbm": 0.0, "wrinkled": 0.3, "windy": 0.3}  # 3D noise textures, and their mean values
 _LAID_ON = ("imagemap", "checkerboard", "bilerp")
 _ONE: Vec3 = (1.0, 1.0, 1.0)
 _BLACK: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Definition(NamedTuple):
-    """A texture as a file names it: of floats or of spectra. parts: the textures that it may be made of, by kind and name."""
+    """A texture definition: of floats or of spectra. parts: textures that it may refer to, by kind and name."""
 
     kind: str
     parameters: Parameters
     parts: dict[tuple[str, str], Definition]
-    mapping: Mapping | None = None  # of its own; of one that is made of others, theirs
+    mapping: Mapping | None = None  # only its own, not those of its parts
 
 
 @dataclass(frozen=True)
 class Varying:
-    """A value, and the texture that it is multiplied by."""
+    """A value, and the texture multiplied by it."""
 
     value: Vec3
     texture: int | None = None
@@ -57,7 +57,7 @@ class Varying:
 
 
 class Textures:
-    """Looks up values of materials, lights and shapes."""
+    """Looks up values of materials, lights and shapes that may be textured."""
 
     def __init__(self, files: SceneFiles, colors: Colors, notes: Notes, description: SceneDescription) -> None:
         self._files, self._notes, self._description = files, notes, description
@@ -66,17 +66,17 @@ class Textures:
         self.named: dict[tuple[str, str], Definition] = {}
         self._known: dict[int, Varying] = {}
         self._constants: dict[int, Vec3 | None] = {}
-        self.mappings: list[Mapping] = []  # of the textures that were asked for
+        self.mappings: list[Mapping] = []  # of the textures that were looked up
 
     def define(self, name: str, kind: str, parameters: Parameters, ctm: Matrix) -> None:
-        """A name for a texture; kind: float or spectrum. ctm: the transformation that it is named under."""
+        """Defines a texture by name. kind: float or spectrum; ctm: the current transformation."""
         wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
         parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
         mapping = mapping_of(parameters, ctm)
         self.named["float" if kind == "float" else "spectrum", name] = Definition(kind, parameters, parts, mapping)
 
     def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
-        """A colour of a surface."""
+        """Returns a colour of a surface."""
         if owner.names_texture(name):
             return self._of_name(owner, name, "spectrum", default)
         found = owner.get(name, "rgb", "spectrum", "float")
@@ -85,13 +85,13 @@ class Textures:
         return Varying(_unit(self.colors.numbers(found)) if found.type == "float" else self.colors.albedo(found))
 
     def number(self, owner: Parameters, name: str, default: float) -> Varying:
-        """A number."""
+        """Returns a number."""
         if owner.names_texture(name):
             return self._of_name(owner, name, "float", (default,) * 3)
         return Varying((owner.number(name, default),) * 3)
 
     def index(self, owner: Parameters, name: str) -> Parameter | None:
-        """An index of refraction: of a texture what it is everywhere, or its mean, which is noted."""
+        """Returns an index of refraction; of a texture its constant value, or its mean with a note."""
         if not owner.names_texture(name):
             return owner.get(name, "float", "spectrum", "rgb")
         wanted = owner.text(name)
@@ -104,21 +104,21 @@ class Textures:
         return Parameter("rgb", np.array(mean), owner.place, owner.space)
 
     def mean(self, varying: Varying) -> Vec3:
-        """The mean of a value over its texture."""
+        """Returns the mean of a value over its texture."""
         if varying.texture is None:
             return varying.value
         r, g, b = (float(v) for v in linear(self.shelf.image_of(varying.texture)).reshape(-1, 3).mean(axis=0) * varying.value)
         return r, g, b
 
     def one_number(self, owner: Parameters, name: str, default: float) -> float:
-        """A number that does not vary: of a texture the mean, which is noted."""
+        """Returns a number; the mean, with a note, of a texture."""
         found = self.number(owner, name, default)
         if not found.is_constant:
             self._notes.add(owner.place, f"{name} of {owner} varies over the surface: its mean is taken")
         return self.mean(found)[0]
 
     def normals(self, wanted: str, owner: Parameters) -> int | None:
-        """The texture of a file of normals."""
+        """Returns the texture of a normal map file; None if it is missing."""
         name = self._files.find(wanted, owner.place.file)
         if name is None:
             self.shelf.missing(wanted, str(owner.place))
@@ -126,7 +126,7 @@ class Textures:
         return self.shelf.texture(self.shelf.image_file(name, srgb=False))
 
     def without_metal(self, texture: int | None) -> int | None:
-        """A texture of roughness in glTF's packing: green roughness, and blue as much metal as there is."""
+        """Returns a roughness texture in glTF's packing: roughness in green, 1 in blue."""
 
         def packed(image: Image) -> Image:
             pixels = np.array(linear(image))
@@ -136,7 +136,7 @@ class Textures:
         return self.shelf.derived(texture, "roughness packed", packed)
 
     def with_alpha(self, color: int | None, alpha: Varying) -> int | None:
-        """The texture of a colour (None: white) with holes; None where the two do not lie on each other."""
+        """Returns a colour texture (None: white) with alpha; None if their mappings differ."""
         if alpha.texture is None:
             return color
         holes = self._description.textures[alpha.texture]
@@ -174,7 +174,7 @@ class Textures:
         return found
 
     def of(self, definition: Definition, default: Vec3 = _ONE) -> Varying:
-        """A texture; the default where it shows nothing."""
+        """Returns the value of a texture; the default if it cannot be evaluated."""
         return self._made(definition, default, 0)
 
     def _made(self, definition: Definition, default: Vec3, depth: int) -> Varying:
@@ -211,7 +211,7 @@ class Textures:
         return self._baked(definition, depth)
 
     def _constant(self, definition: Definition, depth: int) -> Vec3 | None:
-        """The value of a texture that is the same everywhere; None of another."""
+        """Returns the value of a constant texture; None if it varies."""
         key = id(definition.parameters)
         if key not in self._constants:
             self._constants[key] = self._same_everywhere(definition, depth)
@@ -256,7 +256,7 @@ class Textures:
         return self.colors.albedo(found) if found.type != "blackbody" else self.colors.light(found)
 
     def _place(self, definition: Definition) -> UvTransform:
-        """How our UVs become those of an image or of squares, both counted from above."""
+        """Returns the transform from our UVs to those of an image or checkerboard, both with v from the top."""
         source = definition.parameters
         source.used.update(("mapping", "uscale", "vscale", "udelta", "vdelta", "v1", "v2"))
         if definition.mapping is not None:
@@ -299,7 +299,7 @@ class Textures:
         return Varying((scale,) * 3, texture, mapping)
 
     def _of_red(self, texture: int) -> int:
-        """A texture of numbers: pbrt looks at the first channel alone."""
+        """Returns a float texture; like pbrt, it uses only the first channel."""
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
             return texture
@@ -310,7 +310,7 @@ class Textures:
 
     def _checks(self, definition: Definition, first: Vec3, second: Vec3) -> Varying:
         su, _, du, _, sv, dv = self._place(definition)
-        # Two squares each way are one image; from above, its lower left one is the first.
+        # The image has 2 x 2 squares; the lower left one is the first.
         pixels = np.array([[second, first], [first, second]], np.float32)
         image = self.shelf.add(Image(f"checkerboard {len(self._description.images)}", pixels, srgb=False))
         transform = (su / 2, 0.0, du / 2, 0.0, sv / 2, dv / 2 + 0.5)
@@ -331,7 +331,7 @@ class Textures:
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
     def _ways(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
-        """In which ways a texture, and those that it is made of, lie on things; None is by UVs."""
+        """Returns the mappings of a texture and of those it refers to; None stands for UV mapping."""
         key = id(definition.parameters)
         if key not in known:
             own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
@@ -339,7 +339,10 @@ class Textures:
         return known[key]
 
     def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
-        """(SIZE, SIZE, 3) a texture over the unit square. known: those that were worked out for the same picture."""
+        """Returns (SIZE, SIZE, 3) values of a texture over the unit square.
+
+        known: cache of the textures evaluated for the same image.
+        """
         key = id(definition.parameters)
         if key not in known:
             if len(known) >= _MOST_PARTS:

@@ -1,4 +1,4 @@
-"""Transformations as pbrt's directives write them, at the beginning and at the end of time."""
+"""Transformations of pbrt's directives, at the start and end times."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from renderer.trigonometry import sin_cos
 
 __all__ = ["Ctm", "between", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
 
-Ctm = tuple[Matrix, Matrix]  # (4, 4) each: when the time of the transformations begins, and when it ends
-_TURNS = 64  # steps of the iteration that tells rotation from scale
+Ctm = tuple[Matrix, Matrix]  # (4, 4) matrices at the start and end times
+_TURNS = 64  # iterations of the polar decomposition
 
 
 def translation(numbers: Matrix) -> Matrix:
-    """By three numbers."""
+    """Returns a translation by three numbers."""
     found = np.eye(4)
     found[:3, 3] = numbers
     return found
 
 
 def scaling(numbers: Matrix, place: Place) -> Matrix:
-    """By three numbers, none of them 0."""
+    """Returns a scale by three numbers. Raises SceneError if any is 0."""
     if not np.abs(numbers).min() > 0:
         raise place.wrong("a scale is 0: nothing is left of what it scales; give another")
     return np.diag([*numbers, 1.0])
 
 
 def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
-    """About an axis."""
+    """Returns a rotation about an axis. Raises SceneError."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
         raise place.wrong("Rotate takes degrees and an axis that is not 0 0 0")
@@ -45,7 +45,10 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
 
 
 def look_at(numbers: Matrix, place: Place) -> Matrix:
-    """From the world to a camera that looks along +Z with +X to the right: its eye, what it looks at, and what is up."""
+    """Returns the transform from world to camera space, which looks along +Z with +X to the right.
+
+    numbers: eye, target and up.
+    """
     eye, target, up = numbers[:3], numbers[3:6], numbers[6:]
     forward = _unit(target - eye)
     right = _unit(np.cross(_unit(up), forward))
@@ -58,12 +61,12 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
 
 
 def matrix(numbers: Matrix) -> Matrix:
-    """Of 16 numbers, column by column."""
+    """Returns a matrix from 16 numbers in column-major order."""
     return np.array(numbers.reshape(4, 4).T)
 
 
 def between(ctm: Ctm, share: float) -> Matrix:
-    """What lies at a share of the time between two transformations: moved straight, turned along the arc, scaled evenly."""
+    """Returns the transformation at a fraction of the time between two, with translation, rotation and scale interpolated."""
     first, last = ctm
     if share <= 0 or first is last or np.array_equal(first, last):
         return first
@@ -78,13 +81,16 @@ def between(ctm: Ctm, share: float) -> Matrix:
 
 
 def _unit(vector: Matrix) -> Matrix:
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers of damaged files
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged files
         length = math.sqrt(float((vector * vector).sum()))
         return vector / length if length > 0 else np.zeros(3)
 
 
 def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
-    """The rotation and the scale, also askew, whose product it is. Source: Shoemake and Duff 1992, polar decomposition."""
+    """Returns the rotation and the stretch whose product is the transformation.
+
+    Source: Shoemake and Duff 1992, polar decomposition.
+    """
     whole = transform[:3, :3]
     turn = whole
     for _ in range(_TURNS):
@@ -100,7 +106,7 @@ def _parts(transform: Matrix) -> tuple[Matrix, Matrix]:
             break
     x, y, z = turn
     if float((x * np.cross(y, z)).sum()) < 0:
-        turn = -turn  # what mirrors belongs to the scale
+        turn = -turn  # reflections belong to the stretch
     return turn, product(np.ascontiguousarray(turn.T), whole)
 
 
@@ -131,7 +137,7 @@ def _turn(quaternion: list[float]) -> Matrix:
 
 
 def inverse(transform: Matrix, place: Place) -> Matrix:
-    """What undoes a transformation. Raises SceneError where nothing does."""
+    """Returns the inverse transformation. Raises SceneError if it is singular."""
     if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
         raise place.wrong("a transformation of a perspective has no place here; its last row is 0 0 0 1")
     x, y, z = transform[:3, 0], transform[:3, 1], transform[:3, 2]

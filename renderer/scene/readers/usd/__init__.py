@@ -13,9 +13,9 @@ __all__ = ["read"]
 def read(
     files: SceneFiles, main: str, description: SceneDescription, variant: str | None = None, moment: Moment = Moment()
 ) -> None:
-    """Adds the file's scene at a moment to the description, in metres with Y up; variant: as description.variants names it.
+    """Adds the file's scene at a moment to the description, in metres with Y up.
 
-    Raises SceneError.
+    variant: an entry of `description.variants`. Raises SceneError.
     """
     try:
         from renderer.scene.readers.usd.reader import read_stage

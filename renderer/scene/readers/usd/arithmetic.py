@@ -1,4 +1,4 @@
-"""MaterialX nodes that calculate: on numbers at once, on a texture by a factor and an addend, else as a texture of its own."""
+"""Arithmetic MaterialX nodes: numbers are computed at once; textures get a scale and a bias, or are baked."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["calculated", "calculates", "combined"]
 
 F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
-_STEPS = np.linspace(0, 1, 6)  # where it is seen whether something is a line
+_STEPS = np.linspace(0, 1, 6)  # sample positions of the linearity test
 _NEAR = 1e-6
 
 
@@ -33,7 +33,7 @@ def _node(kind: str) -> str:
 
 
 def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> Input | None:
-    """What a node gives; None where it is none of those that calculate, or of textures that lie in different ways."""
+    """Returns the output of a node; None if it is not arithmetic, or if its textures differ in their UV mapping."""
     if not calculates(kind):
         return None
     formula = FORMULAS[_node(kind)]
@@ -65,7 +65,7 @@ def calculated(kind: str, shelf: TextureShelf, said: Callable[[str], Input]) -> 
 
 
 def combined(kind: str, shelf: TextureShelf, found: Sequence[Input]) -> Input | None:
-    """Channels put together; None where they are of textures that lie in different ways."""
+    """Returns channels combined into a vector; None if they are of textures with different UV mappings."""
     if not any(each.taken is not None for each in found):
         return Input(tuple(each.number(0.0) for each in found))
     same = _same_channels(found)
@@ -88,7 +88,7 @@ def _or(given: Input, default: Any) -> Input:
 
 
 def _four(value: Any) -> F64:
-    """A number, or four of those that there are: the last stands for what is not there."""
+    """Returns a number, or four; missing ones repeat the last."""
     if np.ndim(value) == 0:
         return np.asarray(float(value))
     numbers = [float(v) for v in value][:4]
@@ -96,7 +96,7 @@ def _four(value: Any) -> F64:
 
 
 def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
-    """What is a factor times the texture plus an addend; None where it is not."""
+    """Returns the formula as a scale and a bias of the texture; None if it is not linear."""
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)
     is_color = given.taken.channel == "rgb"
@@ -112,7 +112,7 @@ def _line(shelf: TextureShelf, given: Input, of: Formula) -> Input | None:
     if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_NEAR * float(np.abs(found).max())):
         return None
     if not is_color and (np.ptp(factor) > _NEAR or np.ptp(addend) > _NEAR):
-        return None  # of one channel three colours
+        return None  # one channel in, three different ones out
     return Input(
         None, replace(given.taken, scale=_tuple(given.taken.scale * factor), bias=_tuple(given.taken.bias * factor + addend))
     )
@@ -124,7 +124,7 @@ def _tuple(values: F64) -> Four:
 
 
 def _same_channels(found: Sequence[Input]) -> Taken | None:
-    """The texture whose red, green and blue channels these inputs are, in order; None otherwise."""
+    """Returns the texture whose red, green and blue channels are these inputs, in order; None otherwise."""
     taken = [each.taken for each in found]
     if len(taken) < 3 or any(one is None or one.texture != taken[0].texture for one in taken if taken[0] is not None):
         return None

@@ -1,6 +1,6 @@
-"""Arnold's shaders in USD, as Maya, Houdini and 3ds Max write them under outputs:arnold:surface.
+"""Arnold's shaders in USD, as written by Maya, Houdini and 3ds Max under outputs:arnold:surface.
 
-Its standard_surface is the one that MaterialX took over, input for input; its textures have nodes of their own.
+Arnold's standard_surface has the same inputs as MaterialX's; its textures have their own nodes.
 Source: Arnold's documentation of standard_surface, image, normal_map and uv_transform.
 """
 
@@ -20,7 +20,7 @@ _WRAPS = {"periodic": "repeat", "black": "black", "clamp": "clamp", "mirror": "m
 
 
 def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
-    """What a node that is no surface gives."""
+    """Returns the output of a node that is no surface."""
     node = kind.removeprefix(PREFIX)
 
     def said(name: str, default: Any) -> Any:

@@ -18,16 +18,16 @@ __all__ = ["baked", "span_of"]
 
 MAX_SIDE = 4096
 _MOST, _NEAR = 1e9, 1e-6
-_ROWS = 1 << 18  # texels that are worked out at a time
+_ROWS = 1 << 18  # texels computed at a time
 F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
 
 
 def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formula, has_alpha: bool) -> Taken | None:
-    """A texture of the values (h, w, 4) that a formula gives of others'; None where these do not lie in one way.
+    """Returns a texture of the (h, w, 4) values of a formula of other textures; None if their UV mappings differ.
 
-    what: tells it from others of the same textures. Textures lie in one way that have one set of UVs, and are moved alike or
-    repeat with the square of them.
+    what: key that distinguishes formulas of the same textures. Mappings agree if they use the same UV set and either the same
+    transform or repeat with the unit square.
     """
     textures = [shelf.texture_of(one.texture) for one in taken]
     frame = textures[0]
@@ -64,7 +64,7 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
         else:
             return Image(name, codes, True)
         channels = 4 if has_alpha else 3
-        lights = np.empty((height, width, channels), np.float32)  # more, or less, than colours may be
+        lights = np.empty((height, width, channels), np.float32)  # values outside 0..1 remain floats
         for at, values in bands():
             lights[at] = values[..., :channels]
         return Image(name, lights, True)
@@ -91,7 +91,7 @@ def _repeats(texture: Texture) -> bool:
 
 
 def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
-    """(width, height): as fine as the finest, as it lies."""
+    """Returns (width, height) with the texel density of the finest image after its transform."""
     sizes = []
     for image, texture in zip(images, textures, strict=True):
         height, width = image.pixels.shape[:2]
@@ -102,7 +102,7 @@ def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
 
 
 def _values(image: Image, texture: Texture, taken: Taken, size: tuple[int, int]) -> Callable[[slice], F64]:
-    """What is taken of a texture, for some rows of a picture that is so large."""
+    """Returns a function from rows of an image of `size` to the values taken from a texture."""
     width, height = size
     is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == UNMOVED
     whole = None if is_as_it_is else linear(image)

@@ -18,7 +18,7 @@ __all__ = ["Balls", "balls_of", "tubes_of"]
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
 _WIDTHS = "Points whose widths are fewer or more than they have the width 1"
-_FEW = 500  # curves that are drawn rounder than many
+_FEW = 500  # up to this many curves get more sides
 
 
 class Balls:
@@ -88,7 +88,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     sides = 12 if len(counts) <= _FEW else 4
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
         notes.add("Curves that are ribbons by their normals are drawn as tubes", path)
-    spans = np.zeros(len(counts), np.int64)  # values of each curve that vary along it
+    spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
     pieces = []
@@ -132,7 +132,7 @@ def _along(
     weights: F64,
     between: F64,
 ) -> F64:
-    """(curves, samples, w) values along some curves; the first one everywhere where they do not fit."""
+    """Returns (curves, samples, w) values along some curves; the first value everywhere if their number does not fit."""
     samples, (_, points) = len(weights), weights.shape
     shape = (len(which), samples, values.shape[1])
     if interpolation == "uniform" and len(values) == len(spans):

@@ -1,6 +1,6 @@
-"""USD's displacement as bumps: heights along the normals, of UsdPreviewSurface and of MaterialX's displacement.
+"""Displacement as bump maps: heights along the normals, from UsdPreviewSurface and from MaterialX's displacement.
 
-They move no surface here. Lengths are those of the mesh's own space, as it is where nothing scales it.
+Surfaces are not moved. Lengths are in the mesh's object space, as if it were unscaled.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["Heights", "heights_of"]
 
-_MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages, and of documents
+_MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages; in MaterialX documents
 _PREVIEW = "UsdPreviewSurface"
 _AS_BUMPS = "Displacement is shown as bumps, which move no surface"
 _LEFT_OUT = "Displacement is not drawn; left out of materials"
 
 
 class Heights(NamedTuple):
-    """A height texture: heights are in its red channel; also the height that a value of 1 stands for."""
+    """A texture with heights in its red channel, and the height that the value 1 represents."""
 
     texture: int
     rise: float

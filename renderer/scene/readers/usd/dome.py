@@ -18,7 +18,7 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["add_dome", "is_dome"]
 
-_Z_POLE = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # Y becomes Z
+_Z_POLE = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # rotates Y to Z
 _LEAST_HEIGHT = 64
 
 
@@ -59,7 +59,7 @@ def add_dome(
             notes.add("Dome lights whose picture cannot be read shine evenly in their colour", name)
         description.environment = Environment(color)
         return
-    # USD's middle column looks along +Z, ours along -Z.
+    # The centre of a USD image is at +Z, of ours at -Z.
     turned = turned @ FROM_PLUS_Z
     upright = abs(turned[1, 1] - 1) < 1e-6
     image = found[0]

@@ -1,4 +1,4 @@
-"""MaterialX nodes that calculate channel by channel: their inputs with what these are unless told, and what comes out.
+"""MaterialX nodes that compute per channel: their inputs with default values, and their functions.
 
 Source: the specification of MaterialX 1.39, "Standard Nodes".
 """
@@ -18,11 +18,11 @@ _LUMA = (0.2722287, 0.6740818, 0.0536895)
 
 
 class Formula(NamedTuple):
-    """A node. of: its inputs in their order, arrays whose last axis has one number or four."""
+    """An arithmetic node. of: its function of the inputs in order, arrays whose last axis has one or four numbers."""
 
     inputs: Mapping[str, float | tuple[float, ...]]
     of: Callable[..., F64]
-    is_apart: bool = True  # whether no channel knows of another
+    is_apart: bool = True  # whether channels are independent
 
 
 def _divided(a: F64, b: F64) -> F64:
@@ -64,7 +64,7 @@ def _overlay(b: F64, f: F64) -> F64:
 
 
 def _laid(blend: Callable[[F64, F64], F64]) -> Formula:
-    """A front on a back."""
+    """Returns the formula of a blend mode: foreground over background, mixed with the background."""
     return Formula({"bg": 0.0, "fg": 0.0, "mix": 1.0}, lambda b, f, share: share * blend(b, f) + (1 - share) * b)
 
 

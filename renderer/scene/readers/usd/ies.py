@@ -20,17 +20,17 @@ __all__ = ["Profiles"]
 
 _ROWS = 721
 _LEAST_SCALE = 1e-6
-_HEMISPHERE = math.pi / 2 + 0.1  # radians that a profile spans at most of which only half a sphere counts
+_HEMISPHERE = math.pi / 2 + 0.1  # largest span in radians of profiles that are normalised over a hemisphere
 
 
 class Profiles:
-    """Reads the profiles that lights name; each is one map for all lights that shape it alike."""
+    """Reads the profiles of lights; lights with the same profile and shaping share an emission map."""
 
     def __init__(self, images: Images, files: SceneFiles, notes: Notes, time: Any) -> None:
         self._images, self._files, self._notes, self._time = images, files, notes, time
 
     def named(self, prim: Any) -> Any:
-        """The attribute that names a light's profile; None where it has none."""
+        """Returns the attribute that names a light's profile; None if it has none."""
         if not prim.HasAPI(UsdLux.ShapingAPI):
             return None
         attribute = UsdLux.ShapingAPI(prim).GetShapingIesFileAttr()
@@ -38,8 +38,11 @@ class Profiles:
         return attribute if value is not None and value.path else None
 
     def emission(self, prim: Any, attribute: Any, is_flat: bool) -> EmissionMap | None:
-        """What multiplies the light's radiance, by its axis -Z, to whose right is -X. is_flat: whether the light is, which sends
-        less to the side. None, with a note, where it cannot be read."""
+        """Returns the factor of the light's radiance by direction: axis -Z, with -X to the right. None, with a note, if it is
+        unreadable.
+
+        is_flat: whether the light is a disk or rectangle, whose intensity falls with the cosine.
+        """
         file = self._images.file(attribute, self._time)
         if file is None:
             self._notes.add("IES profiles that are not among the files are left out; add them", str(prim.GetPath()))
@@ -61,7 +64,7 @@ class Profiles:
 
 
 def _shaped(photometry: Photometry, scale: float, even: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
-    """A profile with its vertical angles stretched from its top, and scaled to a mean of 1 over what it spans."""
+    """Returns a profile with vertical angles scaled about its top and, if `even`, normalised to a mean of 1 over its span."""
     emission = photometry.emission
     left, right, top, bottom = emission.edges
     values = emission.values.astype(np.float64)

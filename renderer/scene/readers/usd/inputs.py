@@ -22,7 +22,7 @@ class Input:
     primvar: str | None = None
 
     def number(self, default: float) -> float:
-        """Its value as a number."""
+        """Returns its value as a number, or the default if it has none."""
         if isinstance(self.value, (int, float)):
             return float(self.value)
         return default
@@ -38,11 +38,11 @@ class Input:
         return r, g, b
 
 
-Follow = Callable[[Any, bool, int], Input]  # an input of a shader, whether its colours are encoded, and how far it is followed
+Follow = Callable[[Any, bool, int], Input]  # arguments: shader input, whether its colours are sRGB, depth
 
 
 class Following(Protocol):
-    """What is known of a material while its network is followed."""
+    """The interface of a material whose shader network is being followed."""
 
     images: Images
     notes: Notes
@@ -50,13 +50,13 @@ class Following(Protocol):
     user: str
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
-        """Which set of UVs a texture lies by, and what they go through first."""
+        """Returns the UV set of a texture and the transform applied to its UVs."""
         ...
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """What a primvar is on the prim that shows the material."""
+        """Returns the value of a primvar on the prim with the material."""
         ...
 
     def uv_set(self, name: str) -> int:
-        """The number of a set of UVs by its primvar's name."""
+        """Returns the index of a UV set by the name of its primvar."""
         ...

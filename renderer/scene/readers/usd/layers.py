@@ -1,7 +1,7 @@
-"""Opens a USD stage whose layers all come from the scene's own files.
+"""Opens a USD stage with layers only from the scene's own files.
 
-USD would open whatever path a layer names. So each layer is opened by itself, as an anonymous one, and the paths of its
-sublayers, references and payloads are replaced by the layers that were found for them, or taken out, before anything is composed.
+USD opens any path that a layer names. Therefore each layer is opened separately as an anonymous layer, and the paths of its
+sublayers, references and payloads are replaced by the layers found for them, or removed, before composition.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ __all__ = ["Stage", "muted", "open_stage", "telling"]
 
 MAX_LAYERS = 5000
 
-Work.SetConcurrencyLimit(1)  # a scene's reader is one of many on its machine
+Work.SetConcurrencyLimit(1)  # a machine runs several readers
 
 
 class Stage:
-    """A composed stage, and the file that each of its layers was opened from."""
+    """A composed stage, and the file of each of its layers."""
 
     def __init__(self, stage: Any, files: dict[str, str], layers: list[Any], notes: Notes) -> None:
         self.stage, self.notes = stage, notes
-        self._files, self._layers = files, layers  # anonymous layers live as long as they are held
+        self._files, self._layers = files, layers  # keeps the anonymous layers alive
 
     def file_of(self, layer: Any) -> str:
-        """The name of the file that a layer was opened from."""
+        """Returns the name of the file that a layer was read from."""
         return self._files[layer.identifier]
 
     @cached_property
@@ -72,7 +72,7 @@ def telling(main: str) -> Iterator[None]:
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
-    """Opens the stage of a scene file; returns it and the variants that it offers. Raises SceneError."""
+    """Opens the stage of a scene file; returns it and the names of its variants. Raises SceneError."""
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
@@ -110,8 +110,8 @@ class _Opener:
 
     def __init__(self, sources: Sources, notes: Notes) -> None:
         self._sources, self._notes = sources, notes
-        self.opened: dict[str, Any] = {}  # by the files' names
-        self.names: dict[str, str] = {}  # of the files, by the layers' identifiers
+        self.opened: dict[str, Any] = {}  # by file name
+        self.names: dict[str, str] = {}  # file names by layer identifier
 
     def open(self, name: str) -> Any:
         """Opens the layer of a file and all layers it depends on, and replaces their paths by the opened layers.
@@ -123,7 +123,7 @@ class _Opener:
         while waiting:
             beside = waiting.pop()
             layer = self.opened[beside]
-            for reference in filter(None, layer.GetCompositionAssetDependencies()):  # those within a layer have no path
+            for reference in filter(None, layer.GetCompositionAssetDependencies()):  # internal references have an empty path
                 found = self._found(reference, beside)
                 if found is not None and reference in layer.subLayerPaths and self._is_sublayer(found, beside, layer):
                     found = None
@@ -140,9 +140,9 @@ class _Opener:
         return self.opened[name]
 
     def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
-        """Whether a file is the layer itself or already one of its sublayers, which USD refuses; notes it.
+        """Whether a file is the layer itself or one of its sublayers already, which USD rejects; adds a note if so.
 
-        Files are found by their bare names too, so that several paths may lead to one file.
+        Files are also found by their bare names, so several paths may lead to one file.
         """
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
@@ -204,7 +204,7 @@ class _Opener:
         return None if found is None else (found, self._sources.read(found))
 
     def _without_clips(self, layer: Any) -> None:
-        """Removes value clips, since the stage would open their files by itself."""
+        """Removes value clips, since the stage would open their files directly."""
 
         def visit(path: Any) -> None:
             if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
@@ -262,7 +262,10 @@ def _knots(layer: Any) -> list[float]:
 
 
 def _place(error: Any, names: dict[str, str]) -> str:
-    """Returns where a composition error is, with files in place of anonymous layers. names: of files, by identifiers."""
+    """Returns where a composition error is, with file names in place of anonymous layers.
+
+    names: file names by layer identifier.
+    """
     said = _words(getattr(error, "rootSite", None) or error).splitlines()[0]
     for identifier, name in names.items():
         said = said.replace(identifier, name)

@@ -1,4 +1,4 @@
-"""UsdLux: lights with a body as surfaces that shine, others as points, spots and distant ones. Source: UsdLux's schema."""
+"""UsdLux lights: area lights as emissive surfaces, others as point, spot and directional lights. Source: UsdLux's schema."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from renderer.scene.readers.usd.notes import Notes
 __all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
 
 _MOST = 1e9
-# Blender writes a fourth of what its suns shine with, and half of the angle that they span; its own reader knows that.
+# Blender writes a quarter of a sun's strength and half of its angle, and its own importer reverts that.
 _BLENDERS_SUN, _BLENDERS_ANGLE = 4.0, 2.0
-_TURN = np.diag([-1.0, 1.0, -1.0])  # ours face +Z, USD's lights shine along -Z, with a picture upright from there
+_TURN = np.diag([-1.0, 1.0, -1.0])  # our shapes face +Z; USD's lights emit along -Z, with the texture upright as seen from there
 
 
 class Lamp(NamedTuple):
-    """A light: one without a body, or the surface of one that is a sphere of a radius in metres, or has a mesh."""
+    """A light without a surface, or an emissive surface: a sphere of a radius in metres, or a mesh."""
 
     light: Light | None = None
     mesh: Mesh | None = None
     radius: float = 0.0
     material: Material | None = None
-    image: Any = None  # the attribute that names the file of its texture
+    image: Any = None  # attribute with the texture's file
 
 
 def is_light(prim: Any) -> bool:
@@ -48,7 +48,7 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
 
     scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
     color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
-    # One that is asked for and not said is the white point: Blender writes so of all its lights.
+    # Without an authored temperature the colour is the white point; Blender writes that for all lights.
     if light.GetEnableColorTemperatureAttr().Get(time) and light.GetColorTemperatureAttr().HasAuthoredValue():
         kelvin = min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), np.float64)
@@ -59,9 +59,9 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
 
 
 def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:
-    """What a surface is that shines by MeshLightAPI. area: of the mesh, in the stage's units.
+    """Returns the material fields of a surface with MeshLightAPI. area: of the mesh, in stage units.
 
-    How its material takes part is materialSyncMode: what glows gives the light its colour, unless the light does without.
+    materialSyncMode decides how its material contributes: emission tints the light, unless the light is independent of it.
     """
     radiance = radiance_of(light, time, area)
     said = light.GetMaterialSyncModeAttr().Get(time)
@@ -76,11 +76,11 @@ def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str,
 def lamp_of(
     prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles | None = None
 ) -> Lamp | None:
-    """A light in its place; None, with a note, of a kind that is not known here.
+    """Returns a light in world space; None, with a note, if its kind is not supported.
 
-    world: (4, 4), to metres; unit: metres of a unit of the stage, which the areas are counted in that it is normalised by, but
-    for Blender's: it writes in metres, whatever it scales the whole stage by. profiles: where IES profiles are read.
-    One that the camera does not see is no body, either, as in Cycles.
+    world: (4, 4) to metres; unit: metres per stage unit, for areas in normalisation, except in Blender's files, which are in
+    metres whatever the stage's scale; profiles: reads IES profiles. A light invisible to the camera is not hit by other rays
+    either, as in Cycles.
     """
     unit = 1.0 if is_blenders(prim) else unit
     found = None
@@ -91,14 +91,16 @@ def lamp_of(
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
-    if spot is not None and is_blenders(prim):  # whose softness is its own blend, of the cosine
+    if spot is not None and is_blenders(prim):  # Blender's softness is its own blend, in the cosine
         spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
 
 def _is_unseen(prim: Any, time: Any) -> bool:
-    """Whether the camera sees past a light: UsdLux's do show, Blender's do not; who says otherwise says it as Cycles' and
-    Omniverse's delegates read it."""
+    """Whether a light is invisible to camera rays: by default UsdLux's lights are visible, Blender's are not.
+
+    The attributes that override this are those of the Cycles and Omniverse delegates.
+    """
     told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
     value = told.Get(time) if told else None
     return is_blenders(prim) if value is None else not value
@@ -120,12 +122,12 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # what carries Blender's lamps makes none larger
+        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # the scale of a parent does not enlarge Blender's lights
         radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
-            # As many watts as the sphere sends: without one, as one of radius 1 does, which normalised is as any other.
+            # The sphere's power; without a radius that of radius 1, which after normalisation is the same as any other.
             rgb = _times(radiance_of(light, time, area), math.pi * (radius or 1.0) ** 2)
             return Lamp(_aimed(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
         if found is None:
@@ -163,8 +165,10 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
 def _with_profile(
     prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles, file: Any
 ) -> Lamp | None:
-    """A light that an IES profile shapes, from its middle: a ball, or a disk or rectangle, which is the dimmer the flatter one
-    looks at it. None where the profile is not there, or of lights of other kinds."""
+    """Returns a light with an IES profile, emitted from its centre: a sphere, or a disk or rectangle with cosine falloff.
+
+    Returns None if the profile is missing or the light is of another kind.
+    """
     light = UsdLux.LightAPI(prim)
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
     x, y, z = (float(length) for length in lengths)
@@ -234,7 +238,7 @@ def _times(rgb: Vec3, factor: float) -> Vec3:
 
 
 def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
-    """The light, of so many watts of the stage's units, and within a cone where there is one."""
+    """Returns the light with its power converted from stage units to watts, as a spot if it has a cone."""
     light.intensity = _times(light.intensity, unit * unit)
     if cone is not None:
         light.kind, light.falloff, (light.inner_cone, light.outer_cone) = "spot", "smooth angle", cone

@@ -1,4 +1,4 @@
-"""The rules of Loop's subdivision surfaces, for what is neither border nor crease: those are as of Catmull and Clark's.
+"""Rules of Loop subdivision for interior smooth points and edges; borders and creases follow Catmull-Clark.
 
 Source: Loop 1987, "Smooth Subdivision Surfaces Based on Triangles".
 """

@@ -1,4 +1,4 @@
-"""MaterialX in USD: standard_surface, open_pbr_surface, gltf_pbr and UsdPreviewSurface, as far as ours goes.
+"""MaterialX surfaces in USD: standard_surface, open_pbr_surface, gltf_pbr and UsdPreviewSurface, as far as supported.
 
 Sources: MaterialX 1.39's definitions; Autodesk's Standard Surface 1.0.1; OpenPBR 1.1; glTF 2.0.
 """
@@ -124,7 +124,7 @@ def _gltf(said: Said, read: Read) -> None:
 
 
 def _body(said: Said, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
-    """Fills the base colour, and what is beneath the surface."""
+    """Fills the base colour and the subsurface parameters."""
     color, weight = subsurface.mixed_color(said, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
     subsurface.scatter_beneath(said, read, names)
@@ -169,7 +169,7 @@ def _transmission(read: Read, said: Said, weight: str) -> bool:
     if depth > 0 and not material.thin:
         subsurface.fill_glass(said, read, tint, depth)
         tint = _WHITE
-    # One colour for what is reflected and what goes through: that of which there is more.
+    # A material has one colour for reflection and transmission: the one with more weight is used.
     if material.transmission_texture is None:
         share = material.transmission
         r, g, b = (share * t + (1 - share) * c for t, c in zip(tint, material.base_color, strict=True))
@@ -178,7 +178,7 @@ def _transmission(read: Read, said: Said, weight: str) -> bool:
 
 
 def _coat(read: Read, coat: Input, rough: Input, roughness: float, normal: Input) -> bool:
-    """Whether there is one."""
+    """Fills the clear coat parameters; returns whether there is a coat."""
     fill_data(read, "clearcoat", coat, 0.0)
     if read.material.clearcoat <= 0:
         return False

@@ -1,4 +1,4 @@
-"""USD's meshes: their faces cut into triangles or refined, their primvars at the vertices, a part for each material."""
+"""Meshes of USD: triangulation or subdivision, primvars per vertex, and one part per material."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ REFINED = ("catmullClark", "loop")
 
 
 class Wanted(NamedTuple):
-    """What a part's material wants of its mesh."""
+    """The primvars of a mesh that a part's material uses."""
 
-    uvs: tuple[str, ...] = ()  # primvars that are the first and the second set of UVs
+    uvs: tuple[str, ...] = ()  # primvars of the first and second UV sets
     color: str | None = None  # the primvar that multiplies the base colour
     opacity: str | None = None
 
 
 class Shape(NamedTuple):
-    """A mesh as another than its file has it: bent by a skeleton."""
+    """Points and normals of a deformed mesh, used in place of those in the file."""
 
     points: npt.NDArray[Any]
     normals: F32 | None
-    straight: F32 | None = None  # the normals when nothing is bent
+    straight: F32 | None = None  # the undeformed normals
 
 
 def deforms(prim: Any) -> bool:
-    """Whether a mesh has other points, or other faces, at another time."""
+    """Whether a mesh's points, faces or primvars are animated."""
     mesh = UsdGeom.Mesh(prim)
     attributes = (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())
     if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):
@@ -50,7 +50,7 @@ def deforms(prim: Any) -> bool:
 
 
 def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
-    """The area of a mesh at a place (4, 4)."""
+    """Returns the area of a mesh transformed by a (4, 4) matrix."""
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3)
     counts, corners = (primvars.integers(a.Get(time)) for a in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()))
@@ -66,9 +66,10 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
 def read_mesh(
     prim: Any, parts: list[Wanted], of: Codes | None, time: Any, notes: Notes, shape: Shape | None = None, bends: bool = True
 ) -> list[Mesh | None]:
-    """A mesh's parts; None for one without a triangle. of: (F,) the part that each face is of; None where there is one.
+    """Returns a mesh's parts; None for parts without triangles.
 
-    shape: in place of its own points. bends: whether it may deform. Raises SceneError.
+    of: (F,) part index of each face; None if there is one part. shape: replaces the mesh's points. bends: whether the mesh may
+    deform. Raises SceneError.
     """
     mesh = UsdGeom.Mesh(prim)
     points = primvars.array(mesh.GetPointsAttr().Get(time), 3) if shape is None else shape.points
@@ -86,7 +87,7 @@ def read_mesh(
     normals = _normals(mesh, scheme, faces, len(points), time, notes, shape)
     attributes = {name: values for name, values in {**found, "": normals}.items() if values is not None}
     bends = bends and deforms(prim)
-    if shape is None and bends:  # at every time the same corners are one vertex
+    if shape is None and bends:  # so that the same corners share a vertex at all times
         counted = ((name, np.arange(len(values.values), dtype=np.float32)[:, None]) for name, values in attributes.items())
         attributes |= {name: replace(attributes[name], kinds=kinds) for name, kinds in list(counted)}
 
@@ -112,7 +113,7 @@ def read_mesh(
 
 
 def _sorted_out(faces: Codes, of: Codes | None, parts: int) -> list[Codes]:
-    """The faces of each part, ascending."""
+    """Returns the faces of each part, ascending."""
     if of is None:
         return [faces]
     order = np.argsort(of[faces], kind="stable")
@@ -129,9 +130,9 @@ def _is_whole(points: F32, counts: Codes, corners: Codes) -> bool:
 
 
 def _scheme(mesh: Any, counts: Codes) -> str:
-    """How a mesh is refined: after Loop where all faces are triangles.
+    """Returns a mesh's subdivision scheme; Loop only if all faces are triangles.
 
-    Normals are not for those that are; who gives some and does not say, means polygons.
+    A mesh with normals and no authored scheme is polygonal, since subdivided meshes have no normals.
     """
     attribute = mesh.GetSubdivisionSchemeAttr()
     if not attribute.HasAuthoredValue() and (
@@ -150,7 +151,7 @@ def _primvar(prim: Any, name: str, faces: Faces, points: int, time: Any, notes: 
 
 
 def _normals(mesh: Any, scheme: str, faces: Faces, points: int, time: Any, notes: Notes, shape: Shape | None) -> AtCorners | None:
-    """The normals at the corners; none of what is refined, or has no fitting ones."""
+    """Returns the normals at the corners; None for subdivided meshes and for normals that do not fit."""
     if scheme in REFINED:
         return None
     if shape is not None and shape.normals is not None:
@@ -206,7 +207,7 @@ def _part(
 
 
 def _upright(uvs: F32 | None) -> F32 | None:
-    """USD counts t from the image's lower edge."""
+    """Returns UVs with v counted from the top; USD counts it from the image's lower edge."""
     if uvs is None or uvs.shape[1] < 2:
         return None
     return np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))
@@ -225,8 +226,10 @@ def _colors(color: F32 | None, opacity: F32 | None) -> F32 | None:
 
 
 def _rounded(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[Mesh | None]:
-    """The parts of a refined mesh with normals, which agree where parts meet; sharp ones only where it stands still, as vertices
-    are split for them."""
+    """Returns the parts of a subdivided mesh with normals that agree where parts meet.
+
+    Creases are sharp only if the mesh does not deform, as vertices are split for them.
+    """
     meshes = [mesh for mesh in parts if mesh is not None]
     if not meshes:
         return parts
@@ -236,7 +239,7 @@ def _rounded(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[
             for smooth, mesh in zip(smoothed_together(meshes, surfaces=[0] * len(meshes)), meshes, strict=True)
         ]
     else:
-        first, number = unique_threes(np.concatenate([mesh.positions for mesh in meshes]) + np.float32(0))  # there are two zeros
+        first, number = unique_threes(np.concatenate([mesh.positions for mesh in meshes]) + np.float32(0))  # turns -0 into 0
         ends = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
         normals = np.zeros((len(first), 3))
         for mesh, begin, end in zip(meshes, ends, ends[1:], strict=False):

@@ -1,4 +1,4 @@
-"""A stage's metadata, whatever type they are stored as: a field of the wrong type is no damage of the file."""
+"""Stage metadata, read also if a field is stored with another type than the schema's."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from renderer.scene.readers.usd.notes import Notes
 
 __all__ = ["is_z_up", "rate_of", "stored", "unit_of"]
 
-_UNIT = 0.01  # metres, where a stage does not say
+_UNIT = 0.01  # default, in metres
 _RATE = 24.0
 
 
 def stored(stage: Any, key: str) -> Any:
-    """The value of a field of the stage, of the type that its root layer stores; None where there is none."""
+    """Returns the value of a stage field with the type stored in the root layer; None if absent."""
     try:
         return stage.GetMetadata(key)
     except Tf.ErrorException:
@@ -29,7 +29,7 @@ def stored(stage: Any, key: str) -> Any:
 
 
 def unit_of(stage: Any, notes: Notes) -> float:
-    """Metres per unit."""
+    """Returns metres per stage unit."""
     try:
         found = float(UsdGeom.GetStageMetersPerUnit(stage))
     except Tf.ErrorException:
@@ -41,7 +41,7 @@ def unit_of(stage: Any, notes: Notes) -> float:
 
 
 def is_z_up(stage: Any, notes: Notes) -> bool:
-    """Whether Z is up, and not Y."""
+    """Whether the up axis is Z rather than Y."""
     try:
         return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
     except Tf.ErrorException:
@@ -51,7 +51,7 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
 
 
 def rate_of(stage: Any, key: str, notes: Notes) -> float:
-    """Time codes, or frames, per second."""
+    """Returns time codes, or frames, per second."""
     try:
         found = float(stage.GetTimeCodesPerSecond() if key == "timeCodesPerSecond" else stage.GetFramesPerSecond())
     except Tf.ErrorException:
@@ -60,7 +60,7 @@ def rate_of(stage: Any, key: str, notes: Notes) -> float:
 
 
 def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
-    """The value of a field that is stored as another type than USD wants."""
+    """Returns the value of a field stored with another type than USD expects, or the default; adds a note."""
     value = stored(stage, key)
     try:
         found = float(value)

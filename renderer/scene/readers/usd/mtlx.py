@@ -1,6 +1,6 @@
-"""MaterialX documents (.mtlx) as layers of USD: what Pixar's usdMtlx does, which its wheels lack.
+"""MaterialX documents (.mtlx) as USD layers, in place of Pixar's usdMtlx, which the usd-core wheels lack.
 
-A material NAME is /MaterialX/Materials/NAME, with all nodes that it comes to below it.
+A material NAME is /MaterialX/Materials/NAME, with its nodes below it.
 Source: the specification of MaterialX 1.39.
 """
 
@@ -36,11 +36,14 @@ _VECTORS = {
 }
 _OTHERS = {"float": _TYPES.Float, "integer": _TYPES.Int, "boolean": _TYPES.Bool, "filename": _TYPES.Asset}
 Element = ElementTree.Element
-Said = tuple[Element, dict[str, str]]  # an element, and what its ancestors say of all within
+Said = tuple[Element, dict[str, str]]  # an element with its inherited attributes
 
 
 def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, bytes] | None], notes: Notes) -> Any:
-    """A document as an anonymous layer. included: (name, bytes) of a file that another includes. Raises SceneError."""
+    """Returns a document as an anonymous layer. Raises SceneError.
+
+    included: returns (name, bytes) of an included file, or None.
+    """
     document = _Document(name, notes)
     waiting, known = [(name, data)], {name}
     while waiting:
@@ -56,15 +59,15 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
 
 
 class _Document:
-    """The elements of a document and of those that it includes."""
+    """The elements of a document and of the documents that it includes."""
 
     def __init__(self, name: str, notes: Notes) -> None:
         self._name, self._notes = name, notes
-        self._scopes: dict[str, dict[str, Said]] = {"": {}}  # of each graph, and of the document itself, what is in it by name
+        self._scopes: dict[str, dict[str, Said]] = {"": {}}  # elements by name, for each graph and the document itself
         self._count = 0
 
     def add(self, file: str, data: bytes) -> list[str]:
-        """Takes a file's elements; the names of those that it includes."""
+        """Adds a file's elements; returns the names of the files that it includes. Raises SceneError."""
         refuse_entities(data, file)
         try:
             root = ElementTree.fromstring(data)
@@ -87,7 +90,7 @@ class _Document:
             self._scopes[scope].setdefault(each.get("name", ""), (each, said))
 
     def layer(self) -> Any:
-        """All materials."""
+        """Returns a layer with all materials."""
         layer = Sdf.Layer.CreateAnonymous(".usda")
         stage = Usd.Stage.Open(layer)
         stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
@@ -103,7 +106,7 @@ class _Document:
         known: dict[str, Any] = {}
 
         def node(scope: str, name: str) -> Any:
-            """The shader of a node, which is filled later; None where there is none."""
+            """Returns the shader of a node, to be filled later; None if there is none."""
             found = self._scopes.get(scope, {}).get(name)
             if found is None or found[0].tag in ("nodegraph", "input", "output"):
                 return None
@@ -130,14 +133,14 @@ class _Document:
                 self._input(shader, given, _inherited(given, told), scope, node)
 
     def _input(self, shader: Any, given: Element, said: dict[str, str], scope: str, node: Callable[[str, str], Any]) -> None:
-        """An input of a node: connected, or with a value."""
+        """Sets an input of a node: a connection or a value."""
         name, kind = given.get("name", ""), given.get("type", "")
         own = given.get("interfacename")
         if own is not None:
             outer = self._scopes.get(scope, {}).get(own)
             if outer is None or outer[0].tag != "input":
                 return
-            given, said, scope = outer[0], _inherited(outer[0], outer[1]), ""  # a graph's inputs lead to what is around it
+            given, said, scope = outer[0], _inherited(outer[0], outer[1]), ""  # a graph's input continues outside the graph
         output, source = given.get("output"), None
         graph = given.get("nodegraph")
         if graph is not None:
@@ -185,7 +188,7 @@ class _Document:
 
 
 def _inherited(element: Element, said: dict[str, str]) -> dict[str, str]:
-    """What holds within an element."""
+    """Returns the attributes that an element's children inherit."""
     own = {name: value for name in _INHERITED if (value := element.get(name)) is not None}
     if "fileprefix" in own:
         own["fileprefix"] = said.get("fileprefix", "") + own["fileprefix"]

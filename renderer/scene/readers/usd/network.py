@@ -1,4 +1,4 @@
-"""A material's network of shaders: what an input of its surface is, followed through readers, transforms and textures."""
+"""Shader networks of materials: inputs of a surface are followed through primvar readers, transforms and textures."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ __all__ = ["Network"]
 MAX_DEPTH = 32
 _NOTHING = Input()
 _UV_SETS = 2
-_ODD = (TypeError, ValueError, IndexError, OverflowError)  # numbers that are words, triples that are pairs
+_ODD = (TypeError, ValueError, IndexError, OverflowError)  # values of wrong types or lengths
 _OF_ODD_TYPES = "Nodes of MaterialX whose inputs are of types that they do not have are left out"
 
 
 @dataclass
 class Network:
-    """Follows the inputs of one material as a prim shows it. uvs: the primvars that its textures lie by, at most two.
+    """The network of one material on one prim. uvs: primvars that are UV sets of its textures, two at most.
 
-    asked: the other primvars that it reads. unit: metres of a unit of the stage.
+    asked: the other primvars that it reads. unit: metres per stage unit.
     """
 
     images: Images
@@ -41,11 +41,11 @@ class Network:
     unit: float = 1.0
     uvs: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
-    _surface: Any = None  # the shader that was asked last, whose inputs are looked up at once
+    _surface: Any = None  # the last shader, whose inputs are cached
     _inputs: dict[str, Any] = field(default_factory=dict)
 
     def input(self, shader: Any, name: str, srgb: bool = False) -> Input:
-        """What an input of a shader is; without anything where it is not set. srgb: how a texture is encoded unless told."""
+        """Returns an input of a shader, empty if not set. srgb: the encoding of its texture if not specified."""
         prim = shader.GetPrim()
         if prim != self._surface:
             self._surface = prim
@@ -81,7 +81,7 @@ class Network:
         return Input()
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """What a primvar is on the prim: its value where it has one all over, and the fallback where it is not there."""
+        """Returns a primvar of the prim: its value if constant, its name if it varies, the fallback if it is absent."""
         if not name:
             return Input(fallback)
         if name not in self.asked:
@@ -106,7 +106,7 @@ class Network:
         encoded = srgb if space == "auto" else space.lower() == "srgb"
         image = self.images.find(found[0], f"Material {self.user}", encoded, self.time) if found else None
         if image is None:
-            # Without a file it is black; a file that is missing leaves the default, unless the network says what then.
+            # No file: black. Missing file: the fallback if authored, otherwise the input's default.
             fallback = said("fallback", None if found else (0.0, 0.0, 0.0, 1.0))
             if fallback is None:
                 return Input()
@@ -120,7 +120,7 @@ class Network:
         return Input(None, None if texture is None else Taken(texture, output, scale, bias))
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
-        """Which set of UVs a texture lies by, and what they go through first."""
+        """Returns the UV set of a texture and the transform applied to its UVs."""
         transform = UNMOVED
         while source and depth < MAX_DEPTH:
             depth += 1
@@ -158,7 +158,7 @@ class Network:
         return transform_2d((scale[0], scale[1]), float(said("rotation", 0.0)), (translation[0], translation[1]))
 
     def uv_set(self, name: str) -> int:
-        """The number of a set of UVs by its primvar's name; the first, with a note, of a third and more."""
+        """Returns the index of a UV set by the name of its primvar; 0, with a note, for a third set or more."""
         if name not in self.uvs:
             if len(self.uvs) == _UV_SETS:
                 self.notes.add("Materials with more than two sets of UVs have the first in place of others", self.user)
@@ -168,7 +168,7 @@ class Network:
 
 
 def _zero(kind: str) -> Any:
-    """What a reader of primvars gives where it finds none, and does not say what then."""
+    """Returns the default of a primvar reader without a fallback."""
     return 0.0 if kind.endswith(("float", "int")) else (0.0, 0.0, 0.0)
 
 

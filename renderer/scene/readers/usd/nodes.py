@@ -17,7 +17,7 @@ _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 
 
 def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
-    """What a node that is no surface gives."""
+    """Returns the output of a node that is no surface."""
     node = kind[3:].split("_")[0]
 
     def said(name: str, encoded: bool = srgb) -> Input:
@@ -61,7 +61,7 @@ def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: b
 
 
 def _bumped(given: Input, scale: Input) -> Input:
-    """A normal map of some strength, as UsdUVTexture says it."""
+    """Returns a normal map with its strength as scale and bias, as in UsdUVTexture."""
     if given.taken is None or scale.value is None:
         return given
     x, y, _ = (*scale.color((1.0, 1.0, 1.0))[:2], 1.0) if isinstance(scale.value, float) else (*tuple(scale.value)[:2], 1.0)
@@ -80,7 +80,7 @@ def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, 
     space = found[0].GetColorSpace() if found[0].HasColorSpace() else ""
     if node == "UsdUVTexture" and not space:
         space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
-    is_color = node == "UsdUVTexture" or "color" in kind  # numbers and vectors are never encoded
+    is_color = node == "UsdUVTexture" or "color" in kind  # scalars and vectors are linear
     encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb and is_color
     image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
     if image is None:
@@ -152,7 +152,7 @@ def _combined(network: Following, kind: str, found: list[Input]) -> Input:
 def follow_coordinates(
     network: Following, shader: Any, kind: str, depth: int, follow: Follow
 ) -> tuple[str | None, UvTransform, Any]:
-    """(the primvar that texture coordinates are, what they go through, the input that leads further)."""
+    """Returns (primvar of the texture coordinates, their transform, the input to follow next)."""
     node = kind[3:].split("_")[0]
 
     def value(name: str) -> Any:
@@ -168,7 +168,7 @@ def follow_coordinates(
         return str(value("geomprop" if node == "geompropvalue" else "varname") or "st"), UNMOVED, None
     if node == "place2d":
         pivot, scale, offset = (two(name, d) for name, d in (("pivot", 0.0), ("scale", 1.0), ("offset", 0.0)))
-        # Moved by the pivot, then scaled by the inverse, turned clockwise and moved (SRT), or the other way round; moved back.
+        # Subtract the pivot; inverse scale, clockwise rotation, translation (SRT) or the reverse order; add the pivot.
         scaled = transform_2d((1 / (scale[0] or 1.0), 1 / (scale[1] or 1.0)), 0.0, (0.0, 0.0))
         turned = transform_2d((1.0, 1.0), -float(value("rotate") or 0.0), (0.0, 0.0))
         moved = transform_2d((1.0, 1.0), 0.0, (-offset[0], -offset[1]))

@@ -1,4 +1,4 @@
-"""What is not taken over, said once with how often: scenes have thousands of the same."""
+"""Warnings grouped by kind, since a scene may have thousands of the same kind."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from pxr import Tf
 
 __all__ = ["UNREADABLE", "Notes"]
 
-# What reading a prim raises that has values of other types than its schema's, or arrays that do not fit.
+# Errors raised for prims with values of wrong types or arrays of wrong sizes.
 UNREADABLE = (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError, OverflowError)
 
 _NAMED = 3
 
 
 class Notes:
-    """Gathers what is to be said of a file."""
+    """Collects the warnings about a file."""
 
     def __init__(self) -> None:
         self._sentences: dict[str, None] = {}
         self._names: dict[str, dict[str, None]] = {}
 
     def say(self, sentence: str) -> None:
-        """A whole sentence, once."""
+        """Adds a sentence; repeated ones count once."""
         self._sentences[sentence] = None
 
     def add(self, what: str, name: str) -> None:
-        """One of perhaps many of which the same is to be said, without a full stop."""
+        """Adds the name of an item to a group of warnings. what: the group's sentence, without a full stop."""
         self._names.setdefault(what, {})[name] = None
 
     def tell(self, warn: Callable[[str], None]) -> None:
-        """Says it all: of the many, how many they are and what the first are called."""
+        """Passes all warnings on; groups with their number of items and the first names."""
         for sentence in self._sentences:
             warn(sentence)
         for what, names in self._names.items():

@@ -1,6 +1,6 @@
-"""Omniverse's OmniPBR in MDL, which its programs write where they write no UsdPreviewSurface.
+"""Omniverse's OmniPBR in MDL, the surface of files without a UsdPreviewSurface.
 
-Source: NVIDIA's documentation of OmniPBR; defaults are its own.
+Source: NVIDIA's documentation of OmniPBR, also for the defaults.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def read_omni_pbr(shader: Any, read: Read) -> None:
 
 
 class _Said:
-    """The inputs of a shader by their names; its textures all lie alike."""
+    """The inputs of a shader by name; all its textures share a UV transform."""
 
     def __init__(self, shader: Any, network: Network) -> None:
         self._shader, self._network = shader, network
@@ -77,15 +77,15 @@ class _Said:
         self._transform: UvTransform = transform_2d((float(scale[0]), float(scale[1])), turn, (float(move[0]), float(move[1])))
 
     def value(self, name: str) -> Input:
-        """What it is."""
+        """Returns an input."""
         return self._network.input(self._shader, name)
 
     def number(self, name: str, default: float) -> float:
-        """The same as a number; yes is 1."""
+        """Returns an input as a number; true is 1."""
         return self.value(name).number(default)
 
     def texture(self, name: str, srgb: bool = False) -> Taken | None:
-        """The picture of an input that names a file."""
+        """Returns the texture of an input that names a file; None if there is none."""
         network, given = self._network, self._shader.GetInput(name)
         found = given.GetValueProducingAttributes() if given else []
         image = network.images.find(found[0], f"Material {network.user}", srgb, network.time) if found else None
@@ -95,6 +95,6 @@ class _Said:
         return None if texture is None else Taken(texture)
 
     def either(self, name: str, constant: Input) -> Input:
-        """A picture where there is one."""
+        """Returns the texture of an input, or the constant if it has none."""
         found = self.texture(name)
         return constant if found is None else Input(None, replace(found, channel="r"))

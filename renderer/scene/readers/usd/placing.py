@@ -1,4 +1,4 @@
-"""Puts a stage's prims into the description: meshes with their materials, shapes, curves, points, lights and cameras."""
+"""Adds a stage's prims to the description: meshes with materials, shapes, curves, points, lights and cameras."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ from renderer.scene.watertight import is_closed
 __all__ = ["Placing"]
 
 _SIZELESS = "Shapes without a size are left out"
-MAX_COLORS = 256  # of points, each a material
+MAX_COLORS = 256  # colours of points, one material each
 
 
 class Placing:
-    """Fills the description of one moment. source: what tells the file from others that are read."""
+    """Fills the description of one moment. source: key that distinguishes the file from others."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class Placing:
         self._vertices = 0
 
     def place(self, found: list[Placed]) -> None:
-        """Adds them all."""
+        """Adds all prims; damaged ones are left out with a note."""
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
         for each in found:
@@ -104,11 +104,11 @@ class Placing:
             self._notes.add(f"Prims of the type {prim.GetTypeName()} are left out", str(prim.GetPath()))
 
     def _bind(self, prims: list[Any]) -> None:
-        """Finds the materials of all at once."""
+        """Finds the bound materials of all prims at once."""
         for prim in list(prims):
             if prim.IsA(UsdGeom.Mesh):
                 prims += [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
-        for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):  # the latter for what has no other
+        for purpose in (UsdShade.Tokens.full, UsdShade.Tokens.preview):  # preview only for prims without a full binding
             if prims:
                 materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
                 self._bound |= {p.GetPath(): m for p, m in zip(prims, materials, strict=True)}
@@ -118,7 +118,7 @@ class Placing:
         return self._surfaces.of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
 
     def _key(self, prim: Any) -> Hashable:
-        """What instances of one prototype share."""
+        """Returns a key shared by all instances of a prototype."""
         return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
 
     def _mesh(self, each: Placed) -> None:
@@ -149,18 +149,18 @@ class Placing:
         self._show(self._numbers[key], replace(each, moves=moves))
 
     def _shining(self, surface: Surface, each: Placed) -> Surface:
-        """The surface of a mesh that is a light."""
+        """Returns the emissive surface of a mesh with MeshLightAPI."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = glow_of(light, material, area_of(each.prim, place, self._time), self._time)
         return self._surfaces.changed(surface, f"shining {sorted(changes.items())}", **changes)
 
     def _counts(self, prim: Any) -> npt.NDArray[np.int64]:
-        """(F,) how many corners each face of a mesh has."""
+        """Returns (F,) the number of corners of each face of a mesh."""
         return primvars.integers(UsdGeom.Mesh(prim).GetFaceVertexCountsAttr().Get(self._time))
 
     def _parts(self, prim: Any, surfaces: list[Surface], subsets: list[Any], shape: Shape | None) -> list[Mesh | None]:
-        """The mesh's parts, in the order of the surfaces: what is in no subset, and each subset."""
+        """Returns a mesh's parts in the order of the surfaces: faces in no subset, then each subset."""
         count = len(self._counts(prim))
         of = np.zeros(count, np.int64)
         for number, subset in enumerate(subsets, 1):
@@ -176,7 +176,7 @@ class Placing:
         return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
-        """The number of a mesh of a surface."""
+        """Adds a mesh with a surface and returns its index. bends: whether it deforms; both: whether it emits on both sides."""
         surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
@@ -251,7 +251,7 @@ class Placing:
             ]
 
     def _painted(self, surface: Surface, colors: npt.NDArray[np.float32], path: str) -> npt.NDArray[np.int64]:
-        """The materials of points, each in a colour; of very many colours, in the nearest of some."""
+        """Returns the materials of points, one per colour; if there are too many colours, they are quantised."""
         steps = 255
         codes = np.rint(np.clip(colors, 0, 1) * steps).astype(np.int64)
         while len(np.unique(codes @ (1, 256, 65536))) > MAX_COLORS:
@@ -304,7 +304,7 @@ _SIZES = ("radius", "height", "size", "width", "length", "radiusTop", "radiusBot
 
 
 def _scale(place: Matrix) -> float | None:
-    """By how much a transform makes everything larger; None where not everything alike."""
+    """Returns the uniform scale factor of a transform; None if it is not uniform."""
     square = place[:3, :3].T @ place[:3, :3]
     size = float(np.trace(square)) / 3
     return size**0.5 if size > 0 and np.abs(square - size * np.eye(3)).max() < 1e-5 * size else None

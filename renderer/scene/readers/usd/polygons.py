@@ -1,4 +1,4 @@
-"""Faces of any number of corners, and the values that a mesh has at its corners, as triangles with vertices of their own."""
+"""Polygons with values at their corners, and their conversion to triangles and vertices."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ Codes = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Faces:
-    """Polygons: `corners` are numbers of points, those of each face one behind the other."""
+    """Polygons. corners: point indices of all faces, concatenated."""
 
     counts: Codes  # (F,)
     corners: Codes  # (C,)
 
     @cached_property
     def first(self) -> Codes:
-        """(F,) where each face's corners begin."""
+        """Returns (F,) the index of each face's first corner."""
         return np.cumsum(self.counts) - self.counts
 
     @property
     def face(self) -> Codes:
-        """(C,) the face of each corner."""
+        """Returns (C,) the face of each corner."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     def kept(self, which: npt.NDArray[np.bool_]) -> tuple[Faces, Codes]:
-        """Some of the faces, and the numbers of their corners among all."""
+        """Returns the faces selected by a mask, and the indices of their corners among all."""
         return self.those(np.flatnonzero(which))
 
     def those(self, numbers: Codes) -> tuple[Faces, Codes]:
-        """The same by their numbers, in time that grows with these alone."""
+        """Returns the faces with these indices, and the indices of their corners, in time proportional to the selected faces."""
         counts = self.counts[numbers]
         step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
         corners = np.repeat(self.first[numbers], counts) + step
@@ -47,32 +47,32 @@ class Faces:
 
 @dataclass(frozen=True)
 class AtCorners:
-    """Values (K, w), and which of them each corner has."""
+    """Values (K, w), and the index of each corner's value."""
 
     values: F32
     code: Codes  # (C,)
-    by_point: bool = False  # whether corners at one point always have the same
-    kinds: F32 | None = None  # (K, w) what tells them apart, where that must not depend on the time
-    is_indexed: bool = False  # whether corners that share a value say so
+    by_point: bool = False  # whether all corners of a point share a value
+    kinds: F32 | None = None  # (K, w) values that distinguish vertices, independent of time
+    is_indexed: bool = False  # whether shared values are indexed
 
     def at(self, corners: Codes) -> AtCorners:
-        """The same for some of the corners."""
+        """Returns the values of some of the corners."""
         return replace(self, code=self.code[corners])
 
     def each(self) -> F32:
-        """(C, w) the value of each corner."""
+        """Returns (C, w) the value of each corner."""
         return self.values[self.code]
 
 
 def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
-    """(T, 3) numbers of corners: triangles that fill the faces, counter-clockwise unless mirrored."""
+    """Returns (T, 3) corner indices of triangles that cover the faces, counter-clockwise unless mirrored."""
     cuts = triangulate(faces.counts, faces.corners, points).triangles
     return cuts[:, ::-1] if mirrored else cuts
 
 
 def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
-    """(one corner of each vertex, the vertex of each corner): corners that agree in point and values are one vertex."""
-    # By 64 bits of a hash: that two of three million differ and collide has the odds of 2e-7.
+    """Returns (a corner of each vertex, the vertex of each corner); corners with equal point and values share a vertex."""
+    # By 64-bit hashes: the probability of a collision among three million is 2e-7.
     key = _mixed(faces.corners.astype(np.uint64), np.zeros(len(faces.corners), np.uint64))
     for attribute in attributes:
         if not attribute.by_point:
@@ -83,8 +83,8 @@ def joined(faces: Faces, attributes: list[AtCorners]) -> tuple[Codes, I32]:
 
 
 def _hashed(values: F32) -> npt.NDArray[np.uint64]:
-    """(K,) a hash of each value."""
-    words = np.ascontiguousarray(values + np.float32(0)).view(np.uint32)  # + 0: there are two zeros
+    """Returns (K,) a hash of each value."""
+    words = np.ascontiguousarray(values + np.float32(0)).view(np.uint32)  # + 0 turns -0 into 0
     found = np.zeros(len(values), np.uint64)
     for column in words.T:
         found = _mixed(found, column.astype(np.uint64))
@@ -92,7 +92,7 @@ def _hashed(values: F32) -> npt.NDArray[np.uint64]:
 
 
 def _mixed(one: npt.NDArray[np.uint64], other: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    # The finalizer of SplitMix64 (Steele, Lea & Flood 2014), so that each bit of either has a part in all.
+    # The finalizer of SplitMix64 (Steele, Lea & Flood 2014) of the combined bits.
     key = (one * np.uint64(0x9E3779B97F4A7C15)) ^ other
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

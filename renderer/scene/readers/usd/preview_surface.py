@@ -1,4 +1,4 @@
-"""UsdPreviewSurface as a surface of ours. Source: its specification, version 2.6."""
+"""UsdPreviewSurface as a material. Source: its specification, version 2.6."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MAX_RADIANCE = 1e9
 
 
 class Read:
-    """A material while it is read, and the primvars of the mesh that it shows."""
+    """A material being read, and the primvars of its mesh that multiply colour and opacity."""
 
     def __init__(self, name: str, network: Network, shelf: TextureShelf) -> None:
         self.material = Material(name, "metallic_roughness", (1.0, 1.0, 1.0), roughness=1.0)
@@ -60,7 +60,7 @@ def read_preview_surface(shader: Any, read: Read) -> None:
     opacity = network.input(shader, "opacity")
     threshold = network.input(shader, "opacityThreshold").number(0.0)
     by_blender = is_blenders(shader.GetPrim())
-    if by_blender and not is_specular:  # an input of its own, 0.5 for the 4 % that plastics reflect
+    if by_blender and not is_specular:  # Blender's own input: 0.5 is a reflectance of 4 %
         material.specular = unit(2 * network.input(shader, "specular").number(0.5))
     is_presence = by_blender or str(network.input(shader, "opacityMode").value or "transparent") == "presence"
     if opacity.taken is None and opacity.primvar is None and threshold <= 0 and not is_presence:
@@ -70,11 +70,11 @@ def read_preview_surface(shader: Any, read: Read) -> None:
 
 
 def fill_base(read: Read, given: Input, default: Vec3) -> None:
-    """The base colour."""
+    """Fills the base colour."""
     material = read.material
     if given.taken is not None:
         material.base_color, material.base_color_texture = colored(read.shelf, given.taken)
-        read.color = given.primvar  # by which it is multiplied
+        read.color = given.primvar  # multiplies the texture
     elif given.primvar is not None:
         read.color = given.primvar
     else:
@@ -82,7 +82,7 @@ def fill_base(read: Read, given: Input, default: Vec3) -> None:
 
 
 def fill_roughness(read: Read, rough: Input, roughness: float, metal: Input, metallic: float) -> None:
-    """Roughness and metal, which share an image here."""
+    """Fills roughness and metalness, which share a texture."""
     material, shelf = read.material, read.shelf
     material.roughness = unit(rough.number(roughness)) if rough.taken is None else 1.0
     material.metallic = unit(metal.number(metallic)) if metal.taken is None else 1.0
@@ -101,7 +101,7 @@ def _packed(shelf: TextureShelf, rough: Taken | None, metal: Taken | None) -> in
 
 
 def fill_data(read: Read, name: str, given: Input, default: float) -> None:
-    """A number from 0 to 1 with a texture of data of its own."""
+    """Fills a parameter in 0..1 that has a data texture."""
     if given.taken is not None:
         setattr(read.material, name, 1.0)
         setattr(read.material, f"{name}_texture", grey(read.shelf, given.taken))
@@ -110,7 +110,7 @@ def fill_data(read: Read, name: str, given: Input, default: float) -> None:
 
 
 def fill_normal(read: Read, name: str, given: Input) -> None:
-    """A normal map: `normal` or `clearcoat_normal`."""
+    """Fills a normal map. name: `normal` or `clearcoat_normal`."""
     if given.taken is None:
         return
     texture, scale = normals(read.shelf, given.taken)
@@ -119,7 +119,7 @@ def fill_normal(read: Read, name: str, given: Input) -> None:
 
 
 def fill_emission(read: Read, given: Input, strength: float) -> None:
-    """What it shines by itself."""
+    """Fills the emission."""
     factor: Vec3 = unit_color(given.color((0.0, 0.0, 0.0)), MAX_RADIANCE)
     if given.taken is not None:
         factor, read.material.emission_texture = colored(read.shelf, given.taken, MAX_RADIANCE)
@@ -129,9 +129,9 @@ def fill_emission(read: Read, given: Input, strength: float) -> None:
 
 
 def fill_opacity(read: Read, opacity: Input, threshold: float, base: Taken | None) -> None:
-    """What of the surface is there: cut off at a threshold, or mixed with what is behind."""
+    """Fills the opacity: masked at a threshold above 0, otherwise blended."""
     material, shelf = read.material, read.shelf
-    level = sum(opacity.color((1.0, 1.0, 1.0))) / 3  # MaterialX's are colours
+    level = sum(opacity.color((1.0, 1.0, 1.0))) / 3  # MaterialX's opacity is a colour
     if opacity.taken is None and opacity.primvar is None and level >= 1:
         return
     material.alpha_mode = "mask" if threshold > 0 else "blend"
@@ -139,7 +139,7 @@ def fill_opacity(read: Read, opacity: Input, threshold: float, base: Taken | Non
     read.opacity = opacity.primvar
     if opacity.taken is None:
         material.opacity = unit(level) if opacity.primvar is None else 1.0
-        if material.base_color_texture is not None:  # whose alpha nobody asked for
+        if material.base_color_texture is not None:  # its alpha is not used
             material.base_color_texture = shelf.derived(material.base_color_texture, "opaque", _opaque)
         return
     is_own = base is not None and opacity.taken.texture == base.texture == material.base_color_texture
@@ -159,7 +159,7 @@ def _opaque(image: Any) -> Any:
 
 
 def _specular(read: Read, given: Input) -> None:
-    """The reflectance at normal incidence, as a tint of what the index of refraction gives."""
+    """Fills the specular tint so that reflectance at normal incidence, given the index of refraction, is the specular colour."""
     material = read.material
     own = max(((material.ior - 1) / (material.ior + 1)) ** 2, 1e-3)
     factor = given.color((0.0, 0.0, 0.0))
@@ -169,8 +169,10 @@ def _specular(read: Read, given: Input) -> None:
 
 
 def _transparent(material: Material, opacity: float) -> None:
-    """What is not opaque lets light through, and still reflects. That light has no tint, and the rest the diffuse colour; ours
-    has one colour for both, and takes the mean."""
+    """Converts opacity below 1 to transmission, with reflection unchanged.
+
+    UsdPreviewSurface transmits without a tint and colours the diffuse part; a material has one colour for both, here the mean.
+    """
     if opacity >= 1:
         return
     material.transmission = 1 - opacity

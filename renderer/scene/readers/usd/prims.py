@@ -1,4 +1,4 @@
-"""Walks a stage: what is drawn, shines or sees, and where it stands."""
+"""Traversal of a stage: geometry, lights and cameras with their transforms."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
 MAX_PRIMS = 2_000_000
 MAX_INSTANCES = 500_000
 MAX_DEPTH = 400
-_LEVELS = "LODRootAPI"  # UsdLod's, new in usd-core 26
+_LEVELS = "LODRootAPI"  # of UsdLod, new in usd-core 26
 _DRAWN_PURPOSES = ("default", "render")
 _DEFINED = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-# Prototypes may be `over` or `class`, so that nothing but their instancer shows them.
+# Prototypes may be `over` or `class` prims, which only their instancer draws.
 _UNDEFINED = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & ~Usd.PrimIsAbstract)
 _ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 
 
 @dataclass
 class Placed:
-    """A prim and where it is: everywhere that `places` (N, 4, 4) says, which lead to metres with Y up."""
+    """A prim with its (N, 4, 4) transforms, one per instance, to metres with Y up."""
 
     prim: Any
     places: Matrix
-    moves: bool = False  # whether it is elsewhere, or not shown, at another time
+    moves: bool = False  # whether its transform or visibility is animated
     shown: bool = True
     name: str = ""
 
 
 def upright(stage: Any, notes: Notes | None = None) -> Matrix:
-    """From the stage's units and axes to metres with Y up."""
+    """Returns the transform from the stage's units and up axis to metres with Y up."""
     notes = Notes() if notes is None else notes
     unit = unit_of(stage, notes)
     turn = Z_UP if is_z_up(stage, notes) else np.eye(4)
@@ -48,12 +48,12 @@ def upright(stage: Any, notes: Notes | None = None) -> Matrix:
 
 
 def matrix(given: Any) -> Matrix:
-    """A matrix of USD's, for column vectors."""
+    """Returns a USD matrix transposed for column vectors."""
     return np.asarray(given, np.float64).T.copy()
 
 
 def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
-    """All of a stage's prims that are of interest, in the order of the stage."""
+    """Returns the stage's geometry, lights, cameras and skeleton roots, in stage order."""
     walked = _Walk(stage, time, notes)
     found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
     if walked.proxies and not walked.stands_in:
@@ -68,7 +68,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
     for each in found:
         name = each.prim.GetName()
         if not (each.prim.IsA(UsdGeom.Gprim) or each.prim.IsA(UsdGeom.Camera) or each.prim.HasAPI(UsdLux.LightAPI)):
-            continue  # transforms and skeletons, often called as what is in them
+            continue  # transforms and skeletons often have the names of their children
         names[name] = names.get(name, 0) + 1
         each.name = name if names[name] == 1 else f"{name} ({names[name]})"
     return found
@@ -77,13 +77,13 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
 class _Walk:
     def __init__(self, stage: Any, time: Any, notes: Notes, drawn: tuple[str, ...] = _DRAWN_PURPOSES) -> None:
         self._stage, self._time, self._notes, self._drawn = stage, time, notes, drawn
-        self.proxies: list[str] = []  # surfaces that are left out, and whether any are there for the render
+        self.proxies: list[str] = []  # proxy gprims left out; `stands_in`: whether there are gprims of purpose render
         self.stands_in = False
         self._seen = 0
         self._copies = 0
 
     def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[Placed]:
-        """What is below a prim, whose own places are given."""
+        """Yields the placed prims below a prim. places: the prim's own transforms."""
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
         while stack:
@@ -121,12 +121,12 @@ class _Walk:
                             yield from self._instanced(prim, inner, moves, depth)
                         continue
                     yield Placed(prim, inner, moves, shown)
-                elif prim.IsA(UsdSkel.Skeleton):  # often a guide: what it bends stands where it does
+                elif prim.IsA(UsdSkel.Skeleton):  # even if a guide: its meshes use its transform
                     yield Placed(prim, inner, moves, shown=False)
             stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim, which))]
 
     def _children(self, prim: Any, which: Any) -> list[Any]:
-        """The prims below one that are walked: of levels of detail, which stand in one place, the default."""
+        """Returns a prim's children to visit; of levels of detail, only the default."""
         children = list(prim.GetFilteredChildren(which))
         if len(children) > 1 and _LEVELS in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
             said = prim.GetAttribute("lod:default:index")
@@ -136,7 +136,7 @@ class _Walk:
         return children
 
     def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
-        """The places of a prim, and whether it moves by itself."""
+        """Returns a prim's transforms, and whether its own transform is animated."""
         if not prim.IsA(UsdGeom.Xformable):
             return outer, False
         xformable = UsdGeom.Xformable(prim)
@@ -152,7 +152,7 @@ class _Walk:
         return inner, bool(xformable.TransformMightBeTimeVarying())
 
     def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[Placed]:
-        """What a PointInstancer shows of its prototypes."""
+        """Yields the prims of a PointInstancer's prototypes, with the instances' transforms."""
         instancer = UsdGeom.PointInstancer(prim)
         said = instancer.GetProtoIndicesAttr().Get(self._time) or ()
         if len(said) > MAX_INSTANCES:
@@ -195,7 +195,7 @@ class _Walk:
                 yield replace(each, places=whole, moves=moves or each.moves)
 
     def _prototype(self, prototype: Any, depth: int) -> Iterator[Placed]:
-        """A prototype as it is in itself: its own transform is in those of the instances."""
+        """Yields the prims of a prototype without its own transform, which is included in those of the instances."""
         still = np.eye(4)[None]
         if prototype.IsA(UsdGeom.PointInstancer):
             yield from self._instanced(prototype, still, False, depth)

@@ -1,4 +1,4 @@
-"""A prim's primvars as numpy arrays, at the corners of its faces."""
+"""Primvars as numpy arrays, also per corner of a mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["array", "at_corners", "constant", "found", "integers", "single", "va
 
 
 def array(value: Any, width: int) -> F32:
-    """(N, width) float32 of one of USD's arrays or of a single value; empty where there is none."""
+    """Returns (N, width) float32 from a USD array or single value; empty if absent."""
     if value is None:
         return np.zeros((0, width), np.float32)
     values = np.asarray(value)
@@ -26,24 +26,24 @@ def array(value: Any, width: int) -> F32:
 
 
 def integers(value: Any) -> npt.NDArray[np.int64]:
-    """(N,) of one of USD's arrays; empty where there is none, or of another type, as damaged layers have."""
+    """Returns (N,) integers from a USD array; empty if absent or of another type, as in damaged layers."""
     values = np.asarray(() if value is None else value)
     return np.asarray(values if values.dtype.kind in "iu" else (), np.int64).reshape(-1)
 
 
 def found(prim: Any, name: str) -> Any:
-    """A primvar of a prim, or of one above it; None where it has no value."""
+    """Returns a primvar of a prim or inherited from an ancestor; None if it has no value."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     return primvar if primvar and primvar.HasValue() else None
 
 
 def varies(primvar: Any) -> bool:
-    """Whether it has other values at another time."""
+    """Whether a primvar's value is animated."""
     return bool(primvar.ValueMightBeTimeVarying())
 
 
 def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.float32] | None:
-    """(width,): the value of a primvar that is the same all over; None where it is not, or there is none."""
+    """Returns the (width,) value of a constant primvar; None if it varies or is absent."""
     primvar = found(prim, name)
     if primvar is None:
         return None
@@ -52,7 +52,7 @@ def constant(prim: Any, name: str, width: int, time: Any) -> npt.NDArray[np.floa
 
 
 def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
-    """A primvar that is the same all over, as a number or as several; None where it is not, or is no number."""
+    """Returns a constant primvar as a number or tuple; None if it varies or is not numeric."""
     primvar = found(prim, name)
     if primvar is None or primvar.GetInterpolation() != "constant":
         return None
@@ -64,7 +64,7 @@ def single(prim: Any, name: str, time: Any) -> float | tuple[float, ...] | None:
 
 
 def at_corners(primvar: Any, width: int | None, faces: Faces, points: int, time: Any, notes: Notes) -> AtCorners | None:
-    """A primvar of a mesh at its corners; None, with a note, where it does not fit the mesh. width: its own where None."""
+    """Returns a mesh's primvar at its corners; None, with a note, if its size does not fit. width: None for the primvar's own."""
     given = primvar.Get(time)
     shape = np.shape(given)
     values = array(given, (shape[1] if len(shape) == 2 else 1) if width is None else width)
@@ -81,7 +81,10 @@ def spread(
     path: Any,
     notes: Notes,
 ) -> AtCorners | None:
-    """Values at the corners, as their interpolation says. points: how many the mesh has."""
+    """Returns values at the corners by their interpolation; None, with a note, if they do not fit.
+
+    points: the mesh's point count.
+    """
     code = {
         "constant": lambda: np.zeros(len(faces.corners), np.int64),
         "uniform": lambda: faces.face,

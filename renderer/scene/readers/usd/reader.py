@@ -1,4 +1,4 @@
-"""A USD stage as a scene, at a moment."""
+"""Reader of a USD stage at a moment."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
 
 
 def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment, notes: Notes) -> Any:
-    """The time code that is shown; the description learns what may be asked for. Frame 0 is the stage's start."""
+    """Returns the time code to show, and sets the description's frame range. Frame 0 is the stage's start."""
     root = stage.stage
     rate = rate_of(root, "timeCodesPerSecond", notes)
     span = stage.span
@@ -65,20 +65,20 @@ def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment
 
 
 def _render_settings(root: Any) -> Any:
-    """The prim of the stage's render settings; None where there is none."""
+    """Returns the stage's render settings prim, or None."""
     path = root.GetMetadata("renderSettingsPrimPath")
     return (root.GetPrimAtPath(path) or None) if path else None
 
 
 def _seen_by_its_camera(found: list[Placed], settings: Any) -> list[Placed]:
-    """What a stage has, the camera of its render settings before all others."""
+    """Returns the prims with the camera of the render settings first."""
     camera = settings.GetRelationship("camera") if settings else None
     chosen = set(camera.GetForwardedTargets()) if camera else set()
     return sorted(found, key=lambda each: each.prim.GetPath() not in chosen) if chosen else found
 
 
 def _resolution(settings: Any, description: SceneDescription) -> None:
-    """The size of the picture that the stage's render settings ask for."""
+    """Sets the image size from the stage's render settings."""
     size = settings.GetAttribute("resolution").Get() if settings else None
     if size is not None and len(size) == 2 and all(16 <= n <= 16384 for n in size):
         description.defaults |= {"width": int(size[0]), "height": int(size[1])}

@@ -1,4 +1,4 @@
-"""USD's subdivision surfaces refined by some levels, their primvars with them."""
+"""Subdivision of USD meshes and their primvars."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from renderer.scene.readers.usd.subdivision import Cage, limit, refined
 __all__ = ["of_boundary", "refine"]
 
 MAX_LEVEL = 2
-MAX_REFINED = 4_000_000  # triangles of a mesh that it is refined to
+MAX_REFINED = 4_000_000  # maximum number of triangles after subdivision
 _SHARP = 10.0
 
 
 def refine(
     mesh: Any, points: F32, faces: Faces, attributes: dict[str, AtCorners], time: Any
 ) -> tuple[F32, Faces, dict[str, AtCorners], Codes]:
-    """The mesh some levels finer, and which of its faces each of the new ones is a part of. Holes are refined, too."""
+    """Returns the subdivided points, faces and attributes, and the original face of each new face. Holes are subdivided too."""
     old = np.arange(len(faces.counts))
     whole = faces.counts >= 3
     faces, corners = faces.kept(whole)
@@ -51,7 +51,7 @@ def refine(
         np.concatenate(columns, axis=1), faces, edges, sharpness, still[known], strength, is_cornered, is_loop, smooth_triangles
     )
     along = {name: values for name, values in attributes.items() if name not in smooth}
-    # Of values with indices of their own, those that neighbours share are smoothed as points are.
+    # Indexed face-varying values shared by neighbours are smoothed like points.
     how = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
     own = {name: _unfolded(cage, values, how) for name, values in along.items() if values.is_indexed and how != "all"}
     along = {name: values for name, values in along.items() if name not in own}
@@ -78,7 +78,7 @@ def refine(
 def _creases(
     indices: Codes, lengths: Codes, sharpness: npt.NDArray[np.float64], points: int
 ) -> tuple[Codes, npt.NDArray[np.float64]]:
-    """(E, 2) edges and their sharpness, of chains of points, each of a sharpness or with one for every edge."""
+    """Returns (E, 2) crease edges and (E,) sharpness, from chains of points with a sharpness per chain or per edge."""
     none = np.zeros((0, 2), np.int64), np.zeros(0)
     if len(lengths) == 0 or lengths.min() < 2 or lengths.sum() != len(indices):
         return none
@@ -95,21 +95,21 @@ def _creases(
 
 
 def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
-    """A cage of a primvar's values in place of the points: neighbours that do not share a value have a border between them.
+    """Returns a cage of a primvar's values as points; neighbours that do not share a value are separated by a border.
 
-    how: UsdGeomMesh's faceVaryingLinearInterpolation, but for `all`.
+    how: UsdGeomMesh's faceVaryingLinearInterpolation, except `all`.
     """
     old, code = cage.faces.corners, values.code
     keys, first, corner = np.unique(old * (int(code.max(initial=0)) + 1) + code, return_index=True, return_inverse=True)
-    point = old[first]  # of each value
+    point = old[first]  # the point of each value
     begin, end = np.searchsorted(point, np.arange(len(cage.points))), np.searchsorted(point, np.arange(len(cage.points)), "right")
     still = np.zeros(len(keys), bool)
     pieces, sides = end - begin, np.bincount(corner, minlength=len(keys))
     if how in ("cornersPlus1", "cornersPlus2"):
         still = pieces[point] > 2
-    if how == "cornersPlus2":  # of two pieces both are sharp where one of them has a corner
+    if how == "cornersPlus2":  # with two pieces, both are sharp if one has a corner
         still |= (pieces == 2)[point] & (np.bincount(point, sides == 1, len(cage.points)) > 0)[point]
-    if how == "none" and cage.sharp_boundary_corners:  # where the mesh itself has a corner
+    if how == "none" and cage.sharp_boundary_corners:  # at corners of the mesh itself
         still = np.bincount(old, minlength=len(cage.points))[point] == 1
     faces = Faces(cage.faces.counts, corner)
     if how == "boundaries":
@@ -144,14 +144,14 @@ def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
 
 
 def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
-    """(F,) the faces with a point on the mesh's border."""
+    """Returns (F,) whether each face has a point on the mesh's border."""
     outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
     found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0
     return found
 
 
 def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
-    """(P,) the points in which an edge of one face alone ends."""
+    """Returns (P,) whether each point is an end of an edge with a single face."""
     ahead = np.arange(len(faces.corners)) + 1
     some = faces.counts > 0
     ahead[(faces.first + faces.counts - 1)[some]] = faces.first[some]

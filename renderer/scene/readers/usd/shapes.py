@@ -1,4 +1,4 @@
-"""USD's shapes without points: spheres, cubes, cylinders, cones, capsules and planes."""
+"""USD's analytic shapes as meshes: spheres, cubes, cylinders, cones, capsules and planes."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from renderer.scene.readers.shapes import cube, lathe, quad
 __all__ = ["is_shape", "shape_of"]
 
 _SEGMENTS = 96
-_ARC = 32  # steps of a quarter and a half of a circle
-_COLUMNS = {"X": [1, 2, 0], "Y": [0, 1, 2], "Z": [2, 0, 1]}  # lathes are about Y
+_ARC = 32  # segments per arc
+_COLUMNS = {"X": [1, 2, 0], "Y": [0, 1, 2], "Z": [2, 0, 1]}  # axis permutations from Y, the axis of `lathe`
 
 
 def is_shape(prim: Any) -> bool:
-    """Whether a prim is such a shape."""
+    """Whether a prim is an analytic shape."""
     kinds = UsdGeom.Sphere, UsdGeom.Cube, UsdGeom.Cylinder, UsdGeom.Cylinder_1, UsdGeom.Cone, UsdGeom.Capsule, UsdGeom.Capsule_1
     return any(prim.IsA(kind) for kind in (*kinds, UsdGeom.Plane))
 
 
 def shape_of(prim: Any, time: Any) -> Mesh | None:
-    """The shape as a mesh; None of one without an extent."""
+    """Returns the shape as a mesh; None if it has no extent."""
     name = prim.GetName()
 
     def said(attribute: str) -> float:
@@ -71,7 +71,7 @@ def _arc(radius: float, start: float, end: float, height: float) -> list[tuple[f
 
 
 def _facing(vectors: Any, axis: str) -> Any:
-    """Of a plane in x and y what it is when it faces an axis: its width lies along x, or along z where that faces up."""
+    """Returns vectors of the XY plane rotated to face an axis; its width is along x, or along z if it faces up."""
     x, y, z = vectors.T
     turned = {"X": (z, y, -x), "Y": (x, z, -y), "Z": (x, y, z)}[axis]
     return np.ascontiguousarray(np.stack(turned, axis=1), np.float32)

@@ -1,4 +1,4 @@
-"""UsdSkel: meshes as their skeletons' joints and their blend shapes bend them."""
+"""UsdSkel: meshes deformed by skeletons and blend shapes."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Skeletons:
         self._time, self._notes = time, notes
         self._cache = UsdSkel.Cache()
         self._bound: dict[Any, tuple[Any, Any]] = {}  # (skeleton, skinning) queries by the meshes' paths
-        self._places: dict[Any, Matrix] = {}  # of skeletons, as the stage is drawn
+        self._places: dict[Any, Matrix] = {}  # transforms of skeletons
 
     def gather(self, found: list[Placed]) -> None:
-        """Finds what is bound below the stage's SkelRoots."""
+        """Finds the meshes bound below the stage's SkelRoots."""
         roots = [each for each in found if each.prim.IsA(UsdSkel.Root)]
         walk = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
         for each in roots:
@@ -45,7 +45,7 @@ class Skeletons:
             self._places = {each.prim.GetPath(): each.places for each in found if each.prim.IsA(UsdSkel.Skeleton)}
 
     def shape_of(self, prim: Any) -> Shape | None:
-        """A mesh as it is bent, in its skeleton's space; None of one that no skeleton bends."""
+        """Returns a deformed mesh in its skeleton's space; None if no skeleton deforms it."""
         known = self._bound.get(prim.GetPath())
         if known is None or not known[0]:
             return None
@@ -76,7 +76,7 @@ class Skeletons:
         return Shape(exact(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
-        """The transforms of a skeleton's joints in the order of a mesh's own `skel:joints`; of those it lacks, the identity."""
+        """Returns a skeleton's joint transforms in the order of a mesh's `skel:joints`; the identity for joints it lacks."""
         own = skinning.GetJointOrder()
         if own is None or not len(own):
             return transforms
@@ -89,14 +89,14 @@ class Skeletons:
         return with_rest[[number.get(joint, -1) for joint in joints]]
 
     def places_of(self, prim: Any, own: Matrix) -> Matrix:
-        """Where a bent mesh is drawn: as its skeleton stands; by itself where only blend shapes bend it."""
+        """Returns the transforms of a deformed mesh: its skeleton's, or its own if only blend shapes deform it."""
         query, skinning = self._bound[prim.GetPath()]
         if not skinning.HasJointInfluences():
             return own
         return self._places.get(query.GetSkeleton().GetPrim().GetPath(), own)
 
     def _influences(self, skinning: Any, points: int) -> tuple[npt.NDArray[np.int64], F64 | None]:
-        """(V, k) joints, and their weights whose sum is 1; None where there are none that fit."""
+        """Returns (V, k) joints and normalised weights; weights are None if absent or of a wrong size."""
         none: tuple[npt.NDArray[np.int64], None] = np.zeros((0, 1), np.int64), None
         if not skinning.HasJointInfluences():
             return none
@@ -112,7 +112,7 @@ class Skeletons:
         return joints.reshape(points, each), weights / np.where(total > 0, total, 1)
 
     def _blended(self, query: Any, skinning: Any, points: F64) -> F64:
-        """The points with the blend shapes' displacements by their weights."""
+        """Returns the points displaced by the weighted blend shapes."""
         animation = query.GetAnimQuery()
         given = animation.ComputeBlendShapeWeights(self._time) if animation else None
         if not given:
@@ -142,7 +142,7 @@ class Skeletons:
         return result
 
     def _normals(self, mesh: Any) -> F64 | None:
-        """Of the points or of the corners; those of whole faces, at their corners."""
+        """Returns the normals per point or per corner; per-face normals are expanded to corners. None if absent."""
         primvar = primvars.found(mesh.GetPrim(), "normals")
         given = mesh.GetNormalsAttr().Get(self._time) if primvar is None else primvar.ComputeFlattened(self._time)
         values = primvars.array(given, 3).astype(np.float64)
@@ -153,7 +153,7 @@ class Skeletons:
         return values if len(values) else None
 
     def _turned(self, mesh: Any, normals: F64, whole: Matrix, joints: npt.NDArray[np.int64], weights: F64) -> F32 | None:
-        """The normals, of points or of corners, turned with their points."""
+        """Returns the normals, per point or per corner, transformed with their points; None if they do not fit."""
         corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(self._time))
         point = corners if len(normals) == len(corners) else np.arange(len(normals))
         if point.max(initial=-1) >= len(joints) or point.min(initial=0) < 0:

@@ -1,6 +1,6 @@
-"""The files that a USD scene consists of: those of its folder, and those inside of its .usdz packages.
+"""The files of a USD scene: those of its folder, and those inside its .usdz packages.
 
-A file in a package is called `package.usdz[folder/inner.usda]`, as USD calls it.
+A file in a package is named `package.usdz[folder/inner.usda]`, as in USD.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _PACKAGE = ".usdz"
 
 
 class Sources:
-    """Finds and reads the files; nothing outside of the scene's folder is opened, whatever a layer asks for."""
+    """Finds and reads the scene's files; nothing outside the scene's folder is opened."""
 
     def __init__(self, files: SceneFiles) -> None:
         self._files = files
         self._packages: dict[str, zipfile.ZipFile] = {}
-        self._names: dict[str, tuple[set[str], dict[str, str]]] = {}  # what is in each, and the first of each bare name
+        self._names: dict[str, tuple[set[str], dict[str, str]]] = {}  # per package: files, first file by bare name
 
     def find(self, reference: str, beside: str) -> str | None:
-        """The name of the file that a layer means by an asset path; None where it is not among the scene's."""
+        """Returns the name of the file that a layer's asset path refers to; None if it is not among the scene's files."""
         wanted = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
         package, inner = split(beside)
         if inner is not None and (found := self._in_package(package, wanted, inner)):
@@ -42,23 +42,23 @@ class Sources:
         return self._in_package(found, inside, "")
 
     def is_outside(self, reference: str, beside: str) -> bool:
-        """Whether an asset path, relative to a layer, leads out of the scene's folder."""
+        """Whether an asset path, relative to a layer, leads outside the scene's folder."""
         return self._files.is_outside(split(reference)[0], split(beside)[0])
 
     def path(self, name: str) -> str:
-        """Where USD opens a layer. Raises SceneError where it is not to be opened."""
+        """Returns the path by which USD opens a layer. Raises SceneError if it may not be opened."""
         outer, inner = split(name)
         path = str(self._files.path(outer))
         return path if inner is None else f"{path}[{inner}]"
 
     def read(self, name: str) -> bytes:
-        """The bytes of a file. Raises SceneError."""
+        """Returns the bytes of a file. Raises SceneError."""
         outer, inner = split(name)
         if inner is None:
             return self._files.read(outer)
         package = self._package(outer)
         entry = package.getinfo(inner)
-        # Packages are not compressed, so that nothing in them is larger than they are.
+        # Packages are uncompressed, so no file in them is larger than the package.
         if entry.compress_type != zipfile.ZIP_STORED or entry.file_size > min(MAX_FILE_BYTES, self._size(outer)):
             raise SceneError(f"{name}: is compressed, which USD does not know; package it again by usdzip")
         try:
@@ -67,7 +67,7 @@ class Sources:
             raise SceneError(f"{name}: could not be read ({error}); package it again") from error
 
     def root_of(self, name: str) -> str:
-        """A layer's own name; of a package, that of its first file, which is its root layer. Raises SceneError."""
+        """Returns a layer's own name or, for a package, that of its first file, the root layer. Raises SceneError."""
         outer, inner = split(name)
         if inner is not None or not outer.lower().endswith(_PACKAGE):
             return name
@@ -77,7 +77,7 @@ class Sources:
         return f"{outer}[{first}]"
 
     def tiles(self, reference: str, beside: str) -> dict[int, str]:
-        """The files of a texture in UDIM tiles, by their numbers from 1001 to 1100."""
+        """Returns the files of a UDIM texture by tile number, 1001 to 1100."""
         package, inner = split(beside)
 
         def find(name: str) -> str | None:
@@ -111,7 +111,7 @@ class Sources:
 
 
 def split(name: str) -> tuple[str, str | None]:
-    """(package, file in it) of the name of a file in a package; (name, None) of any other."""
+    """Returns (package, file inside) for a file in a package; (name, None) for others."""
     at = name.find(f"{_PACKAGE}[")
     if at < 0 or not name.endswith("]"):
         return name, None

@@ -1,4 +1,4 @@
-"""Subdivision surfaces after Catmull and Clark, and after Loop, with semi-sharp creases.
+"""Catmull-Clark and Loop subdivision surfaces with semi-sharp creases.
 
 Source: Catmull & Clark 1978; DeRose, Kass & Truong 1998, "Subdivision Surfaces in Character Animation", for the creases.
 """
@@ -19,23 +19,23 @@ __all__ = ["Cage", "limit", "refined"]
 
 F64 = npt.NDArray[np.float64]
 MAX_FURTHER, MAX_CORNERS = 4, 8_000_000
-SMOOTH_TRIANGLE = 0.470  # as OpenSubdiv has it: a quarter otherwise
-SHARP = 10.0  # as OpenSubdiv has it: sharp at every level
+SMOOTH_TRIANGLE = 0.470  # OpenSubdiv's weight; 1/4 otherwise
+SHARP = 10.0  # OpenSubdiv's maximum: sharp at every level
 
 
 @dataclass(frozen=True)
 class Cage:
-    """What is refined. points: (P, w), positions first; all columns are smoothed alike."""
+    """The control mesh to subdivide. points: (P, w), positions first; all columns are smoothed alike."""
 
     points: F64
     faces: Faces
-    edges: Codes  # (E, 2) points of edges that are creased
+    edges: Codes  # (E, 2) points of creased edges
     edge_sharpness: F64  # (E,)
-    corners: Codes  # points that are sharp
+    corners: Codes  # sharp points
     corner_sharpness: F64
-    sharp_boundary_corners: bool = True  # whether a point of one face alone stays where it is
-    is_loop: bool = False  # of triangles, and refined after Loop
-    has_smooth_triangles: bool = False  # whether edges beside triangles lie closer to their middles
+    sharp_boundary_corners: bool = True  # whether boundary points of a single face are fixed
+    is_loop: bool = False  # triangles, subdivided by Loop's rules
+    has_smooth_triangles: bool = False  # Catmull-Clark's smooth triangle rule
 
 
 class _Edges(NamedTuple):
@@ -45,9 +45,9 @@ class _Edges(NamedTuple):
 
 
 def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], Codes]:
-    """One level finer: the cage, values at its corners, and which of the old faces each of the new ones is a part of.
+    """Subdivides once. Returns the cage, values at its corners, and the original face of each new face.
 
-    Values of corners are mixed within their face; those of points belong into the cage's points.
+    `along` are per-corner values, interpolated within their face; per-point values are columns of the cage's points.
     """
     faces, points = cage.faces, cage.points
     ahead, back = _neighbours(faces)
@@ -65,7 +65,7 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
         share = 2 * _mean(beside, edges.of, len(edges.ends))
         smooth = (1 - share) * onto + share * _mean(middle[face], edges.of, len(edges.ends))
         old, new_points = _smoothed(cage, edges, middle, face), middle
-        # Each corner becomes a face: itself, the middle of the edge ahead, that of the face, and the middle of the edge behind.
+        # Each corner becomes a quad: the corner, the next edge point, the face point and the previous edge point.
         quads = np.stack([faces.corners, count + edges.of, count + len(edges.ends) + face, count + edges.of[back]], axis=1)
         finer_faces, parent = Faces(np.full(len(quads), 4), quads.reshape(-1)), face
         within = _within
@@ -92,7 +92,7 @@ def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], 
 
 
 def limit(cage: Cage) -> F64:
-    """(P, w) the same of any cage: what is half sharp is refined until it is not, as long as that takes no more than it may."""
+    """Returns (P, w) limit positions of any cage; semi-sharp creases are subdivided until smooth, up to a limit."""
     count, level = len(cage.points), 0
     while level < MAX_FURTHER and 4 * len(cage.faces.corners) <= MAX_CORNERS and _is_half_sharp(cage):
         cage, level = refined(cage, [])[0], level + 1
@@ -104,9 +104,9 @@ def _is_half_sharp(cage: Cage) -> bool:
 
 
 def _limit(cage: Cage) -> F64:
-    """(P, w) where the points of a cage of quads, or Loop's of triangles, come to lie after infinitely many levels.
+    """Returns (P, w) limit positions of a cage of quads, or of triangles for Loop.
 
-    Source: Halstead, Kass & DeRose 1993; of creases, the limit of cubic B-splines.
+    Source: Halstead, Kass & DeRose 1993; creases converge to cubic B-splines.
     """
     points, faces = cage.points, cage.faces
     ahead, _ = _neighbours(faces)
@@ -128,7 +128,7 @@ def _limit(cage: Cage) -> F64:
 
 
 def _neighbours(faces: Faces) -> tuple[Codes, Codes]:
-    """(C,) the corners after and before each in its face."""
+    """Returns (C,) the next and (C,) the previous corner of each corner in its face."""
     ahead = np.arange(len(faces.corners)) + 1
     ahead[faces.first + faces.counts - 1] = faces.first
     back = np.empty_like(ahead)
@@ -150,7 +150,7 @@ def _edges(cage: Cage, ahead: Codes) -> _Edges:
 
 
 def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
-    """(P, w) where the old points come to lie if nothing is sharp."""
+    """Returns (P, w) new positions of the old points without sharpness."""
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
@@ -160,14 +160,14 @@ def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
 
 
 def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
-    """(P, w) where the old points come to lie; smooth: if nothing were sharp."""
+    """Returns (P, w) new positions of the old points. smooth: their positions without sharpness."""
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)
     crease = (6 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 8
-    # Of edges that cease to be sharp at this level, how much they still are: OpenSubdiv's weight between two rules.
+    # Fractional sharpness of edges that become smooth at this level: OpenSubdiv's weight between two rules.
     ceases = is_sharp & (np.repeat(edges.sharpness, 2) <= 1)
     ceasing = np.bincount(ends[ceases], minlength=count)
     least = np.bincount(ends[ceases], np.repeat(edges.sharpness, 2)[ceases], count) / np.maximum(ceasing, 1)
@@ -182,7 +182,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
 
 
 def _stillness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
-    """(P,) the sharpness of points themselves; sharp: how many sharp edges end in each."""
+    """Returns (P,) the sharpness of points. sharp: (P,) number of sharp edges at each point."""
     count = len(cage.points)
     still = np.zeros(count)
     np.maximum.at(still, cage.corners, cage.corner_sharpness)
@@ -204,7 +204,7 @@ def _within(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCor
 
 
 def _mean(values: F64, group: Codes, count: int) -> F64:
-    """(count, w) the mean of the values of each group; 0 of none."""
+    """Returns (count, w) the mean of each group's values; 0 for empty groups."""
     total = np.stack([np.bincount(group, values[:, k], count) for k in range(values.shape[1])], axis=1)
     result: F64 = total / np.maximum(np.bincount(group, minlength=count), 1)[:, None]
     return result

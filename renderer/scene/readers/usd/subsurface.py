@@ -1,4 +1,4 @@
-"""What MaterialX's surfaces do with light beneath them: subsurface scattering, and what fills glass.
+"""Subsurface scattering and media inside glass of MaterialX surfaces.
 
 Sources: Autodesk's Standard Surface 1.0.1; OpenPBR 1.1, "subsurface" and "translucent base".
 """
@@ -22,7 +22,7 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
 class Names(NamedTuple):
-    """What a surface calls its inputs, and what they are where nothing is said. turns_back: of what a sheet scatters."""
+    """Input names of a surface, and defaults. turns_back: whether thin sheets also scatter light back."""
 
     weight: str
     radius: str
@@ -41,9 +41,9 @@ OPEN_PBR = Names(
 
 
 def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
-    """The base colour and its weight; with them the colour beneath the surface, which is one with it here.
+    """Returns the base colour and its weight, mixed with the subsurface colour, since a material has one colour for both.
 
-    Of pictures that are mixed, the one that there is more of is taken.
+    If textures are to be mixed, the one with the larger weight is used.
     """
     color, share = said("base_color", True), unit(said.number(names.weight, 0.0))
     if share <= 0 or _is_sheet(said):
@@ -59,7 +59,7 @@ def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Ve
 
 
 def scatter_beneath(said: Said, read: Read, names: Names) -> None:
-    """Fills what is scattered beneath the surface; of a sheet, what comes out on its other side. After the base colour."""
+    """Fills the subsurface parameters or, for thin sheets, diffuse transmission. Call it after the base colour is filled."""
     material, share = read.material, unit(said.number(names.weight, 0.0))
     if share <= 0:
         return
@@ -82,7 +82,7 @@ def scatter_beneath(said: Said, read: Read, names: Names) -> None:
 
 
 def fill_glass(said: Said, read: Read, tint: Vec3, depth: float) -> None:
-    """Fills glass that is no sheet with what leaves the tint of light after a depth, in the stage's unit."""
+    """Fills the interior of solid glass with the medium whose transmittance is `tint` at `depth`, in stage units."""
     material = read.material
     scatter = said.color("transmission_scatter", (0.0, 0.0, 0.0))
     if max(scatter) <= 0:

@@ -1,4 +1,4 @@
-"""The inputs of a MaterialX surface, and which of them were not taken over."""
+"""Inputs of a MaterialX surface, with notes about inputs that are not supported."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
 class Said:
-    """Looks up the inputs of a shader, and names what is lost of them."""
+    """Looks up the inputs of a shader, and adds notes about what is left out."""
 
     def __init__(self, shader: Any, read: Read) -> None:
         self._shader, self._read = shader, read
 
     def __call__(self, name: str, srgb: bool = False) -> Input:
-        """What it is."""
+        """Returns an input."""
         return self._read.network.input(self._shader, name, srgb)
 
     def number(self, name: str, default: float) -> float:
-        """One that has to be a number all over; a texture is named and left out."""
+        """Returns an input as a number; a texture is left out with a note."""
         return self._even(name, self(name)).number(default)
 
     def color(self, name: str, default: Vec3 = _WHITE) -> Vec3:
-        """The same of a colour."""
+        """Returns an input as a colour; a texture is left out with a note."""
         return self._even(name, self(name, True)).color(default)
 
     def _even(self, name: str, given: Input) -> Input:
@@ -38,7 +38,7 @@ class Said:
         return given
 
     def leave_out(self, neutral: Mapping[str, float | Vec3]) -> None:
-        """Names those of some inputs that are not what changes nothing."""
+        """Adds notes about inputs that are not supported and differ from their neutral values."""
         for name, value in neutral.items():
             given = self(name)
             plain = (value,) * 3 if isinstance(value, (int, float)) else value

@@ -1,4 +1,4 @@
-"""The materials that a stage's prims are bound to, in the description's list."""
+"""Materials bound to a stage's prims, as materials of the description."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["Surface", "Surfaces"]
 
-_SHOWN = ("displayColor", "Cd")  # Houdini's own name, where its exporter left it
+_SHOWN = ("displayColor", "Cd")  # Cd: Houdini's own name
 _VARIES = "varies"
 _SURFACE, _MDL = "surface", "mdl"
-_CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # of renderers, best first; "" is for all of them
+_CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # render contexts in order of preference; "" is the universal one
 
 
 class Surface(NamedTuple):
-    """A material of the description, and what it wants of a mesh: the primvars of its UVs, its colour and its opacity."""
+    """A material of the description, and the primvars that it uses for UVs, colour and opacity."""
 
     number: int
     uvs: tuple[str, ...] = ()
@@ -40,19 +40,19 @@ class Surface(NamedTuple):
 
 
 class Surfaces:
-    """Reads each material when a prim first shows it."""
+    """The materials of a stage. Each is read when a prim first uses it."""
 
     def __init__(
         self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any, unit: float
     ) -> None:
         self._images, self._shelf, self._materials, self._notes, self._time = images, shelf, materials, notes, time
         self._unit, self._bumps = unit, BumpMaps(shelf)
-        self._heights: dict[int, Heights] = {}  # by the numbers of materials that are displaced
+        self._heights: dict[int, Heights] = {}  # by material index
         self._known: dict[Any, Any] = {}
-        self._asked: dict[Any, tuple[str, ...]] = {}  # the primvars that a material reads, but for those of its UVs
+        self._asked: dict[Any, tuple[str, ...]] = {}  # primvars that a material reads, except UVs
 
     def of(self, material: Any, prim: Any) -> Surface:
-        """The surface of a prim that is bound to a material; of one without, its display colour."""
+        """Returns the surface of a prim with a bound material; its display colour if there is none."""
         if not material:
             return self._shown(prim)
         source = material.GetPrim()
@@ -65,19 +65,19 @@ class Surfaces:
         return self._known.get((key, states)) or self._shown(prim)
 
     def _take(self, key: Any, material: Any, prim: Any) -> None:
-        """Reads a material as a prim shows it, once for all whose primvars are the same to it."""
+        """Reads a material for a prim, and caches it for all prims with the same values of the primvars that it reads."""
         found, self._asked[key] = self._read(material, prim)
         self._known[key, tuple(self._state(prim, name) for name in self._asked[key])] = found
 
     def _state(self, prim: Any, name: str) -> Any:
-        """What a material that reads a primvar finds: nothing, one value, or one that varies."""
+        """Returns a primvar's state on a prim: None, a constant value, or a marker that it varies."""
         if primvars.found(prim, name) is None:
             return None
         value = primvars.single(prim, name, self._time)
         return _VARIES if value is None else value
 
     def changed(self, surface: Surface, key: str, **values: Any) -> Surface:
-        """The same surface with other parameters, once for each key."""
+        """Returns the surface with other material parameters, cached by key."""
         if (surface.number, key) not in self._known:
             made = self._add(replace(self._materials[surface.number], **values), surface)
             self._known[surface.number, key] = made
@@ -86,7 +86,7 @@ class Surfaces:
         return self._known[surface.number, key]
 
     def bumpy(self, surface: Surface, mesh: Mesh) -> Surface:
-        """The same surface with the bumps that its heights make of a mesh."""
+        """Returns the surface with a normal map of its heights, scaled for a mesh."""
         heights = self._heights.get(surface.number)
         if heights is None:
             return surface
@@ -100,11 +100,11 @@ class Surfaces:
         return self.changed(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
-        """The description's."""
+        """Returns the description's material of a surface."""
         return self._materials[surface.number]
 
     def add(self, material: Material) -> Surface:
-        """A material that no prim is."""
+        """Adds a material that is not bound to a prim; returns its surface."""
         return self._add(material, Surface(0))
 
     def _add(self, material: Material, like: Surface) -> Surface:
@@ -112,7 +112,7 @@ class Surfaces:
         return like._replace(number=len(self._materials) - 1)
 
     def _shown(self, prim: Any) -> Surface:
-        """A matte surface in the colour that a prim is displayed in where it has no material."""
+        """Returns a diffuse surface with a prim's display colour, for prims without a material."""
         shown = next((name for name in _SHOWN if primvars.found(prim, name) is not None), _SHOWN[0])
         color, opacity = (primvars.constant(prim, name, n, self._time) for name, n in ((shown, 3), ("displayOpacity", 1)))
         varying = [
@@ -162,7 +162,7 @@ class Surfaces:
 
 
 def _surface(material: Any) -> tuple[Any, str]:
-    """The shader of a material that is read, and its kind; of several, the one that says most."""
+    """Returns a material's surface shader and its kind; of several, the one for the preferred render context."""
     found = ""
     outputs = {
         str(output.GetBaseName()).removesuffix(_SURFACE).removesuffix(":"): output for output in material.GetSurfaceOutputs()

@@ -1,4 +1,4 @@
-"""UsdUVTexture and what leads to it: images of the scene's files, how they lie, and which of their channels is taken."""
+"""UsdUVTexture and its inputs: images of the scene's files, UV transforms and channel selection."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ PLAIN: tuple[Four, Four] = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Taken:
-    """What an input takes of a texture: one channel, or `rgb`; times scale, plus bias."""
+    """The value that an input takes from a texture: one channel or `rgb`, times scale, plus bias."""
 
     texture: int
     channel: str = "rgb"
@@ -40,26 +40,26 @@ class Taken:
     bias: Four = PLAIN[1]
 
     def span(self, channel: str) -> tuple[float, float]:
-        """(scale, bias) of one channel."""
+        """Returns (scale, bias) of a channel."""
         return self.scale[CHANNELS[channel]], self.bias[CHANNELS[channel]]
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is as the image has it."""
+        """Whether scale is 1 and bias 0."""
         return (self.scale, self.bias) == PLAIN
 
 
 class Images:
-    """The images of one stage on the description's shelf."""
+    """The images of a stage, added to the description's textures."""
 
     def __init__(self, stage: Stage, sources: Sources, shelf: TextureShelf, notes: Notes) -> None:
         self._stage, self._sources, self.shelf, self._notes = stage, sources, shelf, notes
         self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
 
     def named(self, attribute: Any, time: Any) -> tuple[str, str] | None:
-        """(what an attribute calls a file, the name of the file that says so); None where it says nothing."""
+        """Returns (the asset path in an attribute, the file whose layer sets it); None if it is empty."""
         path = attribute.Get(time) if attribute else None
-        named = getattr(path, "path", path)  # a string where Arnold's nodes name a file
+        named = getattr(path, "path", path)  # Arnold's nodes store a string
         if not named or not isinstance(named, str):
             return None
         for spec in attribute.GetPropertyStack(time):
@@ -70,7 +70,7 @@ class Images:
     def find(
         self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False
     ) -> tuple[int, UvTransform] | None:
-        """The image that an attribute names, and how UVs go to it; None, with a warning, where it is missing."""
+        """Returns the image that an attribute names, and its UV transform; None, with a warning, if it is missing."""
         named = self.named(attribute, time)
         if named is None:
             return None
@@ -88,13 +88,13 @@ class Images:
         return None if found is None else (found, UNMOVED)
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
-        """The name of the file that an attribute names, and what reads it; None where it is missing."""
+        """Returns the name of the file in an attribute, and a function that reads it; None if it is missing."""
         named = self.named(attribute, time)
         name = None if named is None else self._sources.find(*named)
         return None if name is None else (name, lambda: self._sources.read(name))
 
     def texture(self, image: int, wraps: tuple[str, str], uv_set: int, transform: UvTransform, user: str) -> int | None:
-        """The texture of an image."""
+        """Returns the texture of an image."""
         if "black" in wraps:
             self._notes.add("Textures that are black beyond their image go on there as at its edge", user)
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)
@@ -106,7 +106,7 @@ class Images:
         return self.shelf.image_file(name, srgb)
 
     def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
-        """The tiles of a texture side by side in one image."""
+        """Returns a UDIM texture's tiles combined in one image, and the UV transform to it."""
         key = (reference, beside, srgb)
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
@@ -121,7 +121,7 @@ class Images:
 
 
 def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[float, float]) -> UvTransform:
-    """UsdTransform2d, which holds for t counted upwards: scale, then rotation counter-clockwise, then translation."""
+    """Returns a UsdTransform2d for v counted downwards: scale, counter-clockwise rotation, translation, defined for t upwards."""
     cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     (sx, sy), (x, y) = scale, translation
     a, b, c, d = cosine * sx, -sine * sy, sine * sx, cosine * sy
@@ -130,7 +130,7 @@ def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[
 
 
 def linear(image: Image) -> F32:
-    """(h, w, 4): the image's values as shaders see them."""
+    """Returns (h, w, 4) linear values of an image, as shaders read them."""
     pixels = image.pixels
     values = np.ones((*pixels.shape[:2], 4), np.float32)
     if pixels.dtype == np.uint16:
@@ -145,7 +145,7 @@ def linear(image: Image) -> F32:
 
 
 def grey(shelf: TextureShelf, taken: Taken) -> int | None:
-    """A texture of data whose red, green and blue are the channel that is taken."""
+    """Returns a data texture with the taken channel in red, green and blue."""
     channel = "r" if taken.channel == "rgb" else taken.channel
     scale, bias = taken.span(channel)
 
@@ -157,7 +157,7 @@ def grey(shelf: TextureShelf, taken: Taken) -> int | None:
 
 
 def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
-    """A factor and a texture that give the colour that is taken."""
+    """Returns a factor and a texture whose product is the taken colour."""
     red, green, blue = taken.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)
     if taken.channel == "rgb" and max(map(abs, taken.bias[:3])) < 1e-6 and darkest >= 0 and lightest <= most:
@@ -180,7 +180,7 @@ def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple
 
 
 def normals(shelf: TextureShelf, taken: Taken) -> tuple[int | None, float]:
-    """A texture of normals as glTF has them, and its scale: values are 2 x - 1 unless the file says otherwise."""
+    """Returns a normal map in glTF's encoding, and its scale. Values are 2 x - 1 unless scale and bias specify otherwise."""
     if taken.is_plain:
         return taken.texture, 1.0
     (x, y, _, _), (_, below, _, _) = taken.scale, taken.bias

@@ -1,6 +1,6 @@
-"""Our own scene file (docs/scene-format.md): YAML, and so JSON, held to the schema in renderer/scene/schema.json.
+"""Reader for our scene files (docs/scene-format.md): YAML, and so JSON, checked against the schema in renderer/scene/schema.json.
 
-lines.py knows where each value stands; reader.py puts the parts together that the others read.
+lines.py records the line of each value; reader.py is the driver.
 """
 
 from renderer.scene.readers.yaml.reader import read

@@ -1,4 +1,4 @@
-"""Cameras that move by a word: around what they look at, or through other cameras."""
+"""Camera moves: turntables, and paths through other cameras."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _NUMBERS = ("fov", "height", "aperture", "near", "shift_x", "shift_y")
 
 
 def moved(view: View, source: dict[str, Any], time: float) -> View:
-    """The view of a camera at a time: further around, where it is on a turntable."""
+    """Returns the view of a camera at a time in seconds, rotated if it is on a turntable."""
     return orbit(view, time / source["turntable"]) if "turntable" in source else view
 
 
 def between(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
-    """Where a camera is that goes through other cameras' views, the first at 0 and the last at `seconds`, smoothly.
+    """Returns the view at a time of a camera that moves smoothly through views, the first at 0 and the last at `seconds`.
 
-    Raises SceneError where there is no way from one to the next.
+    Raises SceneError if the views cannot be interpolated.
     """
     first = views[0]
     if any(view.projection != first.projection for view in views):

@@ -1,4 +1,4 @@
-"""A scene file's cameras."""
+"""Cameras of a scene file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HALF_SENSOR = 0.012  # metres: half the height of a 36 x 24 mm picture
 
 
 def read_view(source: dict[str, Any], document: Yaml, path: Path) -> View:
-    """The view of a camera. Raises SceneError where it sees nothing."""
+    """Returns the view of a camera. Raises SceneError if it is invalid."""
     if "aperture" in source and "f_stop" in source:
         raise document.error(path, "has one of aperture and f_stop")
     fields: dict[str, Any] = {key: vec3(source[key]) for key in ("eye", "target", "up") if key in source}

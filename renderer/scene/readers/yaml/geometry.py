@@ -1,4 +1,4 @@
-"""A scene file's shapes: what it describes itself, mesh files that it places, and groups of them."""
+"""Shapes of a scene file: built-in shapes, mesh files, and groups."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from renderer.scene.readers.yaml.values import vec3
 __all__ = ["Shapes"]
 
 Matrix = transforms.Matrix
-Place = tuple[str, Matrix]  # a name, and where
+Place = tuple[str, Matrix]  # name and transform
 
-# What of a shape may move and leaves its mesh as it is.
+# Fields that may be animated without changing the mesh.
 _OF_PLACES = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide"}
-MAX_PLACES = 1_000_000  # of shapes and of mesh files' parts: a few nested groups of many instances could stand for billions
+MAX_PLACES = 1_000_000  # instances of shapes; nested groups could expand to billions
 
 
 class Shapes:
-    """Adds shapes to a description. `materials` are the description's numbers by name."""
+    """Adds shapes to a description. materials: the description's indices by name."""
 
     def __init__(
         self,
@@ -55,18 +55,21 @@ class Shapes:
         self._plain: int | None = None
         self._parts: dict[
             tuple[str, str | None, str | None, float | None, int | None, bool], list[Instance]
-        ] = {}  # of mesh files read before
+        ] = {}  # cache of mesh files
         self._triangles = 0
         self._places = 0
-        self.clips: list[Clip] = []  # of the mesh files that are placed
+        self.clips: list[Clip] = []  # of the mesh files used
 
     def _is_restless(self, material: str) -> bool:
-        """Whether something may shine, or be bent, at another moment only."""
+        """Whether a material's emission or anisotropy may be animated."""
         path = ("materials", material)
         return self._moving.holds(path) or not self._moving.within(path).isdisjoint(("emission", "anisotropy"))
 
     def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
-        """Adds the shape at a path, once for each of its instances in each place of its parent. moves: whether that does."""
+        """Adds the shape at a path: each of its instances, at each transform in `parents`.
+
+        moves: whether the parent is animated.
+        """
         whole, fields = self._moving.holds(path), self._moving.within(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
         deforms = whole or not fields <= _OF_PLACES
@@ -140,7 +143,7 @@ class Shapes:
         return smoothed(mesh) if source.get("smooth", False) else mesh
 
     def _table(self, rows: list[Any], width: int, path: Path) -> npt.NDArray[np.float64]:
-        """(N, width). Held to its form here: a schema's judgement of each number takes far longer."""
+        """Returns an (N, width) array of rows. Checked here rather than by the schema, which takes far longer for each number."""
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
                 raise self._document.error((*path, i), f"is no list of {width} numbers")
@@ -183,7 +186,7 @@ class Shapes:
             for mesh in self._description.meshes[first:]:
                 mesh.deforms |= deforms
         moves = moves or material in self._restless
-        self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one each was counted before
+        self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # one per place is already counted
         for called, place in placed:
             self._description.instances += [
                 replace(

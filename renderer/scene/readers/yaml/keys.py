@@ -1,7 +1,7 @@
-"""A scene file's keyframes: its data as they are at a moment, so that nothing else that reads them knows of time.
+"""Keyframes of a scene file: evaluates its data at a moment, so that no other module handles time.
 
-Wherever a value stands, `{keys: [[seconds, value], ...], curve: linear}` may stand. Values may be structures of one form, as a
-transform's operations are: each number in them goes its own way.
+Any value may be replaced by `{keys: [[seconds, value], ...], curve: linear}`. Values may be structures of the same form, such as
+a transform's operations: each number in them is interpolated separately.
 """
 
 from __future__ import annotations
@@ -26,40 +26,40 @@ _OF_THE_WHOLE = ("name", "fps", "settings", "notes")
 _NAMING = ("file", "image", "picture", "profile")
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
-Track = Callable[[float], Any]  # a value by its time
-Maker = Callable[[npt.NDArray[np.float64]], Curve]  # the curve through the rows of values, one a key
+Track = Callable[[float], Any]  # value by time in seconds
+Maker = Callable[[npt.NDArray[np.float64]], Curve]  # curve through rows of values, one per key
 
 
 class Moving(NamedTuple):
-    """Which of a file's values are others at another moment."""
+    """The animated paths of a file."""
 
     paths: set[Path]
     below: dict[Path, set[str | int]]
 
     def within(self, path: Path) -> set[str | int]:
-        """The fields of what stands at a path that move, or in which something does."""
+        """Returns the fields of the value at a path that are animated, wholly or in part."""
         return self.below.get(path, set())
 
     def holds(self, path: Path) -> bool:
-        """Whether what stands there moves as a whole, by itself or with what it stands in."""
+        """Whether the value at a path, or a value that contains it, is animated as a whole."""
         return any(path[:k] in self.paths for k in range(1, len(path) + 1))
 
 
 class Keys(NamedTuple):
-    """What moves in a scene file, and between which times."""
+    """The animated values of a scene file, and their time range in seconds."""
 
     tracks: dict[Path, Track]
     start: float
     end: float
-    patterns: list[Path]  # names of files that have the frame's number in them, as smoke.####.obj
+    patterns: list[Path]  # file names with a frame number, such as smoke.####.obj
 
     @property
     def moves(self) -> bool:
-        """Whether anything does."""
+        """Whether any value is animated."""
         return bool(self.tracks or self.patterns)
 
     def moving(self) -> Moving:
-        """Where."""
+        """Returns the animated paths."""
         paths = {*self.tracks, *self.patterns}
         below: dict[Path, set[str | int]] = {}
         for path in paths:
@@ -68,7 +68,7 @@ class Keys(NamedTuple):
         return Moving(paths, below)
 
     def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
-        """The file's data at a time. name_of: a pattern's name there."""
+        """Returns the file's data at a time in seconds. name_of: returns a pattern's file name at that time."""
         changed = Changed(data)
         for path, track in self.tracks.items():
             changed.set(path, track(time))
@@ -78,7 +78,7 @@ class Keys(NamedTuple):
 
 
 def find_keys(document: Yaml) -> Keys:
-    """All keyframes of a file. Raises SceneError with the line of what cannot be."""
+    """Returns all keyframes of a file. Raises SceneError with the line of invalid ones."""
     tracks: dict[Path, Track] = {}
     ends: list[float] = []
     for path, source in _found(document.data, ()):
@@ -103,7 +103,7 @@ def _found(value: Any, path: Path) -> list[tuple[Path, dict[str, Any]]]:
 
 
 def _value_at(data: Any, path: Path) -> Any:
-    """What stands at a path."""
+    """Returns the value at a path."""
     for key in path:
         data = data[key]
     return data
@@ -146,7 +146,7 @@ def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
 
 
 def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
-    """What goes from value to value, all of one form: numbers, vectors, colours, or dicts and lists of such."""
+    """Returns the interpolation of values of the same form: numbers, vectors, colours, or dicts and lists of these."""
     first = values[0]
     if all(value == first and type(value) is type(first) for value in values):
         return lambda time: first
@@ -169,7 +169,7 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
 
 
 def _vectors(values: list[Any]) -> list[list[float]] | None:
-    """All values as vectors of one length, a number for as many of it; None where they are not such."""
+    """Returns the values as vectors of one length, numbers repeated; None if they are not numeric."""
     rows = [list(color(v)) if isinstance(v, str) and _COLOR.fullmatch(v) else v for v in values]
     widths = {len(row) for row in rows if isinstance(row, list)}
     if len(widths) != 1 or not all(_is_number(row) or (isinstance(row, list) and all(map(_is_number, row))) for row in rows):

@@ -1,4 +1,4 @@
-"""A scene file's lights without a body, its environment, and the medium around everything."""
+"""Lights of a scene file without a surface, its environment, and its global medium."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ __all__ = ["LIGHT_TYPES", "Lights", "read_environment", "read_medium"]
 
 _SHAPED = {"profile", "picture", "up"}
 _AIMED = {"position", "direction", "target"}
-# Fields of each type of light, besides those that LIGHT_PARAMETERS declare and those of all lights.
+# Fields per type of light, in addition to LIGHT_PARAMETERS and those of all lights.
 _PLACED = {
     "point": {*_AIMED, *_SHAPED},
     "spot": {*_AIMED, *_SHAPED},
@@ -44,17 +44,17 @@ _ALL = {"type", "name", "intensity", "color"}
 _FIELDS = {
     kind: {*_ALL, *_PLACED.get(kind, _AIMED), *(p.in_file for p in LIGHT_PARAMETERS if kind in p.kinds)} for kind in LIGHT_TYPES
 }
-_WIDEST = 89.0  # degrees from the axis that a picture is thrown
+_WIDEST = 89.0  # maximum half angle of an image in degrees
 
 
 class Lights:
-    """Reads a scene file's lights, and the pictures and profiles that they name."""
+    """Reads a scene file's lights, and their images and IES profiles."""
 
     def __init__(self, document: Yaml, files: SceneFiles, shelf: TextureShelf, description: SceneDescription) -> None:
         self._document, self._files, self._shelf, self._description = document, files, shelf, description
 
     def read(self, source: dict[str, Any], index: int, path: Path) -> Light:
-        """The light at a place of `lights`. Raises SceneError for fields that its type does not know or lacks."""
+        """Returns a light. index: its index in `lights`. Raises SceneError for fields that its type lacks or requires."""
         kind, document = source["type"], self._document
         for key in source:
             if key not in _FIELDS[kind]:
@@ -78,7 +78,7 @@ class Lights:
         return self._shaped(light, source, path)
 
     def _shaped(self, light: Light, source: dict[str, Any], path: Path) -> Light:
-        """With what its picture or its profile makes of it."""
+        """Returns the light with the emission of its image or profile."""
         kind, document = source["type"], self._document
         if "profile" in source and "picture" in source:
             raise document.error((*path, "picture"), "and a profile do not go together; leave one of them out")
@@ -121,7 +121,10 @@ class Lights:
 
 
 def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
-    """A spot's picture fills its cone, by its smaller side; a projector's is so high, and evenly bright on a wall."""
+    """Returns a light image's emission map: a spot's fills its cone by the smaller side, a projector's lights a wall evenly.
+
+    half: tangent of the half angle.
+    """
     height, width = pixels.shape[:2]
     if kind == "projector":
         return thrown(pixels, half * width / height, half, "screen")
@@ -140,7 +143,7 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 
 
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
-    """What is under `environment`."""
+    """Returns the environment from the file's `environment`."""
     if sum(name in source for name in ("image", "sky", "preset")) > 1:
         raise document.error(("environment",), "has one of image, sky and preset")
     image = None
@@ -171,5 +174,5 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
 
 
 def read_medium(source: dict[str, Any]) -> Medium:
-    """What is under `medium`."""
+    """Returns the medium from the file's `medium`."""
     return Medium(radiance(source.get("sigma_a", 0)), radiance(source.get("sigma_s", 0)), float(source.get("g", 0)))

@@ -1,4 +1,4 @@
-"""YAML as plain data, with the line of every value: errors can say where."""
+"""YAML as plain data with the line of every value, for error messages."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 MAX_BYTES = 32 << 20
 MAX_VALUES = 2_000_000
-MAX_ALIASED = 100_000  # values that stand for others: by aliases, a file of a few lines could stand for billions
+MAX_ALIASED = 100_000  # values from aliases, by which a few lines could expand to billions
 MAX_DEPTH = 40
 
-# YAML 1.1, which PyYAML reads, takes 1e3 for a string; YAML 1.2, JSON and everybody else for a number.
+# YAML 1.1, as in PyYAML, reads 1e3 as a string; YAML 1.2 and JSON read it as a number.
 _FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
 
 
 class Yaml:
-    """Plain data (dict, list, str, int, float, bool, None) and the lines where it stands."""
+    """Plain data (dict, list, str, int, float, bool, None) with the line of each value."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -38,20 +38,20 @@ class Yaml:
         self._taken: set[int] = set()
 
     def holding(self, data: Any) -> Yaml:
-        """The same file with other data, which stand where its own did."""
+        """Returns a copy with other data, whose lines are those of the original's values."""
         other = copy(self)
         other.data = data
         return other
 
     def error(self, path: Path, what: str) -> SceneError:
-        """The error to raise for the value at a path: names the file, the line and the field."""
+        """Returns the error for the value at a path, with file, line and field."""
         at = path
         while at and at not in self._lines:
             at = at[:-1]
         return SceneError(f"{self.file}, line {self._lines.get(at, 1)}: {_field(path)}{what}")
 
     def take(self, node: yaml.Node, path: Path) -> Any:
-        """The plain data of a node, its lines noted."""
+        """Returns the plain data of a node, and records its lines. Raises SceneError."""
         self._count += 1
         if self._count > MAX_VALUES:
             raise SceneError(f"{self.file}: holds more than {MAX_VALUES} values; keep meshes in files beside it")
@@ -104,7 +104,7 @@ class Yaml:
 
 
 def parse(data: bytes, file: str) -> Yaml:
-    """The file's one document. Raises SceneError with the line for what is no YAML, and for files out of all bounds."""
+    """Parses a file with one document. Raises SceneError with the line of a syntax error, and for files beyond the limits."""
     if len(data) > MAX_BYTES:
         raise SceneError(
             f"{file}: has {len(data) >> 20} MiB; a scene file has at most {MAX_BYTES >> 20}. Keep meshes in files beside it"
@@ -132,7 +132,7 @@ def _line(event: yaml.Event) -> int:
 
 
 def _check_depth(text: str, file: str) -> None:
-    # The composer calls itself for every level, in C: a few kilobytes of brackets would end the process.
+    # PyYAML's C composer is recursive: a few kilobytes of brackets would overflow the stack.
     depth = 0
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.CollectionStartEvent):

@@ -1,4 +1,4 @@
-"""A scene file's materials: friendly names for the fields of a Material, and which kind knows which."""
+"""Materials of a scene file: field names and values, and the fields of each kind."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from renderer.scene.readers.yaml.values import color, value_of
 __all__ = ["SPELLINGS", "read_material"]
 
 _BY_NAME = {parameter.in_file: parameter for parameter in PARAMETERS}
-# Further ways to say what a parameter says.
+# Alternative fields for parameters.
 SPELLINGS = {"abbe": "dispersion", "metal": "eta"}
 
 _FIELDS: dict[str, frozenset[str]] = {
@@ -24,11 +24,11 @@ _FIELDS: dict[str, frozenset[str]] = {
     )
     for kind in EVERY_KIND
 }
-_OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))  # by which it is known
+_OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))  # fields that imply this kind
 
 
 def read_material(name: str, source: dict[str, Any], textures: Textures, document: Yaml, path: Path) -> Material:
-    """The material under a name. Raises SceneError for fields that its kind does not know."""
+    """Returns the material under a name. Raises SceneError for fields that its kind lacks."""
     kind: MaterialKind = source.get("kind") or _kind_of(source)
     for key in source:
         if key not in _FIELDS[kind]:

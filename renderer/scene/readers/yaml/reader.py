@@ -1,4 +1,4 @@
-"""A scene file as a scene: held to its schema, then part by part."""
+"""Reader of a scene file: checks it against the schema, then reads its parts."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
 
 
 def _fps(document: Yaml) -> float:
-    """Frames a second; what is none is left to the schema."""
+    """Returns frames per second; an invalid value is left to the schema check."""
     found = document.data.get("fps") if isinstance(document.data, dict) else None
     if not isinstance(found, int | float) or isinstance(found, bool):
         return DEFAULT_FPS
@@ -95,7 +95,7 @@ def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDe
 
 
 def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, description: SceneDescription) -> list[float]:
-    """Adds the cameras as they are at a time; gives the times at which those end that move by a word."""
+    """Adds the cameras at a time; returns the end times of camera moves."""
     views: dict[str, View | None] = {}
     for i, source in enumerate(sources):
         name = source.get("name", f"camera {i}")
@@ -128,7 +128,7 @@ def _validator() -> Any:
 
 
 def _check(files: SceneFiles, main: str, document: Yaml, moving: Moving) -> None:
-    """Hold a document to the schema: once as a whole, at other moments what moves in it. Raises SceneError."""
+    """Checks a document against the schema: once as a whole, at other moments only animated parts. Raises SceneError."""
 
     def held() -> Yaml:
         _validate(document, document.data, {})
@@ -139,7 +139,10 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: Moving) -> None
 
 
 def _part_of(data: dict[str, Any], moving: Moving) -> tuple[dict[str, Any], dict[str, list[int]]]:
-    """What moves in a document, and of each list the places that are left of it. No list or object is left empty."""
+    """Returns the animated parts of a document and, by list, the indices of the items left in it.
+
+    No list or object is left empty.
+    """
     part: dict[str, Any] = {}
     places: dict[str, list[int]] = {}
     for name, value in data.items():

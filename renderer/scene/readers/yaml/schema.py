@@ -31,15 +31,15 @@ __all__ = ["SCENE_SETTINGS", "filled_in", "material_properties", "schema", "temp
 
 Json = dict[str, Any]
 
-# What a scene file may ask for, in the order in which its documentation has them.
+# Settings of scene files, in the order of the documentation.
 SCENE_SETTINGS: Mapping[str, Declared] = {
     **{name: SETTINGS[name] for name in ("width", "height")},
     "spp": WORK["spp"],
     **{name: SETTINGS[name] for name in OPTIONAL},
 }
-# Those of a camera that a file writes as the renderer takes them.
+# Camera fields with the renderer's own names and units.
 _LENS = ("projection", "fov", "height", "aperture", "near", "shift_x", "shift_y")
-# The schemas of further spellings of a material's parameters.
+# Schemas of alternative spellings of material parameters.
 _SPELLINGS: dict[str, Json] = {
     "abbe": {"description": "Abbe number, instead of the dispersion.", "type": "number", "minimum": 1},
     "metal": {"description": "A measured one, instead of eta and k.", "enum": sorted(METALS)},

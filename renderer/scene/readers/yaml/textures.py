@@ -1,4 +1,4 @@
-"""A scene file's textures: images beside it, and patterns made here."""
+"""Textures of a scene file: image files, and generated patterns."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from renderer.scene.textures import TextureShelf
 
 __all__ = ["Textures"]
 
-_CHECKER_PIXELS = 32  # of one square; its edges are then sharp to a thirtieth of it
+_CHECKER_PIXELS = 32  # per square, so that edges are sharp to 1/32 of it
 
 
 class Textures:
-    """The textures under `textures`, by name."""
+    """The textures of a scene file, by name."""
 
     def __init__(self, document: Yaml, files: SceneFiles, shelf: TextureShelf) -> None:
         self._document, self._files, self._shelf = document, files, shelf
@@ -31,9 +31,9 @@ class Textures:
                 shelf.missing(source["image"], f"Texture {name}")
 
     def find(self, name: str, path: Path, srgb: bool) -> int | None:
-        """The description's number of a texture; None where its image is missing.
+        """Returns the description's index of a texture; None if its image is missing. Raises SceneError for an unknown name.
 
-        srgb: whether what uses it takes colours; the texture's own `encoding` goes before that.
+        srgb: whether the texture is used for colours; its own `encoding` has precedence.
         """
         source = self._sources.get(name)
         if source is None:
@@ -54,7 +54,7 @@ class Textures:
         )
 
     def stack(self, entries: str | list[Any], path: Path, srgb: bool) -> int | None:
-        """As `find`, of a name or of a list of them, the lowest first; a layer whose image is missing is left out."""
+        """Returns the texture of a name or of a list of layers, the lowest first. Layers whose image is missing are left out."""
         if isinstance(entries, str):
             return self.find(entries, path, srgb)
         if not isinstance(entries[0], str):
@@ -82,7 +82,7 @@ class Textures:
 
 
 def _transform(source: dict[str, Any]) -> UvTransform:
-    # As KHR_texture_transform: scaled, then turned, then moved.
+    # As in KHR_texture_transform: scale, rotation, translation.
     scale = source.get("scale", 1)
     across, down = scale if isinstance(scale, list) else (scale, scale)
     angle = np.radians(source.get("rotate", 0))

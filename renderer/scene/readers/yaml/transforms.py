@@ -1,4 +1,4 @@
-"""A scene file's transforms: a list of operations, applied in the order written."""
+"""Transforms of a scene file: lists of operations, applied in the order written."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from renderer.trigonometry import sin_cos
 
 __all__ = ["Matrix", "joined", "matrix", "uniform_scale"]
 
-MOST_DEGREES = 1e7  # of which more than 20,000 turns are left
+MOST_DEGREES = 1e7  # about 28,000 turns
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matrix:
-    """The 4x4 matrix on column vectors of a list of operations. Raises SceneError for an axis of length 0."""
+    """Returns the 4x4 matrix for column vectors of a list of operations. Raises SceneError for an axis of length 0."""
     result = np.eye(4)
     for i, operation in enumerate(operations):
         ((kind, value),) = operation.items()
@@ -45,7 +45,7 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
 
 
 def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
-    """The transform that is `inner`, then `outer`. Raises SceneError where numbers do not hold it."""
+    """Returns `inner` followed by `outer`. Raises SceneError if the product overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         place = product(outer, inner)
     if not np.isfinite(place).all():
@@ -54,7 +54,7 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
 
 
 def uniform_scale(transform: Matrix) -> float | None:
-    """The factor by which a transform scales, or None where that differs by direction."""
+    """Returns the scale factor of a transform; None if it is not uniform."""
     gram = product(transform[:3, :3].T, transform[:3, :3])
     square = float(np.trace(gram)) / 3
     return float(np.sqrt(square)) if np.allclose(gram, square * np.eye(3), atol=1e-6 * max(square, 1e-30)) else None

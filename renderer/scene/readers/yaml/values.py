@@ -1,4 +1,4 @@
-"""Values as a scene file writes them: colours, vectors, declared parameters."""
+"""Values of a scene file: colours, vectors, declared parameters."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ __all__ = ["color", "radiance", "srgb_bytes", "value_of", "vec3"]
 
 
 def vec3(values: Any) -> Vec3:
-    """Three numbers."""
+    """Returns three numbers as floats."""
     x, y, z = (float(v) for v in values)
     return x, y, z
 
 
 def radiance(value: Any) -> Vec3:
-    """Linear RGB, of three numbers or one for grey."""
+    """Returns linear RGB from three numbers, or from one for grey."""
     return vec3(value if isinstance(value, list | tuple) else [value] * 3)
 
 
 def color(value: Any) -> Vec3:
-    """Linear RGB, of numbers or of sRGB as '#rrggbb'."""
+    """Returns linear RGB from numbers, or from sRGB as '#rrggbb'."""
     if not isinstance(value, str):
         return radiance(value)
     encoded = [int(value[i : i + 2], 16) / 255 for i in (1, 3, 5)]
@@ -31,7 +31,7 @@ def color(value: Any) -> Vec3:
 
 
 def value_of(parameter: Parameter, value: Any) -> Any:
-    """Returns the value of a declared parameter, any but a texture, from a file's, which fits the schema."""
+    """Returns the value of a declared parameter, other than a texture, from a valid value of a file."""
     match parameter.form:
         case "color":
             return color(value)
@@ -47,5 +47,5 @@ def value_of(parameter: Parameter, value: Any) -> Any:
 
 
 def srgb_bytes(linear: Vec3) -> list[int]:
-    """The nearest sRGB colour of 8 bits a channel."""
+    """Returns the nearest 8-bit sRGB codes."""
     return [round(255 * (12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055)) for c in linear]
