@@ -36,19 +36,19 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
-# What makes pictures of docs/: where its program lies, and what it needs.
+# Scripts that make the pictures of docs/, and their requirements.
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
 CYCLES = ROOT / ".venv-cycles"
-# Of renderer/arrays/scene_features.py: for scenes in which nothing moves and light scatters on surfaces alone
+# As in renderer/arrays/scene_features.py: scenes without motion and media
 FIRST_KERNELS = "plain,full"
-BLENDER = "bpy>=4.5,<4.6"  # a release with long-term support; for Python 3.11 alone
+BLENDER = "bpy>=4.5,<4.6"  # a long-term support release, for Python 3.11 only
 EMBREE = ROOT / ".venv-embree"
 EMBREEX = "embreex>=4.4,<5"
 
 
 def main():
-    """Install where needed, then become the command that was asked for."""
+    """Installs if needed, then runs the given command."""
     arguments = sys.argv[1:]
     if not arguments or arguments[0] in ("-h", "--help"):
         print(__doc__)
@@ -75,23 +75,23 @@ def main():
 
 
 def say(text):
-    """A line for the person who waits."""
+    """Prints a progress line."""
     print("farm.py: " + text, file=sys.stderr, flush=True)
 
 
 def fail(text):
-    """End with a sentence."""
+    """Exits with an error sentence."""
     say(text)
     sys.exit(1)
 
 
 def find_python():
-    """Go on under a Python that Rayfarm runs on: this one, or another of this machine."""
+    """Continues under a supported Python: this one, or another of this machine."""
     if sys.version_info[:2] in PYTHONS:
         return
     for version in PYTHONS:
         other = shutil.which("python{}.{}".format(*version))
-        # A version manager's shim exists for versions that it will not run here.
+        # Version managers have shims for versions that they cannot run here.
         if other and subprocess.call([other, "-c", "pass"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) == 0:
             os.execv(other, [other, str(Path(__file__).resolve()), *sys.argv[1:]])
     mine = "{}.{}".format(*sys.version_info[:2])
@@ -103,7 +103,7 @@ def find_python():
 
 
 def install(extras=()):
-    """The environment's Python, with Rayfarm and these extras installed; quick where nothing has changed."""
+    """Returns the environment's Python with Rayfarm and these extras installed; fast if nothing has changed."""
     python = VENV / "bin" / "python"
     stamp = VENV / "rayfarm-stamp"
     known = stamp.read_text().split() if stamp.is_file() else []
@@ -117,10 +117,10 @@ def install(extras=()):
     say("installing Rayfarm's packages into .venv (once; a minute or two) ...")
     target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
     pip(python, ["install", "--editable", target, "--constraint", str(ROOT / "constraints.txt")])
-    # pip compiles what it copies, and leaves ours where they are. Each process would, where PYTHONDONTWRITEBYTECODE is set.
+    # pip compiles only the packages it copies. With PYTHONDONTWRITEBYTECODE each process would compile ours again.
     packages = [str(ROOT / name) for name in ("rayfarm", "renderer", "protocol", "telemetry", "service", "worker")]
     subprocess.call([str(python), "-m", "compileall", "-q", *packages], stdout=subprocess.DEVNULL)
-    # What the sources mean, which a worker's kind follows from, is kept beside them: the first start would find it out.
+    # The digest of the sources, part of a worker's kind, is cached beside them; otherwise the first start computes it.
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     subprocess.call([str(python), "-c", "from renderer import jit; jit.kind()"], cwd=str(ROOT), **quiet)
     stamp.write_text(" ".join([state(), *extras]) + "\n")
@@ -129,7 +129,7 @@ def install(extras=()):
 
 
 def install_alone(arguments):
-    """The command `install`: what every other command installs when it is first run, and kernels."""
+    """Runs the command `install`: installs what other commands install at first use, and compiles kernels."""
     wanted = {"--no-kernels": None, "--all-kernels": [], "": ["--kernels", FIRST_KERNELS]}
     if len(arguments) > 1 or "".join(arguments) not in wanted:
         fail("install takes --no-kernels or --all-kernels, not " + " ".join(arguments))
@@ -144,13 +144,13 @@ def install_alone(arguments):
 
 
 def state():
-    """A hash of all that an installation follows from: what is wanted, and the environment's Python and place."""
+    """Returns a hash of the installation's inputs: requirements, and the environment's Python and location."""
     files = [ROOT / "pyproject.toml", ROOT / "constraints.txt", VENV / "pyvenv.cfg"]
     return hashlib.sha256(b"".join(path.read_bytes() if path.is_file() else b"-" for path in files)).hexdigest()
 
 
 def usable(python):
-    """Whether .venv works, is of a Python that Rayfarm runs on, and was made at this very place: it does not survive a move."""
+    """Whether .venv works, has a supported Python, and was made at this location, since environments cannot be moved."""
     config = VENV / "pyvenv.cfg"
     if not config.is_file() or str(VENV) not in config.read_text() or not python.exists():
         return False
@@ -159,7 +159,7 @@ def usable(python):
 
 
 def make_environment():
-    """Make .venv anew; where Debian has left out what that needs, install it or say how."""
+    """Creates .venv anew. If Debian lacks the package that needs, installs it or prints how to."""
     say("making a Python environment in .venv ...")
     shutil.rmtree(VENV, ignore_errors=True)
     command = [sys.executable, "-m", "venv", str(VENV)]
@@ -176,7 +176,7 @@ def make_environment():
 
 
 def pip(python, arguments):
-    """Run pip, and show on one line how far it is; all of its output where it fails."""
+    """Runs pip with progress on one line; prints all of its output if it fails."""
     command = [str(python), "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments, "--progress-bar", "off"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
     lines = []
@@ -203,12 +203,12 @@ def pip(python, arguments):
 
 
 def may_install():
-    """Whether Debian's packages can be installed here."""
+    """Whether Debian packages can be installed here."""
     return hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get") is not None
 
 
 def apt_install(package):
-    """Install a Debian package; False where that fails."""
+    """Installs a Debian package; returns whether that succeeded."""
     say("installing Debian's " + package + " ...")
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
@@ -220,7 +220,7 @@ def apt_install(package):
 
 
 def run_tests(python, arguments):
-    """All tests, with the checks and the compiling of kernels beside them. pytest's closing line comes last."""
+    """Runs all tests, with the checks and kernel compilation in parallel. pytest's summary line comes last."""
     need_chromium()
     need_postgresql()
     need_typescript()
@@ -228,8 +228,8 @@ def run_tests(python, arguments):
     arguments = [a for a in arguments if a != "--long"]
     beside = [] if arguments else [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python)]
     environment = dict(os.environ)
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes of the same sources
-    # One more than there are processors: a third of the tests mostly wait.
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
+    # One more than the number of processors, since a third of the tests mostly wait.
     processes = min(max(os.cpu_count() or 1, 2), 8) + 1
     command = [
         str(python),
@@ -247,13 +247,13 @@ def run_tests(python, arguments):
 
 
 def run_checks(python):
-    """The checks alone: style, types and imports."""
+    """Runs only the checks: style, types and imports."""
     need_typescript()
     return max([each.result() for each in start_checks(python)])
 
 
 def start_checks(python):
-    """Starts what is checked without running anything. Each check keeps a cache in the clone."""
+    """Starts the static checks. Each check stores a cache in the clone."""
     imports = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"
     checks = [
         Beside("mypy", [str(python), "-m", "mypy"]),
@@ -270,7 +270,7 @@ def start_checks(python):
 
 
 class Beside:
-    """A process that runs beside the tests. Its output is shown only where it fails."""
+    """A process that runs in parallel with the tests. Its output is printed only if it fails."""
 
     def __init__(self, name, command):
         self.name = name
@@ -280,7 +280,7 @@ class Beside:
         )
 
     def result(self):
-        """Waits for its end; 1 where it failed, else 0."""
+        """Waits for the process; returns 1 if it failed, else 0."""
         code = self.process.wait()
         if code != 0:
             self.output.seek(0)
@@ -290,7 +290,7 @@ class Beside:
 
 
 def run_peers(python, arguments):
-    """The tests that compare our pictures with those of other renderers, the long ones included."""
+    """Runs the tests that compare our pictures with other renderers, including long ones."""
     environment = dict(os.environ)
     if "RAYFARM_BPY_PYTHON" not in environment:
         environment["RAYFARM_BPY_PYTHON"] = str(install_blender())
@@ -300,7 +300,7 @@ def run_peers(python, arguments):
 
 
 def install_blender():
-    """A Python with Blender as a module, in an environment of its own: it wants another numpy than Rayfarm."""
+    """Returns a Python with Blender as a module, in a separate environment, as it needs another numpy than Rayfarm."""
     if imports(CYCLES, "bpy"):
         return CYCLES / "bin" / "python"
     maker = shutil.which("python3.11")
@@ -311,7 +311,7 @@ def install_blender():
 
 
 def install_embree():
-    """A Python with Embree, in an environment of its own: beside Rayfarm, trimesh would make use of it."""
+    """Returns a Python with Embree, in a separate environment, as trimesh would use it in Rayfarm's."""
     if imports(EMBREE, "embreex"):
         return EMBREE / "bin" / "python"
     say("installing Embree into .venv-embree (once; 20 MB are fetched) ...")
@@ -319,13 +319,13 @@ def install_embree():
 
 
 def imports(folder, module):
-    """Whether the environment in this folder works, and has this module."""
+    """Whether the environment in a folder works and has a module."""
     python = folder / "bin" / "python"
     return python.exists() and subprocess.call([str(python), "-c", "import " + module], stdout=subprocess.DEVNULL) == 0
 
 
 def install_apart(folder, maker, package):
-    """An environment of its own, made by that Python, with one package and what it needs."""
+    """Creates a separate environment with one package and its dependencies."""
     python = folder / "bin" / "python"
     shutil.rmtree(str(folder), ignore_errors=True)
     subprocess.check_call([maker, "-m", "venv", str(folder)])
@@ -334,7 +334,7 @@ def install_apart(folder, maker, package):
 
 
 def run_benchmarks(arguments):
-    """The benchmarks, one after the other; with names, only those: `peers` has to be asked for, as it takes hours."""
+    """Runs all benchmarks or the named ones; `peers`, which takes hours, only by name."""
     folder = ROOT / "tests" / "benchmarks"
     names = next((i for i, a in enumerate(arguments) if a.startswith("-")), len(arguments))
     wanted, options = arguments[:names], arguments[names:]
@@ -359,7 +359,7 @@ def run_benchmarks(arguments):
 
 
 def need_chromium():
-    """The browser tests drive Debian's Chromium."""
+    """Ensures that Debian's Chromium is installed, for the browser tests."""
     if any(shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")):
         return
     if not (may_install() and apt_install("chromium")):
@@ -367,7 +367,7 @@ def need_chromium():
 
 
 def need_postgresql():
-    """Jobs and migrations are tested on a server of this machine's own too; Debian keeps its programs off the PATH."""
+    """Ensures that a PostgreSQL server is installed, for tests; Debian has its programs outside the PATH."""
     if shutil.which("pg_ctl") or list(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl")):
         return
     if os.environ.get("RAYFARM_TEST_DATABASE_URL") or (may_install() and apt_install("postgresql")):
@@ -376,7 +376,7 @@ def need_postgresql():
 
 
 def need_typescript():
-    """The types of web/ are checked by TypeScript's compiler."""
+    """Ensures that TypeScript's compiler is installed, which checks the types of web/."""
     package = ROOT / "web" / "package.json"
     npm = shutil.which("npm")
     if npm is None and may_install() and apt_install("nodejs") and apt_install("npm"):

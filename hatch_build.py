@@ -1,7 +1,7 @@
-"""Adds compiled kernels to a wheel: those in $RAYFARM_WHEEL_KERNELS, a folder that `python -m renderer.precompile` has filled.
+"""Adds compiled kernels to a wheel: those in the folder $RAYFARM_WHEEL_KERNELS, filled by `python -m renderer.precompile`.
 
-Such a wheel is for the Python version, the operating system and the processor family that it is built on. Without the variable
-the wheel has no machine code and is for all of them.
+Such a wheel is only for the Python version, operating system and processor family it is built on. Without the variable the wheel
+has no machine code and runs on all of them.
 """
 
 import os
@@ -14,7 +14,7 @@ FOLDER = "RAYFARM_WHEEL_KERNELS"
 
 
 class KernelHook(BuildHookInterface):
-    """The hook that hatchling calls before it builds a wheel."""
+    """The build hook that hatchling calls."""
 
     PLUGIN_NAME = "custom"
 

@@ -27,13 +27,13 @@ __all__ = ["main"]
 
 PICTURES = Path(__file__).parent / "pictures"
 SIZE = {"width": 1360, "height": 850}
-# SwiftShader, as there may be no graphics card; the rest of the page is drawn faster without it.
+# SwiftShader, in case there is no GPU; the rest of the page is drawn faster without it.
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader", "--disable-gpu-compositing"]
 PATIENCE_S = 3600
 SETTLE_MS = 3000
 WIDTHS = {375: 800, 1440: 900, 2560: 1300}
 TOUR, RECORDING = "tour", "recording"
-RECORDED_S = 9.0  # of them a third turning, the rest clearing up
+RECORDED_S = 9.0  # a third turning, the rest converging
 
 
 def main() -> None:
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
-    """Every page at every width in both themes."""
+    """Takes pictures of every page at every width in both themes."""
     request = {"example": "still-life", "width": 640, "height": 400, "spp": 32}
     own, other = _asked(server, **request), _asked(server, **request, environment={"preset": "noon"})
     for job in (own, other):
@@ -92,7 +92,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
 
 
 def _record(chromium: Browser, server: str, folder: Path) -> None:
-    """A hand turns the view of a scene, and it clears up: an animated WebP that runs as fast as it was."""
+    """Records a view that is turned and then converges, as an animated WebP in real time."""
     page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="dark")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
     view = page.locator(".live-view canvas").first
@@ -134,7 +134,7 @@ def _scene(server: str, example: str) -> str:
 
 
 def _asked(server: str, example: str, **request: Any) -> str:
-    """The id of a job of an example; asked for again, it is the same one."""
+    """Returns the id of an example's job, created once."""
     scene = _scene(server, example)
     key = {"Idempotency-Key": f"page-pictures-{scene}-{json.dumps(request, sort_keys=True)}"}
     answer = httpx.post(f"{server}/api/jobs", json={"scene": scene, **request}, headers=key, timeout=60)
@@ -142,7 +142,7 @@ def _asked(server: str, example: str, **request: Any) -> str:
 
 
 def _wait(server: str, job: str, enough: float) -> None:
-    """Until so much of it is rendered, or all that is to be."""
+    """Waits until enough of the job, or all of it, is rendered."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         told = httpx.get(f"{server}/api/jobs/{job}", timeout=60).raise_for_status().json()
@@ -155,7 +155,7 @@ def _wait(server: str, job: str, enough: float) -> None:
 
 
 def _still(page: Page) -> None:
-    """The mouse reads a pixel."""
+    """Shows a still with the mouse over a pixel."""
     stage = page.locator("canvas.film")
     stage.wait_for()
     page.wait_for_timeout(SETTLE_MS)
@@ -164,7 +164,7 @@ def _still(page: Page) -> None:
 
 
 def _shot(page: Page) -> None:
-    """It is played, and stopped where the caterpillar looks at the top before it."""
+    """Plays the shot, and stops it where the caterpillar looks at the top."""
     page.get_by_role("button", name="Play", exact=True).click()
     page.locator(".loaded").filter(has_text="in memory").wait_for()
     page.wait_for_timeout(5 * SETTLE_MS)

@@ -1,4 +1,4 @@
-"""Writes what is published of declarations: docs/scene-schema.json, and the settings' table in docs/scene-format.md.
+"""Writes documentation generated from declarations: docs/scene-schema.json, and the settings table in docs/scene-format.md.
 
     python docs/settings_table.py
 
@@ -54,7 +54,7 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
 
 
 def guide_text(text: str, settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
-    """The guide with the table of settings between its marks."""
+    """Returns the guide with the settings table between its marks."""
     rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
     start, _, end = _between(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
     return start + "\n".join(rows) + "\n" + end

@@ -1,9 +1,9 @@
-"""Writes the folder caterpillar/: a shot of four seconds. A top runs around a toy caterpillar, which cannot look away.
+"""Writes the folder caterpillar/: a shot of four seconds, in which a top circles a toy caterpillar that watches it.
 
     python scenes/caterpillar.py
 
-The caterpillar is a glTF skin, the top a body in nested groups, the camera has keys, and the shutter is open for half of a
-frame's time. The last frame goes on in the first. All of it is this project's own; film.py makes the film that docs/ shows.
+The caterpillar is a glTF skin, the top is in nested groups, the camera has keyframes, and the shutter is open for half a frame.
+The shot loops. All of it is this project's own; film.py renders the film in docs/.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ BRICKS = (
     ("blue", -1.1, 0, -3.75, -8),
     ("white", -1.72, 1, -3.5, 14),
     ("mint", 4.6, 0, -3.6, 32),
-)  # x, how many below, z, turn
-# Colour, roughness, strength of the varnish.
+)  # x, number of blocks below, z, turn
+# Colour, roughness, clear coat strength.
 TOY = {
     "skin": ((1.0, 1.0, 1.0), 0.42, 0.5),
     "feet": ((0.86, 0.2, 0.03), 0.4, 0.4),
@@ -45,7 +45,7 @@ TOY = {
 
 
 def files() -> dict[str, str | bytes]:
-    """The folder's files."""
+    """Returns the folder's files by name."""
     return {
         "caterpillar.glb": _caterpillar(),
         "top.glb": _rigid({name: (part, _material(WOOD[name], 0.3, 0.9)) for name, part in top_parts().items()}),
@@ -70,7 +70,7 @@ def _material(color: tuple[float, ...], roughness: float, varnish: float) -> dic
 
 
 def _mesh(file: Glb, parts: dict[str, tuple[Part, dict[str, Any]]]) -> int:
-    """A mesh with a primitive for each material."""
+    """Adds a mesh with a primitive per material; returns its index."""
     primitives = []
     for name, (part, material) in parts.items():
         attributes = {"POSITION": file.accessor(part.positions, bounded=True), "NORMAL": file.accessor(part.normals)}
@@ -96,7 +96,7 @@ def _rigid(parts: dict[str, tuple[Part, dict[str, Any]]]) -> bytes:
 
 
 def _caterpillar() -> bytes:
-    """The skinned one, its bones and its clip."""
+    """Returns the skinned caterpillar with its bones and animation, as GLB."""
     file = Glb(GENERATOR)
     parts = {name: (part, _material(*TOY[name])) for name, part in body_parts().items()}
     parts["skin"][1]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": file.texture(_picture(skin_picture(), "PNG"))}
@@ -106,7 +106,7 @@ def _caterpillar() -> bytes:
         parent = None if joint.parent is None else nodes[joint.parent]
         nodes.append(file.node(parent, name=joint.name, translation=np.round(joint.place - origin, 6).tolist()))
     inverse = np.tile(np.eye(4), (len(JOINTS), 1, 1))
-    inverse[:, 3, :3] = [-joint.place for joint in JOINTS]  # columns one after the other, as glTF has them
+    inverse[:, 3, :3] = [-joint.place for joint in JOINTS]  # column-major, as in glTF
     skin = file.add("skins", {"joints": nodes, "inverseBindMatrices": file.accessor(inverse.reshape(-1, 16))})
     file.node(name="caterpillar", mesh=_mesh(file, parts), skin=skin)
     turns, place = bones(MOMENTS)
@@ -116,12 +116,12 @@ def _caterpillar() -> bytes:
 
 
 def _keys(values: np.ndarray, digits: int = 4) -> dict[str, Any]:
-    """A value for each frame."""
+    """Returns keyframes with a value for each frame."""
     return {"keys": [[round(t, 5), np.round(v, digits).tolist()] for t, v in zip(MOMENTS.tolist(), values, strict=True)]}
 
 
 def scene() -> Scene:
-    """What is written to caterpillar.yaml."""
+    """Returns the content of caterpillar.yaml."""
     eye, target = camera(MOMENTS)
     front = {"name": "front", "eye": _keys(eye), "target": _keys(target), "fov": 30, "aperture": 0.05, "focus": [-0.2, 0.9, 0.5]}
     moon = [{"scale": 1.25}, {"translate": [1.25, 2.15, -9.4]}]
@@ -170,13 +170,13 @@ def _about(axis: str, degrees: Any) -> dict[str, Any]:
 
 
 def _lamp(material: str, at: tuple[float, ...], size: tuple[float, float], tilt: float, turn: float) -> Shape:
-    """A rectangle of light; at tilt 90 it looks straight down."""
+    """Returns a rectangular light; at tilt 90 it points straight down."""
     transform = [{"scale": [*size, 1]}, _about("x", tilt), _about("y", turn), {"translate": list(at)}]
     return {"name": material, "type": "quad", "material": material, "transform": transform}
 
 
 def _top() -> Shape:
-    """It travels, within that leans to a side that goes round, within that spins."""
+    """Returns the top as nested groups: it travels, precesses and spins."""
     turns = top_turns(MOMENTS)
     spin = [_about("y", _keys(turns["spin"] - turns["sway"], 2))]
     spins = {"name": "spins", "type": "mesh", "file": "top.glb", "transform": spin}
@@ -190,7 +190,7 @@ def _top() -> Shape:
 
 
 def _bricks() -> list[Shape]:
-    """Building blocks in the background, one on two."""
+    """Returns building blocks in the background, stacked in twos."""
     found = []
     for i, (material, x, y, z, turn) in enumerate(BRICKS):
         transform = [{"scale": 0.55}, _about("y", turn), {"translate": [x, round(0.55 + 1.1 * y, 3), z]}]
@@ -199,7 +199,7 @@ def _bricks() -> list[Shape]:
 
 
 def _rings(x: float, z: float) -> list[Shape]:
-    """Rings on a peg, the widest below."""
+    """Returns rings on a peg, the widest at the bottom."""
     found: list[Shape] = []
     height = 0.0
     for material, reach in (("blue", 0.8), ("mint", 0.68), ("mustard", 0.57), ("coral", 0.46)):
@@ -222,11 +222,11 @@ def _rings(x: float, z: float) -> list[Shape]:
 
 
 def _planks(random: np.random.Generator) -> np.ndarray:
-    """(512, 1024, 3) uint8: boards side by side, their grain from left to right."""
+    """Returns (512, 1024, 3) uint8: boards side by side, with horizontal grain."""
     height, width, boards = 512, 1024, 10
 
     def cloud(across: float, down: float) -> np.ndarray:
-        """Noise whose waves are so many pixels long, of variance 1."""
+        """Returns noise of variance 1 with wavelengths of `across` and `down` pixels."""
         fx, fy = np.fft.rfftfreq(width), np.fft.fftfreq(height)[:, None]
         shape = np.exp(-0.5 * ((fx * across) ** 2 + (fy * down) ** 2))
         found = np.fft.irfft2(np.fft.rfft2(random.normal(size=(height, width))) * shape, (height, width))

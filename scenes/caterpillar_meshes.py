@@ -1,4 +1,4 @@
-"""The shapes of the folder caterpillar/: a toy caterpillar that bends by its bones, a spinning top, a rounded block."""
+"""Meshes of the folder caterpillar/: a skinned toy caterpillar, a spinning top, a rounded block."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import numpy as np
 
 __all__ = ["HEAD_RADIUS", "JOINTS", "LENGTH", "SPINE", "Joint", "Part", "block", "body_parts", "skin_picture", "top_parts"]
 
-# The bind pose lies along +X from the tail at the origin, its back up (+Y); the face looks along +X.
+# The bind pose is along +X from the tail at the origin, with its back up (+Y); the face looks along +X.
 LENGTH = 3.3
-SPINE = 14  # joints from tail to neck, each as long as the others
+SPINE = 14  # joints from tail to neck, of equal length
 BUMPS = 10
 RINGS, AROUND = 100, 24
 HEAD_RADIUS = 0.37
 HEAD = np.array([LENGTH + 0.2, 0.1, 0.0])
 EYE_RADIUS = 0.155
-ON_BODY = 0.9  # the share of the picture's width that the body has; the rest is the head's
+ON_BODY = 0.9  # fraction of the texture's width for the body; the rest is for the head
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A bone's name, the one it hangs on (by number), and where it is in the bind pose."""
+    """A bone: name, parent index, and position in the bind pose."""
 
     name: str
     parent: int | None
@@ -44,7 +44,7 @@ def _joints() -> list[Joint]:
 
 @dataclass
 class Part:
-    """Triangles of one material. joints, weights: four of each vertex."""
+    """Triangles of one material. joints, weights: four per vertex."""
 
     positions: np.ndarray
     triangles: np.ndarray
@@ -54,7 +54,7 @@ class Part:
     weights: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))
 
     def of(self, joint: int) -> Part:
-        """All of it follows one bone."""
+        """Returns the part bound to a single bone."""
         count = len(self.positions)
         self.joints = np.tile([joint, 0, 0, 0], (count, 1))
         self.weights = np.tile([1.0, 0, 0, 0], (count, 1))
@@ -62,7 +62,7 @@ class Part:
 
 
 def merged(parts: list[Part]) -> Part:
-    """Several as one."""
+    """Returns several parts as one."""
     offsets = np.cumsum([0, *(len(p.positions) for p in parts)])
     uvs = None if parts[0].uvs is None else np.concatenate([p.uvs for p in parts if p.uvs is not None])
     return Part(
@@ -81,7 +81,7 @@ def _unit(*vector: float) -> np.ndarray:
 
 
 def _grid(points: np.ndarray) -> Part:
-    """A surface through points (rows, columns, 3), outside where rows turn to columns clockwise seen from there."""
+    """Returns a surface through points (rows, columns, 3); its outside is where rows turn clockwise to columns."""
     rows, columns = points.shape[:2]
     i = np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)
     quads = np.stack([i, i + columns, i + columns + 1, i + 1], -1).reshape(-1, 4)
@@ -93,7 +93,7 @@ def _grid(points: np.ndarray) -> Part:
     normals = np.zeros_like(flat)
     for corner in range(3):
         np.add.at(normals, triangles[:, corner], np.cross(*(flat[triangles[:, k]] - flat[triangles[:, 0]] for k in (1, 2))))
-    # What is one point, at a seam or a pole, has one normal.
+    # Coincident points at seams and poles share a normal.
     _, same = np.unique(np.round(flat, 6), axis=0, return_inverse=True)
     total = np.zeros((same.max() + 1, 3))
     np.add.at(total, same.ravel(), normals)
@@ -102,7 +102,7 @@ def _grid(points: np.ndarray) -> Part:
 
 
 def _ball(center: np.ndarray, radius: float, axis: np.ndarray | None = None, reach: float = np.pi, rings: int = 14) -> Part:
-    """A ball, or its cap within an angle of an axis."""
+    """Returns a sphere, or its cap within an angle of an axis."""
     axis = np.array([0.0, 1.0, 0.0]) if axis is None else axis
     side = _unit(*np.cross(axis, [0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [1.0, 0.0, 0.0]))
     other = np.cross(axis, side)
@@ -113,7 +113,7 @@ def _ball(center: np.ndarray, radius: float, axis: np.ndarray | None = None, rea
 
 
 def _tube(line: np.ndarray, radius: np.ndarray, around: int = 10) -> Part:
-    """A round tube along points (n, 3)."""
+    """Returns a round tube along points (n, 3)."""
     ahead = np.gradient(line, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     side = np.cross(ahead, [0.3, 0.2, 1.0])
@@ -124,13 +124,13 @@ def _tube(line: np.ndarray, radius: np.ndarray, around: int = 10) -> Part:
 
 
 def _feeler(root: np.ndarray, z: float, t: float | np.ndarray) -> np.ndarray:
-    """Along an antenna, t in 0..1: up, and out and forward in an arc."""
+    """Returns points on an antenna, t in 0..1: up, then outwards and forward in an arc."""
     t = np.asarray(t)[..., None]
     return root + 0.52 * (t * np.array([0.0, 1.0, 0.12 * z]) + t * t * np.array([0.34, -0.16, 0.42 * z]))
 
 
 def _radius(s: np.ndarray) -> np.ndarray:
-    """Of the body, at a share s of its length: a bump for each segment, thin at the tail."""
+    """Returns the body's radius at a fraction s of its length: a bump per segment, thin at the tail."""
     bump = np.abs(np.sin(np.pi * BUMPS * s)) ** 0.75
     tail = np.sqrt(np.clip(1 - (1 - s / 0.075).clip(0) ** 2, 0, 1))
     return (0.205 + 0.052 * bump) * tail * (1 - 0.1 * s)
@@ -144,7 +144,7 @@ def _body() -> Part:
     points[..., 0] += (s * LENGTH)[:, None]
     part = _grid(points)
     part.uvs = np.stack(np.broadcast_arrays(s[:, None] * ON_BODY, turn / (2 * np.pi)), -1).reshape(-1, 2)
-    # A vertex follows the two bones between whose middles it lies.
+    # A vertex is bound to the two bones whose midpoints enclose it.
     at = (part.positions[:, 0] / LENGTH * SPINE - 0.5).clip(0, SPINE - 1)
     first = np.floor(at).astype(int)
     share = at - first
@@ -166,7 +166,7 @@ def _feet() -> list[Part]:
 
 
 def body_parts() -> dict[str, Part]:
-    """The caterpillar in its bind pose, by material."""
+    """Returns the caterpillar in its bind pose, by material."""
     number = {joint.name: i for i, joint in enumerate(JOINTS)}
     head = _ball(HEAD, HEAD_RADIUS, rings=18).of(SPINE)
     head.uvs = np.tile([0.97, 0.5], (len(head.positions), 1))
@@ -200,7 +200,7 @@ def body_parts() -> dict[str, Part]:
 
 
 def skin_picture() -> np.ndarray:
-    """(64, 512, 3) uint8: across from tail to neck and, last, the head; down around the body, from belly to belly."""
+    """Returns (64, 512, 3) uint8: horizontally from tail to neck, then the head; vertically around the body from the belly."""
     u = (np.arange(512) + 0.5) / 512
     v = np.abs((np.arange(64) + 0.5) / 64 * 2 - 1)  # 0 on the back, 1 at the belly
     s = (u / ON_BODY)[None, :] * BUMPS
@@ -219,11 +219,11 @@ def skin_picture() -> np.ndarray:
 OUTLINE = [(0, 0), (0.03, 0.02), (0.075, 0.09), (0.17, 0.16), (0.33, 0.235), (0.445, 0.32), (0.475, 0.385), (0.45, 0.44)]
 OUTLINE += [(0.36, 0.485), (0.22, 0.515), (0.1, 0.545), (0.06, 0.6), (0.048, 0.72), (0.05, 0.82)]
 OUTLINE += [(0.075, 0.86), (0.07, 0.91), (0, 0.935)]
-TWIST = 0.9  # radians by which the stripes lean over the top's height
+TWIST = 0.9  # radians of the stripes' twist over the top's height
 
 
 def top_parts() -> dict[str, Part]:
-    """A top on its tip at the origin, by material: stripes in two colours that lean, a stem and a tip."""
+    """Returns a top on its tip at the origin, by material: slanted stripes in two colours, a stem and a tip."""
     outline = np.array(OUTLINE)
     along = np.linspace(0, len(outline) - 1, 3 * len(outline))
     profile = np.stack([np.interp(along, np.arange(len(outline)), outline[:, k]) for k in range(2)], -1)
@@ -234,7 +234,7 @@ def top_parts() -> dict[str, Part]:
     found: dict[str, Part] = {}
     quarter = np.pi / 2
     for low, high, name in [(0.0, 0.13, "tip"), (0.13, 0.53, "red"), (0.13, 0.53, "cream"), (0.53, 2.0, "tip")]:
-        rows = slice(*(np.searchsorted(profile[:, 1], [low, high]) + np.array([0, 1])))  # neighbours share a row
+        rows = slice(*(np.searchsorted(profile[:, 1], [low, high]) + np.array([0, 1])))  # adjacent parts share a row
         sectors = (
             [(0.0, 4 * quarter, 49)]
             if name == "tip"
@@ -249,7 +249,7 @@ def top_parts() -> dict[str, Part]:
 
 
 def _revolved(rows: np.ndarray, slope: np.ndarray, turn: np.ndarray) -> Part:
-    """A sector of a surface of revolution; its normals are the whole one's, so that sectors meet without a crease."""
+    """Returns a sector of a surface of revolution, with the normals of the complete surface so that sectors join smoothly."""
 
     def turned(out: np.ndarray, up: np.ndarray) -> np.ndarray:
         return np.stack([out[:, None] * np.cos(turn), np.broadcast_to(up[:, None], turn.shape), -out[:, None] * np.sin(turn)], -1)
@@ -261,7 +261,7 @@ def _revolved(rows: np.ndarray, slope: np.ndarray, turn: np.ndarray) -> Part:
 
 
 def block(bevel: float = 0.1, steps: int = 7) -> Part:
-    """A cube from -1 to 1 whose edges are rounded."""
+    """Returns a cube from -1 to 1 with rounded edges."""
     lean = np.concatenate([np.linspace(-1, 0, steps), np.linspace(0, 1, steps)])
     inner = np.repeat([-1 + bevel, 1 - bevel], steps)
     pieces = []

@@ -1,6 +1,6 @@
-"""How the caterpillar and the top of the folder caterpillar/ move: four seconds that end where they begin.
+"""Animation of the folder caterpillar/: a loop of four seconds.
 
-The top runs around the caterpillar, which watches it as far as its neck turns, and then waits for it on the other side.
+The top circles the caterpillar, which follows it with its head as far as its neck turns, and then waits on the other side.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["FPS", "FRAMES", "bones", "camera", "top_place", "top_turns"]
 FPS, FRAMES = 24, 96
 PERIOD = FRAMES / FPS  # seconds
 CENTER, REACH = np.array([0.05, 0.0, 0.1]), np.array([2.05, 0.0, 1.55])
-BEGIN = np.radians(38)  # where on its way the top is at first: to the right, and coming
+BEGIN = np.radians(38)  # phase of the top's path at the start: on the right, approaching
 TAIL = np.array([1.05, 0.0, -0.95])
 
 
@@ -29,7 +29,7 @@ def _smooth(s: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def top_place(t: np.ndarray) -> np.ndarray:
-    """Where the top's tip is, (k, 3): from the right before the caterpillar to the left, and behind it back."""
+    """Returns the position of the top's tip, (k, 3): from right to left in front of the caterpillar, and back behind it."""
     angle = BEGIN + _phase(t)
     round_it = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], -1)
     wobble = 0.06 * np.stack([np.cos(5 * angle), 0 * angle, np.sin(5 * angle)], -1)
@@ -37,13 +37,13 @@ def top_place(t: np.ndarray) -> np.ndarray:
 
 
 def top_turns(t: np.ndarray) -> dict[str, np.ndarray]:
-    """Degrees, each (k,): how far it has spun, how far it leans, and to which side."""
+    """Returns angles in degrees, (k,) each: spin, lean, and direction of the lean."""
     phase = _phase(t)
     return {"spin": np.degrees(20 * phase), "lean": 9 + 3 * np.sin(2 * phase), "sway": np.degrees(5 * phase)}
 
 
 def camera(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eye and target, each (k, 3): it drifts with the top, and back."""
+    """Returns the camera's eye and target, (k, 3) each, which drift with the top and back."""
     phase = _phase(t) + BEGIN
     eye = np.stack([0.35 + 1.15 * np.cos(phase - 0.5), 2.15 + 0.22 * np.sin(phase + 2.4), 6.6 - 0.45 * np.sin(phase - 0.3)], -1)
     target = np.stack([0.06 + 0.1 * np.cos(phase - 0.4), 0.98 + 0 * phase, 0.0 * phase], -1)
@@ -52,12 +52,12 @@ def camera(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _gaze() -> tuple[np.ndarray, np.ndarray]:
-    """By a fine clock: the angle to which the face is turned, to the right of straight ahead, and how puzzled it is (0..1)."""
+    """Returns, at fine time steps, the face's yaw in radians, positive to the right, and how puzzled it looks, 0..1."""
     t = np.arange(4 * FRAMES) / (4 * FPS)
     place = top_place(t) - [-0.45, 0.0, 0.35]
     angle = np.arctan2(place[:, 0], place[:, 2])
     wanted = angle.clip(-1.55, 1.6)
-    # Behind its back it cannot see: it stays a moment, turns about quickly, and waits.
+    # It cannot see behind its back: it pauses, turns around quickly, and waits.
     way = (np.degrees(BEGIN + _phase(t)) % 360).round(6)
     lost = (way > 208) & (way < 340)
     wanted = np.where(lost, -1.55 + 3.15 * _smooth(way, 238, 290), wanted)
@@ -76,7 +76,7 @@ def _at(values: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def _turn(axis: int, angle: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4), x y z w, about an axis."""
+    """Returns quaternions (..., 4), x y z w, of rotations about an axis."""
     found = np.zeros((*np.shape(angle), 4))
     found[..., axis], found[..., 3] = np.sin(np.asarray(angle) / 2), np.cos(np.asarray(angle) / 2)
     return found
@@ -100,12 +100,12 @@ def _rotated(q: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def _spine(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World rotations of the spine's bones (k, SPINE, 4), and the tail's place (k, 3)."""
+    """Returns world rotations of the spine's bones (k, SPINE, 4), and the tail's position (k, 3)."""
     s = (np.arange(SPINE) + 0.5) / SPINE
     phase = _phase(t)[:, None]
     gaze = _at(_gaze()[0], t)[:, None]
     puzzled = _at(_gaze()[1], t)[:, None]
-    # Along the ground to the left and then to the front; its back goes up and down in a wave, its tail wags.
+    # The spine bends left and then forward on the ground; a wave runs along the back, and the tail wags.
     wave = 0.2 * np.sin(2 * np.pi * 3.2 * s - 4 * phase) * (1 - _smooth(s, 0.3, 0.5))
     tail = (1 - _smooth(s, 0.0, 0.2)) * (-0.55 + 0.25 * np.sin(4 * phase))
     rise = 1.38 * _smooth(s, 0.42, 0.68) - 0.85 * _smooth(s, 0.74, 1.0) * (1 - 0.5 * puzzled)
@@ -114,7 +114,7 @@ def _spine(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     yaw = np.pi + 0.5 * np.pi * _smooth(s, 0.08, 0.52) + 0.5 * np.sin(4 * phase + 0.8) * (1 - _smooth(s, 0.0, 0.22))
     yaw = yaw + 0.78 * gaze * _smooth(s, 0.48, 1.0)
     world = _times(_turn(1, yaw), _turn(2, pitch))
-    # It lies on the table: what is lowest touches it.
+    # Moved vertically so that the lowest point touches the table.
     step = LENGTH / SPINE * _rotated(world, np.broadcast_to([1.0, 0, 0], (*world.shape[:-1], 3)))
     middles = np.cumsum(step, 1) - step / 2
     lowest = (middles[..., 1] - _radius(s) - 0.03).min(1)
@@ -123,7 +123,7 @@ def _spine(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At each moment the bones' rotations, each in its parent's space (k, joints, 4), and the first one's place (k, 3)."""
+    """Returns the bones' local rotations (k, joints, 4), and the first bone's position (k, 3)."""
     t = np.asarray(t, float)
     number = {joint.name: i for i, joint in enumerate(JOINTS)}
     spine, place = _spine(t)
@@ -131,7 +131,7 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     local[:, 0] = spine[:, 0]
     local[:, 1:SPINE] = _times(_back(spine[:, :-1]), spine[:, 1:])
 
-    # The face looks at the top, with its head to one side where it has lost it.
+    # The face looks at the top; the head tilts when it has lost sight of it.
     bone = LENGTH / SPINE * np.array([1.0, 0, 0])
     tip = place + _rotated(spine, np.broadcast_to(bone, (*spine.shape[:-1], 3))).sum(1)
     gaze, puzzled = _at(_gaze()[0], t), _at(_gaze()[1], t)
@@ -141,7 +141,7 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     head = _times(_times(_turn(1, 1.5 * np.pi + gaze), _turn(2, 0.75 * down)), _turn(0, roll))
     local[:, SPINE] = _times(_back(spine[:, -1]), head)
 
-    # Eyes are quicker than the head, and turn a little only.
+    # The eyes move faster than the head, by small angles.
     seen = _rotated(_back(head), sight)
     aside = np.arctan2(-seen[:, 2], seen[:, 0].clip(0.05)).clip(-0.42, 0.42) * (1 - puzzled)
     upward = np.arctan2(seen[:, 1] - HEAD_RADIUS / 3, np.hypot(seen[:, 0], seen[:, 2])).clip(-0.3, 0.3)
@@ -150,7 +150,7 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for side, z in (("left", -1.0), ("right", 1.0)):
         local[:, number[f"{side} eye"]] = _times(_turn(1, aside), _turn(2, upward))
         local[:, number[f"{side} lid"]] = _turn(2, 0.1 - 1.6 * blink)
-        # Antennae are left behind where the head turns, and swing.
+        # The antennae lag behind the head's rotation, and swing.
         bob = 0.14 * np.sin(6 * _phase(t) + z)
         local[:, number[f"{side} antenna"]] = _times(_turn(0, -0.06 * swing), _turn(2, 0.5 * bob))
         local[:, number[f"{side} antenna's tip"]] = _times(_turn(0, -0.1 * swing), _turn(2, bob))
@@ -158,6 +158,6 @@ def bones(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _blinks() -> np.ndarray:
-    """Seconds: while it turns about, and once before."""
+    """Returns the times of blinks in seconds: when it turns around, and once before."""
     turning = (np.radians(262) - BEGIN) / (2 * np.pi) * PERIOD
     return np.array([turning, turning - 1.9])

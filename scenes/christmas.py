@@ -1,8 +1,8 @@
-"""Writes the folder christmas/: a village on a winter's evening, after what the group's renderer of docs/lineage.md showed.
+"""Writes the folder christmas/: a village on a winter's evening, modelled on the group's renderer in docs/lineage.md.
 
     python scenes/christmas.py
 
-Its parts are OBJ files with one table of materials, placed by a tree of transforms; all of it is this project's own.
+It consists of OBJ files with a shared material file, placed by a tree of transforms; all of it is this project's own.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ HOUSES = (
 
 
 def files() -> dict[str, str | np.ndarray]:
-    """The folder's files: text, and pictures as (h, w, 3 or 4) uint8."""
+    """Returns the folder's files: text, and images as (h, w, 3 or 4) uint8."""
     random = np.random.default_rng(1224)
     return {
         "village.mtl": MTL,
@@ -89,7 +89,7 @@ def files() -> dict[str, str | np.ndarray]:
 
 
 def scene(random: np.random.Generator) -> Scene:
-    """What is written to christmas.yaml."""
+    """Returns the content of christmas.yaml."""
     return {
         "name": "Christmas",
         "settings": {"width": 960, "height": 600, "spp": 256, "max_depth": 10},
@@ -144,7 +144,7 @@ def _materials() -> dict[str, Any]:
 
 
 def _at(x: float, z: float, turn: float = 0.0, size: float | list[float] = 1.0, sunk: float = 0.0) -> list[dict[str, Any]]:
-    """The transform of what stands on the snow."""
+    """Returns the transform of an object on the snow."""
     place = [round(x, 3), round(height(x, z) - sunk, 3), round(z, 3)]
     return [{"scale": size}, {"rotate": {"axis": "y", "degrees": round(turn, 1)}}, {"translate": place}]
 
@@ -155,7 +155,7 @@ def _pond() -> Shape:
 
 
 def _house() -> Shape:
-    """Walls, windows, doors, the roof and its chimney, and lights along the eaves; shown for each of HOUSES."""
+    """Returns a house with walls, windows, doors, roof, chimney and lights along the eaves; instanced for each of HOUSES."""
     bulbs: list[Shape] = []
     for name, place in zip(LAMPS, range(len(LAMPS)), strict=True):
         along = [i for i in range(25) if i % len(LAMPS) == place]
@@ -182,7 +182,7 @@ def _house() -> Shape:
 
 
 def _garland(t: float) -> list[float]:
-    """Along the gable: a point for t in 0..1, sagging between nails."""
+    """Returns a point of the garland along the gable for t in 0..1, sagging between nails."""
     across = (2 * t - 1) * (HALF_WIDTH + 0.2)
     slope = (RIDGE - EAVES) / HALF_WIDTH
     y = RIDGE - slope * abs(across) - 0.13 - 0.04 * abs(math.sin(4 * math.pi * t))
@@ -195,7 +195,7 @@ def _bulbs(name: str, material: str, places: list[list[float]], radius: float) -
 
 
 def _lantern() -> Shape:
-    """An iron post with a lamp, and snow on its roof."""
+    """Returns an iron post with a lamp, and snow on its roof."""
     post = [[0, -0.3], [0.06, -0.3], [0.05, 0.3], [0.028, 0.36], [0.026, 1.5], [0.1, 1.56], [0.1, 1.58], [0, 1.58]]
     roof = [[0.14, 1.84], [0.15, 1.86], [0.03, 1.98], [0, 2.0]]
     cap = [[0.15, 1.865], [0.14, 1.9], [0.05, 2.0], [0, 2.03]]
@@ -213,7 +213,7 @@ def _lantern() -> Shape:
 
 
 def _forest(random: np.random.Generator) -> Shape:
-    """Firs on the hills and at the sides: one mesh, shown as often as there is room."""
+    """Returns firs on the hills and at the sides: one mesh with many instances."""
     places: list[tuple[float, float]] = []
     instances = []
     for _ in range(4000):
@@ -231,7 +231,7 @@ def _forest(random: np.random.Generator) -> Shape:
 
 
 def _tree(random: np.random.Generator) -> Shape:
-    """The fir by the pond, with balls and bulbs and a star."""
+    """Returns the fir by the pond, with balls, bulbs and a star."""
     hung: dict[tuple[str, float], list[list[float]]] = {}
     for i in range(120):
         t = float(random.uniform(0, 0.96)) ** 1.15
@@ -270,7 +270,7 @@ def _snowman() -> Shape:
 
 
 def _balls() -> list[Shape]:
-    """Of metal and glass, lying in the snow before the tree."""
+    """Returns metal and glass balls in the snow in front of the tree."""
     lying = (
         ("gold", -1.5, 3.3, 0.24),
         ("mirror", -2.3, 3.35, 0.34),
@@ -283,13 +283,13 @@ def _balls() -> list[Shape]:
 
 
 def _flakes(random: np.random.Generator) -> list[Shape]:
-    """Hundreds of tiny spheres of mixed materials in the air."""
+    """Returns snowflakes: hundreds of tiny spheres of several materials."""
     shares = {"flake": 0.8, "glass": 0.07, "mirror": 0.09, "lamp white": 0.04}
     made = []
     for kind, share in shares.items():
         for radius in (0.012, 0.018, 0.026):
             count = round(600 * share / 3)
-            deepest = 5.5 if radius < 0.02 else 3.0  # none so near that it fills the picture
+            deepest = 5.5 if radius < 0.02 else 3.0  # none close enough to fill the picture
             places = random.uniform((-8, 0.4, -9), (8, 6.0, deepest), (count, 3))
             size = 0.6 * radius if kind == "lamp white" else radius
             made.append(_bulbs(f"{kind} snow", kind, [[round(float(c), 2) for c in place] for place in places], round(size, 4)))

@@ -28,9 +28,9 @@ __all__ = ["filmstrip", "main", "write_webp"]
 
 ROOT = Path(__file__).parent.parent
 NAME = "caterpillar"
-SHOWN = (6, 22, 36, 52, 64, 84)  # of the filmstrip: it waits, sees it, loses it, waits again
-STILL = 20  # of the thumbnail
-EDGE, HOLE = 22, 10  # pixels of a filmstrip's rim, and of the holes in it
+SHOWN = (6, 22, 36, 52, 64, 84)  # frames of the filmstrip
+STILL = 20  # frame of the thumbnail
+EDGE, HOLE = 22, 10  # pixels of the filmstrip's rim and its holes
 
 
 def main() -> None:
@@ -65,17 +65,17 @@ def main() -> None:
 
 
 def write_webp(path: Path, frames: list[Image.Image], quality: int = 72) -> None:
-    """An animated picture that begins anew, and is small: pages show it where they show no film."""
-    # In whole milliseconds, which add up to the film's length.
+    """Writes a small, looping animated WebP, for pages that show no video."""
+    # Integer milliseconds that add up to the film's duration.
     ends = [round(1000 * (i + 1) / FPS) for i in range(len(frames))]
     durations = [end - begin for begin, end in zip([0, *ends], ends, strict=False)]
-    # Each frame by itself (kmax): what only differs from the one before shows the seams of its blocks.
+    # Key frames only (kmax): difference frames show block seams.
     packed = {"quality": quality, "method": 6, "kmin": 0, "kmax": 1}
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, **packed)
 
 
 def filmstrip(frames: list[Image.Image], numbers: list[int], width: int = 300) -> Image.Image:
-    """Frames side by side between two rims with holes, each with its number."""
+    """Returns frames side by side between two perforated rims, each with its number."""
     height = round(width * frames[0].height / frames[0].width)
     gap = 6
     strip = Image.new("RGB", (gap + len(frames) * (width + gap), height + 2 * EDGE), (16, 16, 18))
@@ -92,7 +92,7 @@ def filmstrip(frames: list[Image.Image], numbers: list[int], width: int = 300) -
 
 
 def _thumbnail(frame: Image.Image) -> Image.Image:
-    """As large as those of the other examples, and of their shape."""
+    """Returns a thumbnail with the size and aspect ratio of the other examples'."""
     margin = (frame.width - frame.height * 8 // 5) // 2
     return frame.crop((margin, 0, frame.width - margin, frame.height)).resize((480, 300), Image.Resampling.LANCZOS)
 

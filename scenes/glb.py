@@ -1,4 +1,4 @@
-"""Writes GLB files: meshes by material, a tree of nodes, skins, clips. What the scripts beside this need, and no more."""
+"""Writer for GLB files with meshes, nodes, skins and animations, as far as the example scripts need."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LINEAR, CLAMP_TO_EDGE = 9729, 33071
 
 
 class Glb:
-    """A file that grows: each method adds one thing and gives its index, `data` gives the bytes."""
+    """A GLB file under construction: each method adds an item and returns its index; `data` returns the bytes."""
 
     def __init__(self, generator: str) -> None:
         asset = {"version": "2.0", "generator": generator}
@@ -24,19 +24,19 @@ class Glb:
         self.blob = b""
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
-        """An entry of one of the document's lists ("nodes", "materials", ...)."""
+        """Adds an entry to one of the document's lists ("nodes", "materials", ...)."""
         found: list[Any] = self.document.setdefault(kind, [])
         found.append(item)
         return len(found) - 1
 
     def view(self, data: bytes) -> int:
-        """Bytes of the file."""
+        """Adds a buffer view."""
         at = self.add("bufferViews", {"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data)})
         self.blob += data + b"\0" * (-len(data) % 4)
         return at
 
     def accessor(self, values: np.ndarray, component: int = FLOAT, *, normalized: bool = False, bounded: bool = False) -> int:
-        """Numbers, (n,) or (n, width), as float32, uint16 or uint8."""
+        """Adds an accessor of numbers, (n,) or (n, width), as float32, uint16 or uint8."""
         array = np.ascontiguousarray(values, {FLOAT: "<f4", SHORT: "<u2", BYTE: "u1"}[component])
         table = array.reshape(len(array), -1)
         item = {"bufferView": self.view(array.tobytes()), "componentType": component, "count": len(array)}
@@ -48,27 +48,30 @@ class Glb:
         return self.add("accessors", item)
 
     def texture(self, png: bytes) -> int:
-        """A picture that is clamped at its edges."""
+        """Adds a texture with clamped edges."""
         image = self.add("images", {"bufferView": self.view(png), "mimeType": "image/png"})
         sampler = self.add("samplers", {"wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE, "magFilter": LINEAR})
         return self.add("textures", {"source": image, "sampler": sampler})
 
     def node(self, parent: int | None = None, **item: Any) -> int:
-        """A node, below another or at the top."""
+        """Adds a node, below a parent or at the root."""
         at = self.add("nodes", item)
         above = self.document["scenes"][0] if parent is None else self.document["nodes"][parent]
         above.setdefault("nodes" if parent is None else "children", []).append(at)
         return at
 
     def animation(self, name: str, times: np.ndarray, tracks: dict[tuple[int, str], np.ndarray]) -> int:
-        """One clip. times: (k,) seconds. tracks: by node and path ("rotation", ...), (k, 3 or 4); linear in between."""
+        """Adds an animation.
+
+        times: (k,) seconds; tracks: (k, 3 or 4) by node and path ("rotation", ...), interpolated linearly.
+        """
         clock = self.accessor(times, bounded=True)
         samplers = [{"input": clock, "output": self.accessor(keys)} for keys in tracks.values()]
         channels = [{"sampler": i, "target": {"node": node, "path": path}} for i, (node, path) in enumerate(tracks)]
         return self.add("animations", {"name": name, "samplers": samplers, "channels": channels})
 
     def data(self) -> bytes:
-        """The file."""
+        """Returns the file's bytes."""
         text = json.dumps({**self.document, "buffers": [{"byteLength": len(self.blob)}]}, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(self.blob), b"BIN\0") + self.blob

@@ -1,6 +1,6 @@
-"""The picture of lamps with a shape of light in docs/scene-format.md: python -m scenes.lamp_pictures
+"""Renders the picture of shaped lights in docs/scene-format.md: python -m scenes.lamp_pictures
 
-A corner with three downlights, whose profiles are formulas, a window that a spot throws, and a projector.
+A corner with three downlights with analytic IES profiles, a window image projected by a spot, and a projector.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ WIDTH, HEIGHT, SPP = 1200, 500, 96
 
 
 def _ies(candela: Any) -> str:
-    """A profile that is the same all around. candela: of the angle with the axis, in degrees."""
+    """Returns a rotationally symmetric IES profile. candela: function of the angle from the axis, in degrees."""
     angles = np.arange(0, 181, 1.0)
     rows = [" ".join(f"{v:g}" for v in values) for values in (angles, [0.0], candela(angles))]
     return "\n".join(["IESNA:LM-63-2002", "TILT=NONE", f"1 -1 1 {len(angles)} 1 1 2 0 0 0", "1 1 10", *rows]) + "\n"
 
 
 def _window() -> np.ndarray:
-    """Four panes between bars."""
+    """Returns an image of a window with four panes."""
     y, x = np.mgrid[0:256, 0:256] / 256
     lit = (abs(x - 0.5) < 0.28) & (abs(y - 0.5) < 0.36) & (abs(x - 0.5) > 0.015) & (abs(y - 0.42) > 0.015)
     return np.repeat((255 * lit).astype(np.uint8)[..., None], 3, axis=2)
@@ -69,7 +69,7 @@ SCENE = {
 
 
 def make() -> None:
-    """Writes it."""
+    """Renders and writes the picture."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, candela in PROFILES.items():

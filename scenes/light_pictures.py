@@ -1,4 +1,4 @@
-"""The small pictures of the presets that the service shows: python -m scenes.light_pictures"""
+"""Renders the thumbnails of the light presets: python -m scenes.light_pictures"""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH = 160
 
 
 def radiance(name: str) -> np.ndarray:
-    """What a preset looks like all around, (h, w, 3): a sky with its sun, which is drawn larger than it is."""
+    """Returns a preset's environment, (h, w, 3): a sky with its sun, enlarged."""
     description = SceneDescription(name="light")
     light_by_name(name, description)
     light = description.environment or Environment()
@@ -46,7 +46,7 @@ def _with_sun(sky: Sky) -> np.ndarray:
 
 
 def make() -> None:
-    """Writes them all."""
+    """Writes all thumbnails."""
     FOLDER.mkdir(exist_ok=True)
     for name in PRESETS:
         encode.write(FOLDER / f"{name}.jpg", small_picture(radiance(name), WIDTH))

@@ -1,11 +1,11 @@
-"""Writes the scenes of docs/lineage.md: those of the small path tracers that this one descends from.
+"""Writes the scenes of docs/lineage.md: those of the small path tracers that preceded this one.
 
     python scenes/lineage.py
 
 The numbers of smallpt.yaml are K. Beason's (kevinbeason.com/smallpt); those of games101-7.yaml are the measured Cornell box
 (Cornell University Program of Computer Graphics) with the light and the colours of the course's assignment; those of
 rest-of-your-life.yaml are the book's (P. Shirley, T. D. Black, S. Hollasch, "Ray Tracing: The Rest of Your Life").
-The course project's scene is this project's own, after what its authors describe. The group's is written by christmas.py.
+The course project's scene is this project's own, after its authors' description. The group's is written by christmas.py.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 
 
 def smallpt() -> Scene:
-    """The box of nine spheres, its walls among them."""
+    """Returns the box of nine spheres, including its walls."""
     far = 1e5
     return {
         "name": "smallpt",
@@ -59,7 +59,7 @@ def smallpt() -> Scene:
 
 
 def course_project() -> Scene:
-    """Balls of Blinn-Phong, mirror and glass in a corner, lit by two small lights and a sun: for Whitted and path tracing."""
+    """Returns Blinn-Phong, mirror and glass balls in a corner, lit by two small lights and a sun."""
     far = 1e5
     shiny = [("matte", 0.75, 0.0, 1), ("satin", 0.6, 0.25, 12), ("polished", 0.5, 0.4, 80), ("lacquer", 0.35, 0.55, 600)]
     colors = [[0.85, 0.35, 0.25], [0.3, 0.65, 0.35], [0.3, 0.4, 0.85], [0.85, 0.7, 0.25]]
@@ -118,7 +118,7 @@ def course_project() -> Scene:
 
 
 def games101() -> Scene:
-    """The measured Cornell box as the course's seventh assignment has it."""
+    """Returns the measured Cornell box of the course's seventh assignment."""
 
     def block(name: str, top: list[list[float]]) -> Shape:
         height = top[0][1]
@@ -157,7 +157,7 @@ def games101() -> Scene:
 
 
 def rest_of_your_life() -> Scene:
-    """The book's last Cornell box: a glass ball, and a tall block that is a mirror."""
+    """Returns the book's last Cornell box: a glass ball, and a tall mirror block."""
 
     def turned(name: str, material: str, size: tuple[float, ...], degrees: float, at: tuple[float, ...]) -> Shape:
         half = [s / 2 for s in size]

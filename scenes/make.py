@@ -1,10 +1,10 @@
-"""Writes the example scenes that are made, not measured: spheres.yaml and still-life.yaml.
+"""Writes the modelled example scenes spheres.yaml and still-life.yaml.
 
     python scenes/make.py
 
-Shapes are spheres, quads and surfaces of revolution whose outlines are drawn here as a few points and rounded by
-Catmull-Rom splines; the colours of metals are the linear Rec.709 reflectances at normal incidence from S. Lagarde,
-"Memo on Fresnel equations", 2013. Everything else is this project's own.
+Shapes are spheres, quads and surfaces of revolution with outlines of a few points, rounded by Catmull-Rom splines; the colours
+of metals are the linear Rec.709 reflectances at normal incidence from S. Lagarde, "Memo on Fresnel equations", 2013.
+Everything else is this project's own.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Outline = list[tuple[float, float]]
 
 
 def rounded(outline: Outline, steps: int = 6) -> list[list[float]]:
-    """A smooth profile through the points of an outline: centripetal Catmull-Rom, `steps` pieces between two points.
+    """Returns a smooth profile through the points of an outline: centripetal Catmull-Rom, `steps` segments between two points.
 
     A point given twice is a corner.
     """
@@ -47,7 +47,7 @@ def rounded(outline: Outline, steps: int = 6) -> list[list[float]]:
 
 
 def _catmull_rom(points: list[np.ndarray], t: np.ndarray, at: float) -> list[float]:
-    # Barry and Goldman 1988: neighbours are mixed in three rounds, over ever wider spans of knots.
+    # Barry and Goldman 1988: three rounds of linear interpolation over increasing knot spans.
     def mixed(a: np.ndarray, b: np.ndarray, start: float, end: float) -> np.ndarray:
         return ((end - at) * a + (at - start) * b) / (end - start)
 
@@ -58,7 +58,7 @@ def _catmull_rom(points: list[np.ndarray], t: np.ndarray, at: float) -> list[flo
 
 
 def lathe(name: str, material: str, outline: Outline, at: tuple[float, float, float], **more: Any) -> dict[str, Any]:
-    """A surface of revolution standing at a place."""
+    """Returns a surface of revolution at a position."""
     transform = [*more.pop("turned", []), {"translate": list(at)}]
     return {"name": name, "type": "lathe", "material": material, "profile": rounded(outline), "transform": transform, **more}
 
@@ -66,7 +66,7 @@ def lathe(name: str, material: str, outline: Outline, at: tuple[float, float, fl
 def softbox(
     name: str, material: str, at: tuple[float, float, float], size: tuple[float, float], tilt: float, turn: float
 ) -> dict[str, Any]:
-    """A rectangular light; at tilt 90 it looks straight down."""
+    """Returns a rectangular light; at tilt 90 it points straight down."""
     transform = [
         {"scale": [*size, 1]},
         {"rotate": {"axis": "x", "degrees": tilt}},
@@ -77,17 +77,17 @@ def softbox(
 
 
 def metal(color: list[float], roughness: float) -> dict[str, Any]:
-    """A metal."""
+    """Returns a metal."""
     return {"kind": "metallic_roughness", "color": color, "metallic": 1, "roughness": roughness}
 
 
 def glazed(color: str, roughness: float) -> dict[str, Any]:
-    """Coloured ceramic, wax or skin under a reflecting coat."""
+    """Returns coloured ceramic, wax or skin under a clear coat."""
     return {"kind": "metallic_roughness", "color": color, "roughness": roughness}
 
 
 def spheres() -> dict[str, Any]:
-    """One ball of every kind of surface."""
+    """Returns a scene with one ball for each kind of material."""
     materials = {
         "floor": {"texture": "tiles"},
         "lamp": {"color": 0, "emission": [14, 12.5, 10]},
@@ -125,7 +125,7 @@ def spheres() -> dict[str, Any]:
 
 
 def still_life() -> dict[str, Any]:
-    """Vessels and fruit on a chequered cloth, by the light of a window on the left."""
+    """Returns a still life: vessels and fruit on a checkered cloth, lit by a window on the left."""
     materials = {
         "wall": {"color": "#b9a58e"},
         "table": glazed("#6b4429", 0.35),

@@ -1,4 +1,4 @@
-"""What the scripts beside this make scene files of, and how they write them."""
+"""Shapes of scene files, and the YAML writer, shared by the example scripts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Shape = dict[str, Any]
 
 
 def sphere(name: str, material: str, center: tuple[float, ...], radius: float, **more: Any) -> Shape:
-    """A ball."""
+    """Returns a sphere."""
     return {
         "name": name,
         "type": "sphere",
@@ -24,12 +24,12 @@ def sphere(name: str, material: str, center: tuple[float, ...], radius: float, *
 
 
 def faces(name: str, material: str, positions: list[list[float]], faces: list[list[int]], **more: Any) -> Shape:
-    """Polygons between points, numbered from 0."""
+    """Returns polygons over points numbered from 0."""
     return {"name": name, "type": "faces", "material": material, "positions": positions, "faces": faces, **more}
 
 
 def text_of(scene: Scene, comment: str, script: str, frames: str | None = None) -> str:
-    """The scene as YAML, a line for every entry: JSON's flow style is YAML too, and short. frames: of what is made as a shot."""
+    """Returns the scene as YAML with a line per entry, in JSON's flow style. frames: number of frames of a shot."""
     lines = [f"# {comment}", f"# Written by scenes/{script}, which says where its numbers come from: edit that, not this."]
     if frames:
         lines.append(f"# Frames {frames}")

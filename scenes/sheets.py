@@ -181,7 +181,7 @@ def blinn_phong_shininess() -> Sweep:
 
 
 def _stage(material: Material) -> SceneDescription:
-    """A ball on a checkered floor, in the studio, under a small lamp."""
+    """Returns a ball on a checkered floor, lit by the studio preset and a small light."""
     corners = np.array([(-30, -1, 12), (30, -1, 12), (30, -1, -48), (-30, -1, -48)], np.float32)
     uvs = np.array([(0, 0), (30, 0), (30, 30), (0, 30)], np.float32)
     floor = Mesh("floor", corners, np.array([(0, 1, 2), (0, 2, 3)], np.int32), None, uvs, 0)
@@ -201,7 +201,7 @@ def _stage(material: Material) -> SceneDescription:
 
 
 def render_sheet(name: str, spp: int) -> Picture.Image:
-    """The sheet's picture, its labels below the balls."""
+    """Returns a sheet's picture, with labels below the balls."""
     sweep = SHEETS[name]()
     settings = RenderSettings(TILE, TILE, VIEW, max_depth=24)
     sheet = Picture.new("RGB", (TILE * len(sweep), TILE + LABEL), "white")

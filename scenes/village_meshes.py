@@ -1,4 +1,4 @@
-"""What scenes/christmas.py places, as OBJ files: a fir, the parts of a house, a snowman and his hat, the ground.
+"""OBJ meshes of scenes/christmas.py: a fir, the parts of a house, a snowman and his hat, the ground.
 
 Units are metres, +Y is up. Materials are those of `village.mtl`, which scenes/christmas.py writes.
 """
@@ -32,7 +32,7 @@ LIBRARY = "village.mtl"
 HALF_WIDTH, HALF_DEPTH = 1.7, 1.35  # of a house's walls
 EAVES, RIDGE = 1.75, 3.15
 OVERHANG = 0.28
-POND = (0.9, 2.6, 2.35, 1.35)  # x, z of its middle; half its length and width
+POND = (0.9, 2.6, 2.35, 1.35)  # centre x, z; half length, half width
 
 Random = np.random.Generator
 
@@ -43,7 +43,7 @@ def _smooth(edge0: float, edge1: float, x: float) -> float:
 
 
 def height(x: float, z: float) -> float:
-    """Of the snow."""
+    """Returns the height of the snow."""
     rolling = 0.11 * math.sin(0.9 * x + 0.4) * math.cos(0.7 * z) + 0.05 * math.sin(2.1 * x - 1.3 * z)
     behind = _smooth(-9, -30, z)
     hills = behind * (4.2 + 1.5 * math.sin(0.21 * x + 1.0) + 0.9 * math.sin(0.47 * x - 0.2 * z))
@@ -55,7 +55,7 @@ def height(x: float, z: float) -> float:
 
 
 def star() -> str:
-    """Of five points, as thick as a cushion."""
+    """Returns a five-pointed, cushion-shaped star."""
     obj = Obj(LIBRARY)
     obj.use("starlight")
     rim = [
@@ -67,7 +67,7 @@ def star() -> str:
 
 
 def ground() -> str:
-    """Rolling snow with a hollow for a pond, hills behind; finest before the camera."""
+    """Returns rolling snow with a hollow for a pond, and hills behind; finest in front of the camera."""
     obj = Obj(LIBRARY)
     obj.use("snow")
     pond_x, pond_z = np.linspace(-2.3, 4.1, 24), np.linspace(4.4, 0.8, 15)
@@ -79,7 +79,7 @@ def ground() -> str:
 
 
 def fir(random: Random, whorls: int = 10) -> str:
-    """A tree of about three metres: whorls of drooping fronds, snow on each."""
+    """Returns a tree about three metres high: whorls of drooping fronds with snow."""
     obj = Obj(LIBRARY, digits=2)
     obj.use("bark")
     obj.lathe([(0.11, -0.3), (0.08, 0.5), (0.02, 2.7)], 7)
@@ -103,7 +103,7 @@ def fir(random: Random, whorls: int = 10) -> str:
 
 
 def _along(turn: float, length: float, y: float, droop: float) -> Callable[[float, float, float], tuple[float, float, float]]:
-    """From a place on a frond (0..1 outwards, sideways and up in metres) to a point."""
+    """Returns a function from frond coordinates (outwards 0..1, sideways and up in metres) to a point."""
     cosine, sine = math.cos(turn), math.sin(turn)
 
     def point(s: float, side: float, up: float) -> tuple[float, float, float]:
@@ -133,7 +133,7 @@ def _frond(obj: Obj, turn: float, length: float, y: float, droop: float) -> None
 
 
 def _load(obj: Obj, turn: float, length: float, y: float, droop: float, reach: float) -> None:
-    """The snow on a frond: a pillow that leaves the tips of the needles free."""
+    """Adds the snow on a frond: a cushion that leaves the tips of the needles free."""
     point = _along(turn, length, y, droop)
     width = 0.7 * (0.13 + 0.16 * length)
     rows = []
@@ -153,7 +153,7 @@ def _load(obj: Obj, turn: float, length: float, y: float, droop: float, reach: f
 
 
 def house() -> dict[str, str]:
-    """Walls, whose UVs are metres (v from the ground up), what is set into them, and the roof with its snow."""
+    """Returns walls, with UVs in metres (v from the ground up), the parts set into them, and the roof with its snow."""
     walls = Obj(LIBRARY)
     walls.use("bricks")
     w, d = HALF_WIDTH, HALF_DEPTH
@@ -232,7 +232,7 @@ def _roof() -> Obj:
 
 
 def chimney() -> str:
-    """Bricks with a cap of snow; its UVs are metres."""
+    """Returns a brick chimney capped with snow; its UVs are in metres."""
     obj = Obj(LIBRARY)
     obj.use("sooty bricks")
     for turn in range(4):
@@ -247,7 +247,7 @@ def chimney() -> str:
 
 
 def snowman() -> str:
-    """Three balls that have grown together, a scarf, arms, coal and a carrot. He looks along +z."""
+    """Returns a snowman of three merged balls, with scarf, arms, coal and a carrot, facing +Z."""
     obj = Obj(LIBRARY)
     obj.use("snow")
     profile = []
@@ -305,7 +305,7 @@ def _twig(obj: Obj, start: tuple[float, ...], end: tuple[float, ...], radius: fl
 
 
 def hat() -> str:
-    """A top hat with a band, standing on its brim."""
+    """Returns a top hat with a band, on its brim."""
     obj = Obj(LIBRARY)
     obj.use("felt")
     obj.lathe([(0, 0), (0.27, 0), (0.285, 0.012), (0.27, 0.025), (0.168, 0.03), (0.155, 0.3), (0.168, 0.33), (0, 0.335)], 24)

@@ -1,4 +1,4 @@
-"""The small pictures of scenes/christmas.py: bricks and what lies on them, ice, wool, window panes, and a sky at nightfall."""
+"""Textures of scenes/christmas.py: bricks with their decals, ice, wool, window panes, and a dusk sky."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Pixels = np.ndarray
 
 
 def pictures(random: np.random.Generator) -> dict[str, Pixels]:
-    """By file name, (h, w, 3 or 4) uint8."""
+    """Returns textures by file name, (h, w, 3 or 4) uint8."""
     return {
         "bricks.png": _bricks(random),
         "grime.png": _grime(random),
@@ -33,7 +33,7 @@ def _encoded(linear: Pixels) -> Pixels:
 
 
 def _noise(random: np.random.Generator, h: int, w: int, cells: int) -> Pixels:
-    """Smooth noise 0..1, which repeats, of four octaves."""
+    """Returns smooth, tileable noise in 0..1 of four octaves."""
     total = np.zeros((h, w))
     for octave in range(4):
         n = cells << octave
@@ -48,7 +48,7 @@ def _noise(random: np.random.Generator, h: int, w: int, cells: int) -> Pixels:
 
 
 def _bricks(random: np.random.Generator) -> Pixels:
-    """One metre of them: eight courses of four."""
+    """Returns one metre of bricks: eight courses of four."""
     size, courses, across = 128, 8, 4
     y, x = np.mgrid[0:size, 0:size] + 0.5
     course = (y * courses / size).astype(int)
@@ -65,7 +65,7 @@ def _bricks(random: np.random.Generator) -> Pixels:
 
 
 def _grime(random: np.random.Generator) -> Pixels:
-    """White where clean, brown below the eaves and along the ground, in streaks."""
+    """Returns dirt on walls: white if clean, brown streaks below the eaves and along the ground."""
     h, w = 64, 64
     streaks = _noise(random, 1, w, 8)
     down = np.linspace(0, 1, h)[:, None]
@@ -75,18 +75,18 @@ def _grime(random: np.random.Generator) -> Pixels:
 
 
 def _frost(random: np.random.Generator) -> Pixels:
-    """Snow that was blown against the foot of a wall, and specks of it further up: alpha says where."""
+    """Returns snow blown against the foot of a wall, with specks further up; alpha is its coverage."""
     h, w = 96, 128
     up = np.linspace(1, 0, h)[:, None]
     noise = _noise(random, h, w, 4)
     drift = np.clip(5 * (0.30 + 0.32 * (noise - 0.5) - up), 0, 1)
-    specks = np.clip(9 * (_noise(random, h, w, 16) - 0.66), 0, 1) * 0.8 * np.clip(8 * (1 - up), 0, 1)  # none at the end
+    specks = np.clip(9 * (_noise(random, h, w, 16) - 0.66), 0, 1) * 0.8 * np.clip(8 * (1 - up), 0, 1)  # none at the top
     alpha = np.rint(np.maximum(drift, specks) * 15) * 17
     return np.dstack([np.full((h, w, 3), (238, 242, 250)), alpha]).astype(np.uint8)
 
 
 def _soot(random: np.random.Generator) -> Pixels:
-    """A decal: black above, where the bricks are lost under snow and soot, white where they show."""
+    """Returns a decal: black at the top, where snow and soot hide the bricks, white where they are visible."""
     h, w = 64, 32
     up = np.linspace(1, 0, h)[:, None]
     shown = np.clip(4 * (0.8 + 0.5 * (_noise(random, h, w, 4) - 0.5) - up), 0, 1)
@@ -94,7 +94,7 @@ def _soot(random: np.random.Generator) -> Pixels:
 
 
 def _ice(random: np.random.Generator) -> Pixels:
-    """Dark, with paler cracks."""
+    """Returns dark ice with paler cracks."""
     size = 128
     fields = _noise(random, size, size, 3), _noise(random, size, size, 5)
     cracks = sum(np.exp(-(((f - 0.5) / 0.012) ** 2)) for f in fields)
@@ -103,7 +103,7 @@ def _ice(random: np.random.Generator) -> Pixels:
 
 
 def _drift(random: np.random.Generator) -> Pixels:
-    """Snow on ice: more of it towards the shore."""
+    """Returns snow on the ice, denser towards the shore."""
     size = 128
     y, x = (np.mgrid[0:size, 0:size] + 0.5) / size * 2 - 1
     alpha = np.clip(5 * (np.hypot(x, y) ** 2 * 0.55 + 0.75 * _noise(random, size, size, 3) - 0.66), 0, 1)
@@ -111,7 +111,7 @@ def _drift(random: np.random.Generator) -> Pixels:
 
 
 def _panes() -> Pixels:
-    """Six panes between bars, brightest in the middle of the room behind them."""
+    """Returns six panes between bars, brightest at the centre of the room behind."""
     h, w = 60, 56
     y, x = np.mgrid[0:h, 0:w]
     glow = 0.45 + 0.55 * np.exp(-(((x - 28) / 20) ** 2) - ((y - 36) / 24) ** 2)
@@ -121,7 +121,7 @@ def _panes() -> Pixels:
 
 
 def _curtains() -> Pixels:
-    """White but for two curtains that hang at the sides."""
+    """Returns white with two curtains at the sides."""
     h, w = 60, 56
     y, x = np.mgrid[0:h, 0:w]
     edge = 6 + 11 * np.exp(-y / 26.0)
@@ -131,16 +131,16 @@ def _curtains() -> Pixels:
 
 
 def _wool() -> Pixels:
-    """Red and white stripes."""
+    """Returns red and white stripes."""
     stripe = (np.arange(32) // 4 % 2)[:, None, None] * np.ones((1, 8, 1))
     return _encoded(np.where(stripe > 0, np.array([0.75, 0.72, 0.66]), np.array([0.45, 0.02, 0.025])))
 
 
 def _sky(random: np.random.Generator) -> Pixels:
-    """Equirectangular: the last light behind the hills, deep blue above, an aurora between."""
+    """Returns an equirectangular dusk sky: afterglow behind the hills, deep blue above, an aurora between."""
     h, w = 256, 512
     up = np.linspace(np.pi / 2, -np.pi / 2, h)[:, None]
-    around = (np.arange(w)[None] + 0.5) / w * 2 * np.pi - np.pi  # 0 in the middle, which is seen along -Z
+    around = (np.arange(w)[None] + 0.5) / w * 2 * np.pi - np.pi  # 0 at the centre, which is at -Z
     low = np.exp(-np.maximum(up, 0) / 0.16)[..., None]
     middle = np.exp(-(((up - 0.28) / 0.24) ** 2))[..., None]
     west = (0.55 + 0.45 * np.cos(around - 0.35))[..., None]

@@ -1,8 +1,8 @@
-"""`python3 slim.py VENV`: removes from a virtual environment what no container runs.
+"""`python3 slim.py VENV`: removes unused files from a virtual environment for a container image.
 
-These are packages' own tests, pip, type stubs, Open Image Denoise's devices for GPUs, parts of USD, Numba and Celery that nothing
-imports, libraries that depend on what no image has (hwloc, TBB, OpenMP), programs, headers and libraries' symbols. Copies of a
-library under several names become links.
+These are packages' own tests, pip, type stubs, Open Image Denoise's GPU devices, unused parts of USD, Numba and Celery, libraries
+whose dependencies the images lack (hwloc, TBB, OpenMP), programs, headers and library symbols. Copies of a library under several
+names become links.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-# Patterns below site-packages. What Celery's command line alone imports goes with it.
+# Patterns below site-packages, including modules used only by Celery's command line.
 UNUSED = (
     "pip",
     "pip-*.dist-info",
@@ -59,12 +59,12 @@ UNUSED = (
     "numba/np/ufunc/omppool*.so",
     "numba/np/ufunc/tbbpool*.so",
 )
-LIBRARY = 100_000  # bytes from which equal files of a folder become one, and libraries lose their symbols
+LIBRARY = 100_000  # minimum bytes of libraries to link and strip
 LOAD = "import ctypes, os, sys; ctypes.CDLL(sys.argv[1], os.RTLD_NOW)"
 
 
 def remove_unused(packages: Path) -> None:
-    """Removes the files and folders that the patterns name."""
+    """Removes the files and folders that match the patterns."""
     for pattern in UNUSED:
         for path in sorted(packages.glob(pattern)):
             if path.is_dir() and not path.is_symlink():
@@ -74,7 +74,7 @@ def remove_unused(packages: Path) -> None:
 
 
 def link_copies(packages: Path) -> None:
-    """Replaces a library by a link where the same folder has the same bytes under a longer name."""
+    """Replaces a library by a link if its folder has the same bytes under a longer name."""
     folders = {path.parent for path in packages.rglob("*.so*")}
     for folder in folders:
         files = sorted((path for path in folder.glob("*.so*") if not path.is_symlink() and path.is_file()), key=_longest)
@@ -88,9 +88,9 @@ def link_copies(packages: Path) -> None:
 
 
 def strip(packages: Path) -> None:
-    """Removes symbols that loading does not need, where `strip` (binutils) is installed.
+    """Removes symbols that loading does not need, if `strip` (binutils) is installed.
 
-    A library that no longer loads as it did is restored: auditwheel moves segments of some, which `strip` breaks.
+    A library that no longer loads as before is restored: auditwheel moves segments of some, which `strip` breaks.
     """
     if (program := shutil.which("strip")) is None:
         print("strip is not installed: libraries keep their symbols")
@@ -122,7 +122,7 @@ def _size(folder: Path) -> int:
 
 
 def main(venv: str) -> None:
-    """Prints the size before and after."""
+    """Slims the environment and prints its size before and after."""
     (packages,) = Path(venv).glob("lib/python*/site-packages")
     before = _size(packages)
     remove_unused(packages)

@@ -2,8 +2,8 @@
 
     python docs/figures/lineage.py [name ...]        (after: pip install -e '.[docs]')
 
-Without names, all of them: about ten minutes on two cores. Pictures and plots go to docs/pictures/lineage/, numbers are
-printed as the tables that the page shows. A frame of the farm has the same bits as these, whichever way it is rendered.
+Without names, renders all: about ten minutes on two cores. Pictures and plots go to docs/pictures/lineage/; numbers are printed
+as the tables of that page. The farm's frames are identical to the bit.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ Picture = np.ndarray
 
 
 class Example:
-    """A scene of scenes/, its settings, and its pictures."""
+    """A scene of scenes/ with its settings, and its rendered pictures."""
 
     def __init__(self, name: str, width: int) -> None:
         description = read(SCENES, f"{name}.yaml")
@@ -49,16 +49,16 @@ class Example:
         self.settings = RenderSettings(width, height, description.cameras[0].view, **own)
 
     def sums(self, spp: int | None = None, **changed: Any) -> Picture:
-        """The film's sums."""
+        """Returns the film's sums of samples."""
         return render_frame(self.scene, replace(self.settings, **changed), spp or self.spp)
 
     def picture(self, spp: int | None = None, **changed: Any) -> Picture:
-        """Linear radiance (h, w, 3)."""
+        """Returns linear radiance (h, w, 3)."""
         return mean(self.sums(spp, **changed), self.settings.film_exponent)
 
 
 def strip(name: str, pictures: dict[str, Picture], columns: int, exposure: float = 0.0, curve: str = "srgb") -> None:
-    """Pictures side by side, each under its label, as one JPEG."""
+    """Writes pictures side by side with their labels, as one JPEG."""
     font = ImageFont.load_default(size=15)
     height, width = next(iter(pictures.values())).shape[:2]
     rows = -(-len(pictures) // columns)
@@ -79,7 +79,7 @@ def strip(name: str, pictures: dict[str, Picture], columns: int, exposure: float
 
 
 def table(title: str, rows: dict[str, float]) -> None:
-    """A table in Markdown: each mean, and its ratio to the first."""
+    """Prints a Markdown table of means, each with its ratio to the first."""
     first = next(iter(rows.values()))
     print(f"\n{title}\n\n| | mean | of the first |\n|---|---|---|")
     for label, value in rows.items():
@@ -87,13 +87,13 @@ def table(title: str, rows: dict[str, float]) -> None:
 
 
 def smallpt() -> None:
-    """The box as it is known, and four samples of it."""
+    """Renders the usual picture of the box, and one with four samples."""
     box = Example("smallpt", 480)
     strip("smallpt", {"8 samples": box.picture(8), "512 samples": box.picture(512)}, 2)
 
 
 def course_project() -> None:
-    """Noise, depth, Whitted beside path tracing, and what really darkens a picture."""
+    """Renders noise, depth, Whitted beside path tracing, and the causes of dark pictures."""
     box = Example("course-project", 400)
     pictures = {
         "path, 1 sample, depth 3": box.picture(1, max_depth=3),
@@ -122,7 +122,7 @@ def course_project() -> None:
 
 
 def games101() -> None:
-    """1, 20 and 200 samples at 784 x 784, as the assignment asks; shown at half the size."""
+    """Renders 1, 20 and 200 samples at 784 x 784, as in the assignment; shown at half size."""
     box = Example("games101-7", 784)
 
     def half(picture: Picture) -> Picture:
@@ -137,7 +137,7 @@ STRATEGIES = ("uniform", "bsdf", "light", "mis")
 
 
 def strategies() -> None:
-    """The four ways to find light at equal samples, and how their variance falls."""
+    """Renders the four light sampling strategies at equal samples, and plots their variance."""
     box = Example("games101-7", 300)
     plain = replace(box.settings, sampler="independent", roulette=0.0, max_depth=6)
     box.settings = plain
@@ -164,7 +164,7 @@ def strategies() -> None:
 
 
 def shiny() -> None:
-    """The four ways where surfaces shine: each strategy alone is at a loss somewhere; and MIS by either heuristic."""
+    """Renders the four strategies on glossy surfaces, where each single one fails somewhere, and MIS by either heuristic."""
     balls = Example("spheres", 420)
     strip("strategies-shiny", {f"{s}, 16 samples": balls.picture(16, sampling=s) for s in STRATEGIES}, 2)
     balls = Example("spheres", 160)
@@ -174,7 +174,7 @@ def shiny() -> None:
 
 
 def light_choices() -> None:
-    """One light of many: by what it may give, by its power, or any."""
+    """Renders the choice of one light of many: by contribution, by power, and uniform."""
     evening = Example("christmas/christmas", 160)
     evening.settings = replace(evening.settings, sampler="independent")
     ways = {choice: {"light_choice": choice} for choice in LIGHT_CHOICES}
@@ -192,7 +192,7 @@ def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
 
 
 def attenuation() -> None:
-    """Radiance divided by the square of the distance once more, and the picture as it is."""
+    """Renders radiance wrongly divided by the squared distance once more, beside the correct picture."""
     box = Example("cornell-box", 300)
     right, wrong = box.picture(128), box.picture(128, mistake="attenuation")
     brightened = wrong * (right.mean() / wrong.mean())
@@ -202,7 +202,7 @@ def attenuation() -> None:
 
 
 def roulette() -> None:
-    """Russian roulette with a constant chance against a cut: means and variances."""
+    """Compares Russian roulette of constant probability with truncation: means and variances."""
     box = Example("games101-7", 128)
     box.settings = replace(box.settings, sampler="independent")
     rows = {
@@ -223,7 +223,7 @@ def roulette() -> None:
 
 
 def christmas() -> None:
-    """The evening, and how its brightest pixels are shown."""
+    """Renders the evening scene, and its tone mapping of the brightest pixels."""
     scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
     strip("christmas", {"256 samples": picture}, 1, curve="neutral")
@@ -233,7 +233,7 @@ def christmas() -> None:
 
 
 def rest_of_your_life() -> None:
-    """Mixture densities with and without the glass among the targets, beside light sampling by MIS."""
+    """Compares mixture densities with and without the glass as a target to light sampling by MIS."""
     box = Example("rest-of-your-life", 360)
     strip("rest-of-your-life", {
         "bsdf alone, 64 samples": box.picture(64, sampling="bsdf"),

@@ -129,9 +129,7 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
     if offset is None or not offset.any():
         return found
     local = found.local.copy()
-    if (
-        np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE
-    ):  # a view of a far target is exact only in the second
+    if np.abs(found.local[:3, :3] - near.local[:3, :3]).max() <= _ALIKE:  # a view of a far target is exact only in the second
         local[:3, :3] = near.local[:3, :3]
     local[:3, 3] = near.local[:3, 3] + offset
     return replace(found, local=local)

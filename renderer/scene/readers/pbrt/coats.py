@@ -52,8 +52,8 @@ def coat_of(ior: float, alpha: float, thickness: float, depth: int) -> Coat:
 class _Boundary(NamedTuple):
     """Fractions by incident cosine, (C,) each.
 
-    through: refracted and transmitted by the coat; plain: refracted, without the coat's attenuation; reflected: reflected, without
-    attenuation; back: reflected and transmitted by the coat.
+    through: refracted and transmitted by the coat; plain: refracted, without the coat's attenuation; reflected: without
+    attenuation as well; back: reflected and transmitted by the coat.
     """
 
     through: F64

@@ -79,8 +79,8 @@ def lamp_of(
     """Returns a light in world space; None, with a note, if its kind is not supported.
 
     world: (4, 4) to metres; unit: metres per stage unit, for areas in normalisation, except in Blender's files, which are in
-    metres whatever the stage's scale; profiles: reads IES profiles. A light invisible to the camera is not hit by other rays
-    either, as in Cycles.
+    metres whatever the stage's scale; profiles: reads IES profiles. All rays pass through a light that is invisible to the
+    camera, as in Cycles.
     """
     unit = 1.0 if is_blenders(prim) else unit
     found = None
