@@ -34,10 +34,10 @@ Send = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a child may take, and what is said of it.
+    """Limits of a child process, and the subject of error sentences.
 
-    memory_bytes: more than this process has now. seconds: of work. faults: exceptions whose message is already the sentence.
-    subject: how every other sentence begins.
+    memory_bytes: in addition to this process's current use. seconds: of work. faults: exceptions whose message is the sentence.
+    subject: how all other sentences begin.
     """
 
     memory_bytes: int
@@ -54,11 +54,11 @@ def run_bounded(
     faults: tuple[type[Exception], ...] = (),
     subject: str = "The file",
 ) -> dict[str, Any]:
-    """The JSON-ready dict that `work` returns, from a child that has `memory_bytes` more than now and `seconds` to do it.
+    """Returns the JSON-ready dict that `work` returns in a child with `memory_bytes` more than now and a limit of `seconds`.
 
-    work: gets a function that sends a JSON-ready dict to `on_message` of the parent, at any time.
-    faults: exceptions whose message is already the sentence. Raises WorkError with a sentence that begins with `subject`
-    for every other way to fail: an exception, memory, time, a crash; and MachineError where this machine is at fault.
+    work: is passed a function that sends a JSON-ready dict to the parent's `on_message` at any time.
+    faults: exceptions whose message is the sentence. Raises WorkError with a sentence that begins with `subject` for every other
+    failure: an exception, memory, time, a crash. Raises MachineError if this machine is the cause.
     """
     bounds = Bounds(memory_bytes, seconds, faults, subject)
     child, reading = begin(work, bounds)
@@ -77,8 +77,10 @@ def run_bounded(
 
 
 def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, int]:
-    """Fork a child that does `work`, as `run_bounded` says: its pid, and where its messages are read. The last of them has what
-    came of it as `answer`, or an `error`. Raises MachineError."""
+    """Forks a child that runs `work` as in `run_bounded`; returns its pid and the descriptor for its messages.
+
+    The last message has the result as `answer`, or an `error`. Raises MachineError.
+    """
     parent = os.getpid()
     try:
         reading, writing = os.pipe()
@@ -98,7 +100,7 @@ def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, 
 
 
 def end(child: int, reading: int, is_done: bool) -> int:
-    """Let a child go, and reap it: how it ended. is_done: there is nothing more to be had of it."""
+    """Waits for a child and reaps it; returns its exit status. is_done: whether no more messages are expected."""
     os.close(reading)
     if is_done:
         with contextlib.suppress(ProcessLookupError):
@@ -109,7 +111,7 @@ def end(child: int, reading: int, is_done: bool) -> int:
 
 
 def answer_of(message: dict[str, Any], bounds: Bounds) -> dict[str, Any]:
-    """What the last message says. Raises WorkError and MachineError where that is an error."""
+    """Returns the result in the last message. Raises WorkError or MachineError if it is an error."""
     if "error" in message:
         sentence = message["error"]
         if message.get("machine"):
@@ -125,7 +127,7 @@ def _child(
     parent: int,
     bounds: Bounds,
 ) -> None:
-    """The child's whole life; never returns."""
+    """Runs the child; never returns."""
 
     def send(message: dict[str, Any]) -> None:
         data = memoryview(json.dumps(message).encode() + b"\n")
@@ -179,7 +181,7 @@ def _limit(memory_bytes: int, seconds: float) -> None:
 
 
 def _address_space() -> int:
-    """Bytes of address space that this process has now."""
+    """Returns the bytes of address space that this process has now."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     except OSError:
@@ -187,9 +189,9 @@ def _address_space() -> int:
 
 
 def messages(reading: int, bounds: Bounds) -> Iterator[dict[str, Any]]:
-    """The child's messages until it closes its end. Raises WorkError after the bounds' seconds of waiting for it.
+    """Yields the child's messages until it closes the pipe. Raises WorkError after a total wait of the bounds' seconds.
 
-    What the receiver takes for a message does not count: a Redis that is away is no slowness of the child.
+    The time that the receiver takes per message is not counted, so an unreachable Redis does not make the child slow.
     """
     buffer = b""
     seconds = bounds.seconds
@@ -208,7 +210,7 @@ def messages(reading: int, bounds: Bounds) -> Iterator[dict[str, Any]]:
 
 
 def _wait(child: int, seconds: float) -> tuple[int, int]:
-    """Reap the child, by force after `seconds`."""
+    """Reaps the child, killing it after `seconds`."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         pid, status = os.waitpid(child, os.WNOHANG)
@@ -221,7 +223,7 @@ def _wait(child: int, seconds: float) -> tuple[int, int]:
 
 
 def how_it_ended(status: int, bounds: Bounds) -> str:
-    """A sentence on a child that ended without an answer."""
+    """Returns a sentence about a child that ended without a result."""
     subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)

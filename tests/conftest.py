@@ -1,4 +1,4 @@
-"""What all tests share: a real Redis, and a whole farm."""
+"""Fixtures and plug-ins of all tests: a real Redis, and a whole farm."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ hypothesis.settings.load_profile("long")
 
 
 def is_ordinary(config: pytest.Config) -> bool:
-    """Whether the tests marked `long` are left out."""
+    """Whether tests marked `long` are excluded."""
     return "not long" in config.option.markexpr
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Loads hypothesis' profile before tests are collected, and has each process of xdist begin with other files.
+    """Loads hypothesis' profile before collection, and lets each process of xdist import other files first.
 
-    Every process imports every file. In a fresh clone the first to import one rewrites its assertions and keeps the result for
-    the others, which takes longer than all other imports: each process begins with a share of its own.
+    Every process imports every file. In a fresh clone the first import of a file rewrites its assertions and caches the result,
+    which takes longer than all other imports; so each process starts with a different share.
     """
     if not is_ordinary(config):
         return
@@ -74,7 +74,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Makes no items of tests marked `long` in an ordinary run, which would deselect them: a quarter of all."""
+    """Creates no items for tests marked `long` in an ordinary run, which is faster than deselecting half of all tests."""
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -82,7 +82,7 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
 
 
 class ByFile(LoadFileScheduling):
-    """xdist's `loadfile`, with the files that share a farm as one. (Its `loadgroup` does not work with pytest 9.1 and later.)"""
+    """xdist's `loadfile`, with files that share a farm as one group. (Its `loadgroup` fails with pytest 9.1 and later.)"""
 
     def _split_scope(self, nodeid: str) -> str:
         return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
@@ -101,7 +101,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Takes what is imported and collected, which stays, from the garbage collector's sight: a twentieth of the tests' time."""
+    """Freezes imported and collected objects for the garbage collector, which saves a twentieth of the tests' time."""
+    gc.enable()
     gc.freeze()
 
 
@@ -111,7 +112,7 @@ def pytest_sessionfinish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Has each kernel compiled by one process. The service has none."""
+    """Ensures that each kernel is compiled by one process. The service has none."""
     if all("service" in item.path.parts for item in request.session.items):
         yield
         return
@@ -121,14 +122,14 @@ def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A real Redis server of the tests' own."""
+    """The URL of a real Redis server of the test run."""
     with running_redis(tmp_path_factory.mktemp("redis")) as url:
         yield url
 
 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """A farm with two slots that the tests of a process share; those that kill things start their own."""
+    """A farm with two slots, shared by the tests of a process; tests that kill processes start their own."""
     get_ready("plain")  # else who waits for a picture waits for its kernel too
     farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
     yield farm
@@ -139,9 +140,9 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Fails a skipped test where $CI is set, since a machine without Chromium would otherwise pass the page's tests.
+    """Fails skipped tests if $CI is set, since a machine without Chromium would otherwise pass the page's tests.
 
-    Tests marked `hardware` need a processor that no installation provides, and are skipped there too.
+    Tests marked `hardware`, which need a processor that no installation can provide, are skipped there too.
     """
     report = yield
     must_run = bool(os.environ.get("CI")) and not item.get_closest_marker("hardware")

@@ -1,4 +1,4 @@
-"""Something on loopback that is no farm: a real server that answers every request with the same bytes."""
+"""A real server on loopback that is no farm: it answers every request with the same bytes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["EMPTY", "HTML", "NOT_A_FARM", "foreign_server", "http_answer", "json
 
 
 def http_answer(body: bytes, content_type: str = "application/json", status: str = "200 OK", length: int | None = None) -> bytes:
-    """A whole answer. length: what it claims of its body, where that is not true."""
+    """Returns an HTTP response. length: a false Content-Length, if any."""
     head = f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body) if length is None else length}\r\n"
     return head.encode() + b"Connection: close\r\n\r\n" + body
 
@@ -41,7 +41,7 @@ NOT_A_FARM: dict[str, tuple[bytes, str]] = {
 
 @contextmanager
 def foreign_server(answer: bytes | Callable[[bytes], bytes | Iterator[bytes]]) -> Iterator[int]:
-    """Its port. answer: what it sends, or a function of the request's first line."""
+    """Yields the server's port. answer: the response, or a function of the request line."""
 
     class Handler(socketserver.StreamRequestHandler):
         def handle(self) -> None:
@@ -72,5 +72,5 @@ def foreign_server(answer: bytes | Callable[[bytes], bytes | Iterator[bytes]]) -
 
 
 def json_answer(data: Any) -> bytes:
-    """An answer in JSON."""
+    """Returns an HTTP response in JSON."""
     return http_answer(json.dumps(data).encode())

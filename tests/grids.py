@@ -1,4 +1,4 @@
-"""A grid of like tests: its corners are ordinary, the cells between them `long`."""
+"""Parametrized grids of tests: the corners are ordinary, other cells `long`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _is_ordinary = False
 
 
 def leave_out_long() -> None:
-    """Leaves `long` cells out of all grids that are made from now on, which is quicker than deselecting their tests."""
+    """Omits `long` cells from all grids made from now on, which is faster than deselecting their tests."""
     global _is_ordinary
     _is_ordinary = True
 
@@ -22,10 +22,10 @@ def leave_out_long() -> None:
 def grid(
     names: str | tuple[str, ...], values: Iterable[Any], ordinary: Collection[Any] | None = None, **options: Any
 ) -> pytest.MarkDecorator:
-    """`pytest.mark.parametrize`, most of whose cells are run by --long alone.
+    """Returns `pytest.mark.parametrize` with most cells marked `long`.
 
-    ordinary: those that stay in the ordinary run, by the first of their values, or by their id; None: the first and the last.
-    One that is in no cell is an error, so that a cell which is renamed does not leave the ordinary run unnoticed.
+    ordinary: cells of the ordinary run, by their first value or id; None: the first and the last. A name without a cell is an
+    error, so that a renamed cell does not silently leave the ordinary run.
     """
     several = (not isinstance(names, str) and len(names) > 1) or (isinstance(names, str) and "," in names)
     cells = [value if isinstance(value, ParameterSet) else pytest.param(*(value if several else (value,))) for value in values]

@@ -1,7 +1,7 @@
-"""Compiles the kernels that the ordinary tests render with (`python -m tests.kernels`), in a process beside the tests.
+"""Compiles the kernels of the ordinary tests (`python -m tests.kernels`), in a process beside the tests.
 
-They are the variants `plain` and `full`, and the kernel for one path at a time. What needs another one (motion, media, Whitted's
-rays, occlusion) is marked `long`.
+These are the variants `plain` and `full`, and the kernel for one path at a time. Tests that need others (motion, media, Whitted,
+ambient occlusion) are marked `long`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["get_ready", "ready_first"]
 
 
 def get_ready(edition: str, **settings: Any) -> None:
-    """Compiles or loads the kernel of an edition, without the processes that help: the tests fill all processors."""
+    """Compiles or loads the kernel of an edition in this process, since the tests use all processors."""
     from renderer.parallel_compile import Helpers
     from renderer.render import warm_up
     from renderer.settings import RenderSettings, View
@@ -33,7 +33,7 @@ def get_ready(edition: str, **settings: Any) -> None:
 
 @contextmanager
 def ready_first(is_ordinary: bool) -> Iterator[None]:
-    """Has every render in this process get its kernel ready first: one process compiles it, the others wait and load it.
+    """Makes every render of this process prepare its kernel first: one process compiles it, others wait and load it.
 
     is_ordinary: whether a kernel that `main` does not compile fails the test.
     """
@@ -61,7 +61,7 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
 
 
 def main() -> None:
-    """Compiles what farms begin with first."""
+    """Compiles the kernels, those that farms need first before others."""
     from renderer.render import FULL, PLAIN
 
     gc.disable()  # a twelfth of the time, and what compiles has next to none

@@ -1,4 +1,4 @@
-"""A farm with very many jobs: their rows alone, as years of work would leave them behind."""
+"""A farm database with very many jobs, as after years of work; rows only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FIRST = 1_700_000_000.0
 
 
 def many_jobs(sessions: Sessions, n: int) -> None:
-    """Write n jobs, a minute apart: of four scenes, most of them over, every tenth a shot of three frames."""
+    """Inserts n jobs, one per minute: of four scenes, most of them finished, every tenth a shot of three frames."""
     settings = RenderSettings(view=_VIEW, width=640, height=360).to_json()
     with sessions.begin() as session:
         session.execute(

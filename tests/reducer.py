@@ -1,4 +1,4 @@
-"""A site's reducer as a process of its own, in the hands of a test or a benchmark."""
+"""A site reducer as a separate process, controlled by a test or benchmark."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Reducing"]
 
 
 class Reducing:
-    """Started where it is made; what it has lies in `folder`, also for the next one."""
+    """A reducer process, started on construction; its data is in `folder`, and remains there for the next process."""
 
     def __init__(self, store: redis.Redis, service: str, token: str, folder: Path, name: str = "attic", port: int = 0) -> None:
         self.store = store
@@ -31,17 +31,17 @@ class Reducing:
         wait_until(self._is_there, 60, "the reducer is there")
 
     def report(self) -> SiteReport | None:
-        """Its latest; None where it tells none any more."""
+        """Returns the latest report; None if the process has stopped reporting."""
         data = self.store.get(site_key(self.name))
         return SiteReport.from_bytes(data) if isinstance(data, bytes) else None
 
     def kill(self) -> None:
-        """With SIGKILL."""
+        """Kills the process with SIGKILL."""
         self.process.kill()
         self.process.wait()
 
     def stop(self) -> int:
-        """As a person does; its exit code."""
+        """Stops the process as from a terminal; returns its exit code."""
         self.process.terminate()
         return self.process.wait(60)
 

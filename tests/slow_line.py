@@ -1,4 +1,4 @@
-"""A bad line to a server, between two programs of one machine."""
+"""A proxy that simulates a slow connection between two programs of one machine."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ __all__ = ["held_up"]
 
 @contextlib.contextmanager
 def held_up(url: str, late_s: float = 0.0, rate: float | None = None) -> Iterator[str]:
-    """The server's address by a line on which all comes late, both ways. rate: bytes a second that go there, at most; what does
-    not get through is not taken either."""
+    """Yields the server's address through a connection with latency `late_s` in both directions.
+
+    rate: maximum bytes a second to the server; the sender is blocked beyond that.
+    """
     where = urlsplit(url)
     with socket.create_server(("127.0.0.1", 0)) as server:
         if rate is not None:

@@ -1,4 +1,4 @@
-"""The arrows of the page and of single modules; those between the packages are contracts in pyproject.toml (`farm.py check`)."""
+"""Import rules of the page and of single modules; those between packages are contracts in pyproject.toml (`farm.py check`)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PAGE = (
 
 @pytest.mark.long
 def test_the_service_starts_without_what_compiles_kernels() -> None:
-    """Its image has no numba in it: importing it must not need one."""
+    """The service can be imported without numba, which its image lacks."""
     program = """
 import sys
 
@@ -60,7 +60,7 @@ def test_the_arrows_of_the_page_point_one_way() -> None:
 
 
 def _imports(path: Path, modules: set[str]) -> set[str]:
-    """Returns the modules that a file imports, in functions too, but not for type checkers alone."""
+    """Returns the modules that a file imports, in functions too, except imports for type checkers only."""
     tree = ast.parse(path.read_text())
     unused = {
         id(node)
@@ -83,7 +83,7 @@ def _imports(path: Path, modules: set[str]) -> set[str]:
 
 
 def test_no_modules_import_each_other() -> None:
-    """Imports within functions and `import_module` included."""
+    """No import cycles, including imports in functions and `import_module`."""
     paths = {
         path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
     }
@@ -92,7 +92,7 @@ def test_no_modules_import_each_other() -> None:
 
 
 def test_no_modules_of_the_page_import_each_other() -> None:
-    """Dynamic imports included; comments, where types are imported, are not."""
+    """No import cycles in web/js, including dynamic imports but not types in comments."""
     graph: dict[Path, set[Path]] = {}
     for path in (ROOT / "web" / "js").rglob("*.js"):
         code = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
@@ -102,7 +102,10 @@ def test_no_modules_of_the_page_import_each_other() -> None:
 
 
 def test_what_the_table_of_additions_names_is_there() -> None:
-    """docs/architecture.md, "To add X, touch Y": each path in it, the last of some files named by the folder of the first."""
+    """All paths in docs/architecture.md, "To add X, touch Y", exist.
+
+    A file without a folder belongs to the folder of the first in its list.
+    """
     table = (ROOT / "docs" / "architecture.md").read_text().split("## To add X, touch Y", 1)[1].split("\n## ", 1)[0]
     for row in [line for line in table.splitlines() if line.startswith("| ")][1:]:
         folder = ROOT

@@ -1,4 +1,4 @@
-"""What comes for clusters and clouds: held against the schemas of Kubernetes, and against what the sources say."""
+"""Deployment files for clusters and clouds, checked against the schemas of Kubernetes and against the sources."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_no_folder_builds_on_one_that_it_lies_in(folder: str) -> None:
-    """Which kustomize refuses as a circle."""
+    """No kustomize overlay refers to a folder that contains it, which kustomize rejects as a cycle."""
     here = (CLUSTER / folder).resolve()
     for resource in yaml.safe_load((here / "kustomization.yaml").read_text())["resources"]:
         found = (here / resource).resolve()
@@ -62,7 +62,7 @@ def test_whether_the_service_is_to_be_restarted_is_asked_on_a_port_of_its_own() 
 
 
 def test_every_pod_passes_pod_security_restricted() -> None:
-    """The fields that the profile `restricted` of Kubernetes' Pod Security Standards asks for."""
+    """All pods satisfy the profile `restricted` of Kubernetes' Pod Security Standards."""
     for part in PARTS:
         if part["kind"] not in ("Deployment", "StatefulSet"):
             continue
@@ -79,7 +79,7 @@ def test_every_pod_passes_pod_security_restricted() -> None:
 
 
 def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
-    """Every pod's container, and the pod, by the container's name."""
+    """Returns (container, pod) of every pod by the container's name."""
     found = {}
     for part in PARTS:
         if part["kind"] in ("Deployment", "StatefulSet"):
@@ -122,7 +122,7 @@ def test_images_are_tagged_by_version() -> None:
 
 
 def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None:
-    """A check that is killed leaves children, which count towards pids_limit as zombies."""
+    """Containers have an init process: a killed health check leaves children, which count towards pids_limit as zombies."""
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
     assert {name for name, service in services.items() if "pids_limit" in service and not service.get("init")} <= {"caddy"}
     assert "healthcheck" not in services["caddy"]
@@ -176,7 +176,10 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
 
 
 def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
-    """No container may write beside them, and each would find it out at its first start: a second of its processor."""
+    """The digest of the sources is computed while the worker's image is built.
+
+    Containers cannot write beside the sources; each would compute it at its start, in a second of processor time.
+    """
     _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     assert kernels.startswith("kernels\n")
     assert "jit.kind()" in kernels
@@ -191,7 +194,7 @@ EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").rea
 
 @pytest.mark.parametrize("name", OURS)
 def test_every_container_of_ours_is_confined(name: str) -> None:
-    """A root that can only be read, no capabilities, no new privileges, bounded logs, memory and processes."""
+    """Containers have a read-only root, no capabilities or new privileges, and limits on logs, memory and processes."""
     container = COMPOSE[name]
     assert container["read_only"] is (name != "old-worker"), "workers up to 0.2 write beside their kernels"
     assert container["cap_drop"] == ["ALL"]
@@ -203,7 +206,7 @@ def test_every_container_of_ours_is_confined(name: str) -> None:
 
 
 def test_only_the_farm_is_on_redis_s_network() -> None:
-    """And each that is on it, and nobody else, sees the secrets."""
+    """Exactly the farm's containers are on Redis's network, and only they have the secrets."""
     on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
     assert on_queue == {"redis", "service", "standby", "worker", "old-worker"}
     assert COMPOSE["redis"]["networks"] == ["queue"]
@@ -219,7 +222,7 @@ def test_no_secret_is_in_the_repository() -> None:
 
 
 def test_one_file_reaches_every_setting() -> None:
-    """The service's by `env_file`, all that Compose substitutes because it is named .env."""
+    """The file .env sets all settings: the service's by `env_file`, others by Compose's substitution."""
     fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
     settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
     text = (ROOT / "docker-compose.yml").read_text()
@@ -240,7 +243,7 @@ def test_what_the_file_says_by_itself_changes_nothing() -> None:
 
 
 def test_compose_is_understood_by_its_first_release_too() -> None:
-    """Which knows no default within a default, and passes on what is left of it."""
+    """The file needs no nested defaults, which Compose's first release does not support."""
     assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())
 
 

@@ -1,4 +1,4 @@
-"""What the documentation points to is there: files, headings, pictures; and each page is reached from the README."""
+"""Links of the documentation lead to existing files, headings and pictures, and each page is reachable from the README."""
 
 from __future__ import annotations
 
@@ -34,6 +34,6 @@ def _is_there(page: Path, link: str) -> bool:
 
 
 def _anchors(page: Path) -> set[str]:
-    """As GitHub makes them of headings."""
+    """Returns the anchors that GitHub derives from a page's headings."""
     headings = HEADING.findall(CODE.sub("", page.read_text(encoding="utf-8")))
     return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}

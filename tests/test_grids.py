@@ -1,4 +1,4 @@
-"""Of a grid the corners are ordinary, and a cell that is named stays so."""
+"""Corners of a grid are ordinary, and so are named cells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `pip install rayfarm` gives: a whole farm, from a wheel alone, in any folder."""
+"""A wheel installed by `pip install rayfarm` runs a whole farm in any folder."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def normal(name: str) -> str:
 
 
 def built(source: Path, to: Path, *targets: str) -> Path:
-    """The folder `to`, with what this environment's build backend makes of another, as it does for pip: nothing is fetched."""
+    """Returns the folder `to` with the build backend's output for `source`, without downloads."""
     wanted = [f"--target={target}" for target in targets]
     command = [sys.executable, "-m", "hatchling", "build", *wanted, "--directory", str(to)]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
@@ -45,7 +45,7 @@ def wheel_in(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel; beside it lies the archive of the sources."""
+    """The wheel; the source archive is beside it."""
     return wheel_in(built(ROOT, tmp_path_factory.mktemp("wheel"), "sdist", "wheel"))
 
 
@@ -85,7 +85,7 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
 
 
 def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is then for this Python and this system; a folder without kernels is refused."""
+    """A wheel with kernels is for this Python and system only; a folder without kernels is refused."""
     compiled = tmp_path / "compiled" / "kernels" / "abc"
     compiled.mkdir(parents=True)
     monkeypatch.setenv("RAYFARM_WHEEL_KERNELS", str(tmp_path / "compiled"))
@@ -112,7 +112,7 @@ def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) ->
 
 
 def everything_works(farm: Farm) -> None:
-    """The page, an example of the page, an upload, a picture."""
+    """Checks the page, an example, an upload and a picture."""
     page = httpx.get(farm.url)
     assert (page.status_code, "<title>" in page.text) == (200, True)
     module = httpx.get(f"{farm.url}/js/main.js")
@@ -127,7 +127,7 @@ def everything_works(farm: Farm) -> None:
 
 @pytest.mark.long
 def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
-    """Unpacked beside the packages of this environment; tests/test_packaging.py's long test installs it truly."""
+    """`rayfarm up` runs from the unpacked wheel with this environment's packages; the long test installs it by pip."""
     site, elsewhere, home = tmp_path / "site", tmp_path / "elsewhere", tmp_path / "home"
     elsewhere.mkdir()
     home.mkdir()
@@ -152,7 +152,7 @@ def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
-    """As a stranger does it: pip fetches all that the wheel asks for."""
+    """The wheel installs into an empty environment, with dependencies downloaded by pip."""
     venv.create(tmp_path / "venv", with_pip=True)
     program = tmp_path / "venv" / "bin"
     pip = [program / "python", "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
@@ -208,7 +208,7 @@ def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str], grap
 
 
 def with_their_own(wanted: list[Requirement]) -> set[str]:
-    """The distributions that these bring, with what they need in turn."""
+    """Returns distributions with all their dependencies."""
     found: set[str] = set()
     seen: set[tuple[str, str]] = set()
     todo = [(each.name, extra) for each in wanted for extra in {"", *each.extras}]

@@ -1,4 +1,4 @@
-"""The service's sentences in the page's languages: those that people meet are in web/words/service.*.json, and no other."""
+"""The service's sentences that users see are exactly those translated in web/words/service.*.json."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _template(key: str) -> str:
 
 
 def _forms(key: str) -> set[str]:
-    """How a sentence may stand in the sources: without what it is about, a reason in brackets, or its point, which others add."""
+    """Returns the forms of a sentence in the sources: without its subject, a reason in brackets, or its full stop."""
     text = _template(key)
     bare = re.sub(rf"^{PLACE} ?", "", text)
     found = {form for each in (text, bare) for form in (each, each.removesuffix("."), each.partition(f" ({PLACE})")[0])}
@@ -105,7 +105,7 @@ def _forms(key: str) -> set[str]:
 
 
 def _fits(template: str, text: str) -> bool:
-    """Whether a text may be one that a template gives."""
+    """Whether a text matches a template."""
     at, parts = 0, template.split(PLACE)
     if len(parts) == 1:
         return template == text
@@ -126,7 +126,7 @@ def _says_enough(text: str) -> bool:
 
 @cache
 def _said() -> frozenset[str]:
-    """All that anybody says, as a whole, by sentences, and by halves as files are refused."""
+    """Returns all messages in the sources, as a whole, by sentence, and by part."""
     found: set[str] = set()
     for path in _files(SPEAKERS):
         for text in _texts(path):
@@ -145,7 +145,7 @@ def _files(names: tuple[str, ...]) -> Iterator[Path]:
 
 @cache
 def _texts(path: Path) -> tuple[str, ...]:
-    """The texts of a module but its docstrings, with PLACE where values go."""
+    """Returns a module's strings except docstrings, with PLACE for values."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     inner = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
     inner |= {id(node.value) for node in nodes if isinstance(node, ast.Expr)}

@@ -1,4 +1,4 @@
-"""What the images' packages lose: deploy/images/slim.py, on a few libraries of this installation."""
+"""deploy/images/slim.py removes unused files, tested on a few libraries of this installation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def library(package: str, pattern: str) -> Path:
 
 @pytest.fixture
 def venv(tmp_path: Path) -> Path:
-    """A virtual environment's folders, with some of what is unused and some of what is not."""
+    """A virtual environment's folders with some used and some unused files."""
     packages = tmp_path / "lib" / "python3.12" / "site-packages"
     for name in (
         "pip/main.py",
@@ -45,7 +45,7 @@ def venv(tmp_path: Path) -> Path:
 
 
 def slim(venv: Path) -> Path:
-    """Runs it; returns the folder of packages."""
+    """Runs slim.py; returns the folder of packages."""
     runpy.run_path(str(ROOT / "deploy" / "images" / "slim.py"))["main"](str(venv))
     return venv / "lib" / "python3.12" / "site-packages"
 

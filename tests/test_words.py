@@ -1,4 +1,4 @@
-"""The page's texts: each in every catalogue of web/words/, and no catalogue with one that is nowhere used."""
+"""The page's texts are in every catalogue of web/words/, and no catalogue has unused ones."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLACE = re.compile(r"\{\w*\}")
 
 
 def test_a_text_is_found_wherever_it_stands() -> None:
-    """What the other tests rest on."""
+    """The extraction of texts, on which the other tests depend, finds all forms."""
     source = 't("One {n}", { n }) + tn(f(a.b(c), 1), "{n} day", "{n} days") + t(\n  "Two") + at("none") + t(label)'
     assert texts_of(source) == {"One {n}", "{n} day", "{n} days", "Two"}
 
@@ -41,17 +41,17 @@ def test_every_text_is_in_the_catalogue_and_nothing_else(language: str) -> None:
 
 
 def texts_of_the_page() -> set[str]:
-    """The literal texts in web/js."""
+    """Returns the literal texts in web/js."""
     return {text for path in (WEB / "js").rglob("*.js") for text in texts_of(path.read_text(encoding="utf-8"))}
 
 
 def texts_of(source: str) -> set[str]:
-    """The literal texts in the source of a module."""
+    """Returns the literal texts in the source of a module."""
     return {json.loads(f'"{text}"') for found in (ONE.findall(source), *COUNTED.findall(source)) for text in found}
 
 
 def texts_of_the_service() -> set[str]:
-    """What the service says and the page translates as it shows it: of settings, of lights by name, of examples."""
+    """Returns the service's texts that the page translates: settings, light presets, examples."""
     found = set()
     for part in described().values():
         for setting in part:
