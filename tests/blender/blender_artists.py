@@ -1,4 +1,4 @@
-"""Scenes of what artists use beside plain surfaces and lamps, made in Blender. Run by a Python that has bpy."""
+"""Scenes with artists' features beyond plain surfaces and lamps, made in Blender. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PRINCIPLED = "Principled BSDF"
 
 
 def _front(scene: bpy.types.Scene) -> None:
-    """A floor, a lamp, and a camera that looks at a row."""
+    """Adds a floor, a lamp, and a camera facing a row of objects."""
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     lamp("AREA", 400, (2.5, -3.5, 5), size=2.5)
     background(scene).inputs["Strength"].default_value = 0.6
@@ -26,7 +26,7 @@ def _row(materials: list[bpy.types.Material], y: float) -> None:
 
 
 def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: float = 0.5):
-    """A material of two shaders, and the node that mixes them."""
+    """Returns a material that mixes two shaders, and the mix node."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     tree = material.node_tree
@@ -42,7 +42,7 @@ def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: fl
 
 
 def _behind(name: str, build, image: bpy.types.Image, socket: str = "Base Color", **values) -> bpy.types.Material:
-    """A principled material of whose sockets one is what `build` makes of a picture."""
+    """Returns a principled material with one socket connected to the nodes that `build` makes from an image."""
     material = principled(name, Roughness=0.8, **values)
     tree = material.node_tree
     node = tree.nodes.new("ShaderNodeTexImage")
@@ -62,7 +62,7 @@ def _new(tree: bpy.types.NodeTree, kind: str, values: dict, source, into, output
 
 
 def shaders() -> bpy.types.Scene:
-    """Mixed shaders above, what nodes make of pictures below."""
+    """Returns mixed shaders in the upper row, and image nodes in the lower one."""
     scene = empty()
     _front(scene)
     diffuse, glossy = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
@@ -110,7 +110,7 @@ def shaders() -> bpy.types.Scene:
 
 
 def suns() -> bpy.types.Scene:
-    """A sun of some size over mirrors and glass, and points of both kinds near to what they light."""
+    """Returns a sun of non-zero size over mirrors and glass, and point lights of both kinds close to surfaces."""
     scene = empty()
     _front(scene)
     bpy.data.objects["area"].hide_render = True
@@ -126,7 +126,7 @@ def suns() -> bpy.types.Scene:
 
 
 def rays() -> bpy.types.Scene:
-    """What the camera does not see, what casts no shadow, and a collection that is there indirectly; beside a mirror."""
+    """Returns objects hidden from camera or shadow rays, and a collection visible indirectly only, beside a mirror."""
     scene = empty()
     _front(scene)
     matt = {"Roughness": 0.8, "Specular_IOR_Level": 0.0}
@@ -145,7 +145,7 @@ def rays() -> bpy.types.Scene:
 
 
 def bumps() -> bpy.types.Scene:
-    """Bumps of a picture's heights above, of several strengths and distances, one inverted; maps of normals below."""
+    """Returns bump maps of several strengths and distances, one inverted, above; normal maps below."""
     scene = empty()
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     background(scene).inputs["Strength"].default_value = 0.1
@@ -181,14 +181,14 @@ def bumps() -> bpy.types.Scene:
 
 
 def _leaning(x: float, y: float) -> tuple[float, float, float]:
-    """Of a map of normals: leaning to and fro."""
+    """Returns normals of a normal map that lean to alternating sides."""
     a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
     length = math.sqrt(a * a + b * b + 1)
     return 0.5 + 0.5 * a / length, 0.5 + 0.5 * b / length, 0.5 + 0.5 / length
 
 
 def surroundings() -> bpy.types.Scene:
-    """A world of an image that is turned, and textures, alpha and bumps on things."""
+    """Returns a world with a rotated image, and objects with textures, alpha and bumps."""
     scene = empty()
     node = world_node(scene, "ShaderNodeTexEnvironment")
     node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)
@@ -216,7 +216,7 @@ def surroundings() -> bpy.types.Scene:
 
 
 def moving() -> bpy.types.Scene:
-    """Motion blur: what turns and flies, what a shape key bends, and the camera."""
+    """Returns motion blur by transforms, a shape key, and the camera."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)

@@ -12,7 +12,7 @@ SIZE = 96, 72
 
 
 def principled(name: str, **values) -> bpy.types.Material:
-    """A material by the names of its sockets, with _ for blanks."""
+    """Returns a principled material. values: by socket names, with _ for spaces."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]
@@ -22,7 +22,7 @@ def principled(name: str, **values) -> bpy.types.Material:
 
 
 def add(primitive: str, material: bpy.types.Material, number: int = 0, smooth: bool = True, **where) -> bpy.types.Object:
-    """An object of Blender's own primitives."""
+    """Adds a Blender primitive."""
     getattr(bpy.ops.mesh, f"primitive_{primitive}_add")(**where)
     thing = bpy.context.object
     thing.data.materials.append(material)
@@ -33,7 +33,7 @@ def add(primitive: str, material: bpy.types.Material, number: int = 0, smooth: b
 
 
 def lamp(kind: str, energy: float, location, **values) -> bpy.types.Object:
-    """A light that looks at the middle of the scene."""
+    """Adds a light aimed at the centre of the scene."""
     light = bpy.data.lights.new(kind.lower(), kind)
     light.energy = energy
     for key, value in values.items():
@@ -46,12 +46,12 @@ def lamp(kind: str, energy: float, location, **values) -> bpy.types.Object:
 
 
 def look(thing: bpy.types.Object, at=(0, 0, 0.6)) -> None:
-    """Turns a thing whose -Z looks."""
+    """Rotates an object so that its -Z points at a location."""
     thing.rotation_euler = (mathutils.Vector(at) - thing.location).to_track_quat("-Z", "Y").to_euler()
 
 
 def empty() -> bpy.types.Scene:
-    """A scene without anything, of a small picture."""
+    """Returns an empty scene with a small image size."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
@@ -70,12 +70,12 @@ def empty() -> bpy.types.Scene:
 
 
 def background(scene: bpy.types.Scene) -> bpy.types.Node:
-    """The world's shader."""
+    """Returns the world's shader node."""
     return scene.world.node_tree.nodes["Background"]
 
 
 def table(scene: bpy.types.Scene) -> None:
-    """Things of several principled materials on a floor."""
+    """Adds objects of several principled materials on a floor."""
     add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.8), 1, size=12)
     add(
         "uv_sphere", principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.35), 2, location=(-1.2, -0.3, 0.7), radius=0.7
@@ -89,7 +89,7 @@ def table(scene: bpy.types.Scene) -> None:
 
 
 def world_node(scene: bpy.types.Scene, kind: str) -> bpy.types.Node:
-    """A node that colours the world."""
+    """Adds a node that colours the world."""
     tree = scene.world.node_tree
     node = tree.nodes.new(kind)
     tree.links.new(node.outputs["Color"], background(scene).inputs["Color"])
@@ -97,9 +97,9 @@ def world_node(scene: bpy.types.Scene, kind: str) -> bpy.types.Node:
 
 
 def painted(name: str, width: int, height: int, paint, is_float: bool = False, space: str = "") -> bpy.types.Image:
-    """An image of a formula of x and y from 0 to 1, the latter upwards; packed, as a file in a .blend is.
+    """Returns a packed image of a function of x and y in 0..1, y upwards.
 
-    space: its colour space, which is set first: to set it afterwards loads an image anew, and what was painted is gone.
+    space: colour space, set first, since setting it later reloads the image and discards its pixels.
     """
     image = bpy.data.images.new(name, width, height, float_buffer=is_float)
     if space:
@@ -112,7 +112,7 @@ def painted(name: str, width: int, height: int, paint, is_float: bool = False, s
 
 
 def blank_images() -> list[str]:
-    """The names of images that show nothing: no pixels, or all of them alike."""
+    """Returns the names of blank images: without pixels, or of a single colour."""
     found = []
     for image in bpy.data.images:
         if image.source == "VIEWER" or not image.users:
@@ -126,7 +126,7 @@ def blank_images() -> list[str]:
 
 
 def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, scale: float | None = 2.0) -> None:
-    """An image on a socket, by a Mapping where it is scaled."""
+    """Connects an image to a socket, through a Mapping node if it is scaled."""
     tree = material.node_tree
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
@@ -141,7 +141,7 @@ def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, 
 
 
 def leaves(scene: bpy.types.Scene) -> None:
-    """A collection that is shown many times, each place another."""
+    """Adds a collection with many instances at different transforms."""
     stem = bpy.data.collections.new("stem")
     bpy.ops.mesh.primitive_cone_add(radius1=0.12, depth=0.5)
     thing = bpy.context.object
@@ -159,7 +159,7 @@ def leaves(scene: bpy.types.Scene) -> None:
 
 
 def smoke_filled(tree: Any, surface: str) -> None:
-    """Smoke in the place of a thing, or within its glass."""
+    """Connects smoke as a volume, alone or inside a glass surface."""
     shader = tree.nodes["Principled BSDF"]
     if surface == "glass":
         _set(shader, Base_Color=(1, 1, 1, 1), Transmission_Weight=1.0, Roughness=0.3, IOR=1.3)
@@ -171,7 +171,7 @@ def smoke_filled(tree: Any, surface: str) -> None:
 
 
 def waxen(tree: Any, method: str) -> None:
-    """Light beneath a thing's surface."""
+    """Sets subsurface scattering."""
     shader = tree.nodes["Principled BSDF"]
     shader.subsurface_method = method
     _set(shader, Subsurface_Weight=1.0, Subsurface_Radius=(1.0, 0.5, 0.3), Subsurface_Scale=0.3)

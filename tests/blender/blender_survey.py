@@ -1,4 +1,4 @@
-"""What a scene may ask of a renderer, one thing each: to be taken over, or named. Run by a Python that has bpy."""
+"""Scenes with one renderer feature each, which must be supported or reported. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _sky(kind: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _things() -> None:
-    """A matt floor with things, of which none is glossy enough to show single pixels of a lamp."""
+    """Adds objects on a diffuse floor, none glossy enough to show single pixels of a lamp."""
     add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), 1, size=12)
     red = principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.6)
     blue = principled("blue", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.7)
@@ -79,7 +79,7 @@ def _thing(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
-    """Cycles' settings that are not as they are unless told."""
+    """Returns a function that sets Cycles settings to other than default values."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -90,7 +90,7 @@ def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
-    """A cube that flies while the shutter is open."""
+    """Returns a function that adds a moving cube while the shutter is open."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -119,19 +119,19 @@ def _layered(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _shutter_of_layer(scene: bpy.types.Scene) -> None:
-    """A view layer that no shutter blurs."""
+    """Disables motion blur in a view layer."""
     _blurred("CENTER")(scene)
     bpy.context.view_layer.use_motion_blur = False
 
 
 def _still(scene: bpy.types.Scene) -> None:
-    """A thing that flies, and is not to be blurred."""
+    """Adds a moving object without motion blur."""
     _blurred("CENTER")(scene)
     bpy.data.objects["Cube"].cycles.use_motion_blur = False
 
 
 def _panes(scene: bpy.types.Scene) -> None:
-    """What is transparent, and darkens all the same."""
+    """Adds a transparent object that casts opaque shadows."""
     _plain(scene)
     ghost = principled("ghost", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0, Alpha=0.4)
     ghost.use_transparent_shadow = False
@@ -139,7 +139,7 @@ def _panes(scene: bpy.types.Scene) -> None:
 
 
 def _culled(scene: bpy.types.Scene) -> None:
-    """Backs that other engines leave out, and Cycles does not."""
+    """Adds surfaces with backface culling, which Cycles ignores."""
     _plain(scene)
     red = bpy.data.materials["red"]
     red.use_backface_culling = True
@@ -148,7 +148,7 @@ def _culled(scene: bpy.types.Scene) -> None:
 
 
 def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
-    """A leaning plane whose normals a picture tells in an object's space, or in the world's."""
+    """Returns a function that adds a tilted plane with a normal map in object or world space."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -174,7 +174,7 @@ def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _bright(entry: str) -> Callable[[bpy.types.Scene], None]:
-    """Colours of noise that go beyond 1."""
+    """Returns a function that adds noise colours above 1."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -196,7 +196,7 @@ def _film(scene: bpy.types.Scene) -> None:
 
 
 def _view(scene: bpy.types.Scene) -> None:
-    """What the picture is looked at with: no pixel of an EXR is another."""
+    """Sets view transforms, which do not affect an EXR's pixels."""
     _plain(scene)
     scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 1.5
 
@@ -207,7 +207,7 @@ def _scaled_camera(scene: bpy.types.Scene) -> None:
 
 
 def _held(scene: bpy.types.Scene) -> None:
-    """By its collection, in the view layer."""
+    """Makes an object a holdout by its collection in the view layer."""
     _plain(scene)
     aside = bpy.data.collections.new("aside")
     scene.collection.children.link(aside)
@@ -218,7 +218,7 @@ def _held(scene: bpy.types.Scene) -> None:
 
 
 def _linked(scene: bpy.types.Scene) -> None:
-    """A lamp for one thing alone."""
+    """Links a lamp to a single object."""
     _plain(scene)
     receivers = bpy.data.collections.new("receivers")
     receivers.objects.link(bpy.data.objects["Cube"])
@@ -226,13 +226,13 @@ def _linked(scene: bpy.types.Scene) -> None:
 
 
 def _far(scene: bpy.types.Scene) -> None:
-    """Of the floor the camera sees no more than the first metres."""
+    """Sets a camera clipping distance that hides all but the first metres of the floor."""
     _plain(scene)
     scene.camera.data.clip_end = 7.0
 
 
 def _dark_world(scene: bpy.types.Scene) -> None:
-    """Lights, but is not there for the camera."""
+    """Makes the world invisible to the camera; it still emits light."""
     _plain(scene)
     scene.camera.rotation_euler[0] += 0.25
     scene.world.cycles_visibility.camera = False
@@ -247,7 +247,7 @@ def _foggy(scene: bpy.types.Scene) -> None:
 
 
 def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene], None]:
-    """With another material of the ball."""
+    """Returns a function that changes the ball's material."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -258,13 +258,13 @@ def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene
 
 
 def _overridden(scene: bpy.types.Scene) -> None:
-    """All in clay, as the view layer says."""
+    """Sets a material override in the view layer."""
     _plain(scene)
     bpy.context.view_layer.material_override = principled("clay", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0)
 
 
 def _mirrored(scene: bpy.types.Scene) -> None:
-    """Turned inside out by a negative scale, and sheared by a parent."""
+    """Adds an object with negative scale and one sheared by its parent."""
     _plain(scene)
     parent = bpy.data.objects.new("parent", None)
     parent.scale, parent.rotation_euler = (1.5, 0.7, 1.0), (0, 0, 0.5)
@@ -274,7 +274,7 @@ def _mirrored(scene: bpy.types.Scene) -> None:
 
 
 def _simplified(scene: bpy.types.Scene) -> None:
-    """Surfaces no smoother than the scene lets them be rendered."""
+    """Sets a simplify limit on subdivision."""
     _plain(scene)
     scene.render.use_simplify, scene.render.simplify_subdivision, scene.render.simplify_subdivision_render = True, 0, 1
     smooth = bpy.data.objects["Cube"].modifiers.new("smooth", "SUBSURF")
@@ -282,7 +282,7 @@ def _simplified(scene: bpy.types.Scene) -> None:
 
 
 def _hidden(scene: bpy.types.Scene) -> None:
-    """Things that some rays pass by, for their indices."""
+    """Adds objects with ray visibility and pass indices."""
     _plain(scene)
     for i, (name, flag) in enumerate((("unseen", "visible_camera"), ("shadeless", "visible_shadow"))):
         colored = principled(name, Base_Color=(0.2, 0.6, 0.2, 1), Roughness=0.8)
@@ -383,7 +383,7 @@ SURVEY: dict[str, Survey] = {
 
 
 def made(name: str) -> bpy.types.Scene:
-    """The scene of a name."""
+    """Returns the scene of a name."""
     scene = empty()
     SURVEY[name][0](scene)
     if scene.camera.data.type != "PANO" and name not in ("camera-scaled", "world-unseen"):

@@ -1,4 +1,4 @@
-"""What stands in for a window of Blender's. Run by a Python that has bpy."""
+"""A substitute for Blender's window. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from blender_scenes import SIZE
 
 
 class Region:
-    """What Blender tells of a window's region, looked through the scene's camera."""
+    """A window region that looks through the scene's camera."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.width, self.height = SIZE
@@ -25,7 +25,7 @@ class Region:
 
 
 class Engine:
-    """Of an engine in a window what a viewport asks for."""
+    """The parts of a render engine that a viewport uses."""
 
     redraws = 0
 

@@ -1,4 +1,4 @@
-"""Blender's nodes, as far as the add-on asks them: to be linked without Blender."""
+"""Substitutes for Blender's nodes, as far as the add-on uses them, that can be linked without Blender."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def socket(name: str, value: Any = None) -> SimpleNamespace:
 
 
 class Node:
-    """inputs: names and values. more: properties."""
+    """A node. inputs: values by name; more: properties."""
 
     def __init__(self, kind: str, inputs: dict[str, Any], outputs: tuple[str, ...] = ("Color",), **more: Any) -> None:
         self.type, self.bl_label, self.mute, self.name = kind, kind.title(), False, kind
@@ -50,7 +50,7 @@ def at(source: Node, output: str | int = 0) -> At:
 
 
 def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:
-    """Straight between its stops."""
+    """Returns a ramp with linear interpolation."""
     places = [place for place, _ in stops]
 
     def evaluate(x: float) -> list[float]:
@@ -60,7 +60,7 @@ def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:
 
 
 class Image:
-    """A picture file's pixels, (h, w, 3) as they are encoded, rows from the top."""
+    """An image with (h, w, 3) encoded pixels, rows from the top."""
 
     is_float, is_dirty, source, file_format, packed_file, channels = False, False, "GENERATED", "PNG", None, 4
 

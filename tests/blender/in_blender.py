@@ -1,8 +1,8 @@
-"""What tests/blender/test_in_blender.py has Blender do. Run by a Python that has bpy: nothing of ours is imported but the add-on.
+"""Tasks of tests/blender/test_in_blender.py inside Blender. Run by a Python that has bpy; imports only the add-on of ours.
 
     python in_blender.py FOLDER URL TASK,TASK:SCENE [TOKEN]
 
-FOLDER has the add-on's package; what a task makes, it writes there. The last line printed is JSON.
+FOLDER has the add-on's package, and receives the tasks' output. The last line printed is JSON.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
 
 
 def use(engine: str, scene: bpy.types.Scene, samples: int) -> None:
-    """The engine, with like settings."""
+    """Selects an engine with comparable settings."""
     scene.render.engine = engine
     if engine == "RAYFARM":
         scene.rayfarm.samples, scene.rayfarm.depth, scene.rayfarm.filter = samples, 14, "box"
@@ -50,7 +50,7 @@ def use(engine: str, scene: bpy.types.Scene, samples: int) -> None:
 
 
 def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, format: str = "OPEN_EXR") -> str:
-    """Renders it into a file of the folder."""
+    """Renders a picture into a file of the folder; returns the file's name."""
     use(engine, scene, samples)
     scene.render.image_settings.file_format = format
     scene.render.filepath = str(FOLDER / name)
@@ -59,7 +59,7 @@ def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, 
 
 
 def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
-    """The same by Cycles and by the farm; what the add-on says of it."""
+    """Renders with Cycles and with the farm; returns the add-on's messages."""
     from rayfarm_addon.ui import connection
 
     lost = blank_images()
@@ -70,7 +70,7 @@ def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
 
 
 def lamps() -> list[str]:
-    """Each kind of light alone."""
+    """Renders each kind of light alone."""
     kinds = {
         "sun": ("SUN", 3.0, {"angle": 0.2}),
         "point": ("POINT", 400.0, {"shadow_soft_size": 0.3, "color": (1, 0.8, 0.6)}),
@@ -88,7 +88,7 @@ def lamps() -> list[str]:
 
 
 def hidden() -> list[str]:
-    """Lamps in the picture and in a mirror, between a sun (of no size: Cycles' mirrors show suns) and the table."""
+    """Renders lamps visible directly and in a mirror, with a sun of size 0, since Cycles' mirrors show suns."""
     for name, is_seen in (("hidden", False), ("shown", True)):
         scene = empty()
         table(scene)
@@ -103,7 +103,7 @@ def hidden() -> list[str]:
 
 
 def survey(*names: str) -> dict[str, list[str]]:
-    """What is said of each of SURVEY's scenes; beside their pictures are those of what they hide, and the .blend files."""
+    """Renders scenes of SURVEY with both engines, and saves the .blend files; returns the messages by scene."""
     said = {}
     for name in names or SURVEY:
         scene = made(name)
@@ -114,7 +114,7 @@ def survey(*names: str) -> dict[str, list[str]]:
 
 
 def indices() -> dict:
-    """Of things that some rays pass by, the numbers."""
+    """Renders the index passes of objects with ray visibility, with both engines."""
     scene = made("hidden")
     layer = bpy.context.view_layer
     layer.use_pass_object_index = layer.use_pass_material_index = True
@@ -124,7 +124,7 @@ def indices() -> dict:
 
 
 def artists() -> list[str]:
-    """Of blender_artists.py."""
+    """Renders scenes of blender_artists.py."""
     names = ("shaders", "suns", "rays", "bumps")
     for name in names:
         both(f"artists-{name}", getattr(blender_artists, name)())
@@ -132,13 +132,13 @@ def artists() -> list[str]:
 
 
 def surroundings() -> list[str]:
-    """Of blender_artists.py."""
+    """Renders the surroundings of blender_artists.py."""
     both("surroundings", blender_artists.surroundings())
     return ["surroundings"]
 
 
 def cameras() -> list[str]:
-    """Depth of field, a shifted lens, a border, orthographic; of many instances, some by a parent that shows its child often."""
+    """Renders depth of field, a shifted lens, a border and an orthographic camera, with many instances."""
     names = []
     for name in ("field", "shift", "border", "flat"):
         scene = empty()
@@ -162,7 +162,7 @@ def cameras() -> list[str]:
 
 
 def moving() -> list[str]:
-    """Of blender_artists.py, at two places of the shutter."""
+    """Renders motion blur of blender_artists.py at two shutter positions."""
     scene = blender_artists.moving()
     names = []
     for at in ("CENTER", "END"):
@@ -175,7 +175,7 @@ def moving() -> list[str]:
 
 
 def passes() -> dict:
-    """All planes, as a file of layers."""
+    """Renders all passes into a multilayer file."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)
@@ -191,14 +191,14 @@ def passes() -> dict:
 
 
 def sent_bytes() -> int:
-    """By the last upload to the farm."""
+    """Returns the number of bytes of the last upload to the farm."""
     from rayfarm_addon.ui import connection
 
     return connection.connect(URL, TOKEN, "").uploads.sent_bytes
 
 
 def changes() -> dict:
-    """What is sent when all is new, nothing changed, one small thing moved, one large mesh changed, and in the next shot."""
+    """Returns what is sent: at first, unchanged, after moving a small object, after changing a large mesh, in the next shot."""
     scene = empty()
     table(scene)
     for i in range(3):
@@ -225,7 +225,7 @@ def changes() -> dict:
 
 
 def animation() -> list[str]:
-    """Three frames by Ctrl-F12."""
+    """Renders three frames as an animation."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)
@@ -241,7 +241,7 @@ def animation() -> list[str]:
 
 
 def refused() -> dict:
-    """What Blender says where the farm cannot be reached, or does not let in."""
+    """Returns Blender's errors for an unreachable farm and for a wrong token."""
     scene = empty()
     table(scene)
     use("RAYFARM", scene, 1)
@@ -265,7 +265,7 @@ def refused() -> dict:
 
 
 def cancelled() -> dict:
-    """Esc while tiles come: by the engine's own question whether to go on."""
+    """Cancels a render while tiles arrive, by the engine's `test_break`."""
     scene = empty()
     table(scene)
     use("RAYFARM", scene, 1 << 16)
@@ -285,7 +285,7 @@ def cancelled() -> dict:
 
 
 def viewport() -> dict:
-    """All of a viewport but its drawing, for which there must be a window: what it reads, sends and gets."""
+    """Runs a viewport except for drawing, which needs a window; returns what it reads, sends and receives."""
     from rayfarm_addon.ui.viewport import Viewport
 
     scene = empty()
@@ -302,7 +302,7 @@ def viewport() -> dict:
     view.update(bpy.context.evaluated_depsgraph_get())
 
     def seen() -> np.ndarray:
-        """The picture, when there is nothing to add to it."""
+        """Returns the picture once it is complete."""
         until = time.monotonic() + 300
         depsgraph = bpy.context.evaluated_depsgraph_get()
         while time.monotonic() < until:
@@ -338,7 +338,7 @@ def viewport() -> dict:
 
 
 def large() -> dict:
-    """Seconds of one core for a million triangles with normals and UVs, from Blender to the files."""
+    """Returns the CPU seconds to export a million triangles with normals and UVs."""
     from rayfarm_addon.scene.files import digest_of, scene_files
     from rayfarm_addon.scene.gather import gather
 

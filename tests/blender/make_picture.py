@@ -1,6 +1,6 @@
-"""Makes docs/blender.jpg: a scene made here, rendered by the add-on on a farm. Run by a Python that has bpy.
+"""Renders docs/blender.jpg: a scene made here, by the add-on on a farm. Run by a Python that has bpy.
 
-python make_picture.py FOLDER URL, where FOLDER has the add-on's package; the picture is written there.
+python make_picture.py FOLDER URL, where FOLDER has the add-on's package and receives the picture.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FOLDER, URL = Path(sys.argv[1]), sys.argv[2]
 
 
 def scene() -> bpy.types.Scene:
-    """Heads of Blender's own ape in several materials, cones by instances, a lens with depth of field."""
+    """Returns monkey heads of several materials, instanced cones, and a camera with depth of field."""
     made = empty()
     background(made).inputs["Color"].default_value = (0.35, 0.42, 0.5, 1)
     background(made).inputs["Strength"].default_value = 0.5

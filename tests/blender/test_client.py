@@ -1,4 +1,4 @@
-"""What the add-on does with a farm that refuses, hangs, forgets or is no farm; and what it sends again."""
+"""The add-on's client handles farms that refuse, hang, lose jobs or are no farm, and repeats uploads."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from blender.rayfarm_addon.scene.files import digest_of
 
 
 class Answering(ThreadingHTTPServer):
-    """A farm of a few canned answers, which keeps what it was asked. answers: status and body by method and path."""
+    """A farm with canned responses that records requests. answers: status and body by method and path."""
 
     daemon_threads = True
 
@@ -160,7 +160,7 @@ def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
 
 
 def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
-    """As behind a proxy that lets none through; and what a job that failed says, is said."""
+    """Without a live channel, as behind some proxies, the job is polled, and a failed job's message is reported."""
     job = {"id": "j", "state": "failed", "error": "it is too dark", "progress": 0.0, "frames": [{"number": 0}]}
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
     server.answers["GET /api/scenes/one"] = 200, {"id": "one", "status": "ready", "warnings": []}

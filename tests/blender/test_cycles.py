@@ -1,4 +1,4 @@
-"""What is said of Cycles' settings: of each that changes the picture, and of no other."""
+"""Exactly the unsupported Cycles settings that change the picture are reported."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ KINDS = ("preview_", "denoising_", "debug_", "use_guiding", "guiding_", "use_pre
 
 
 def scene(**changed: Any) -> tuple[Any, Any]:
-    """A scene and its view layer, as they are unless told."""
+    """A scene and its view layer with default settings."""
     straight = SimpleNamespace(curves=[SimpleNamespace(points=[SimpleNamespace(location=(x, 1.0)) for x in (0.0, 1.0)])])
     render = {
         "engine": "CYCLES",
@@ -115,7 +115,7 @@ def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: s
 
 
 def test_bounces_are_limited_as_in_cycles() -> None:
-    """Cycles lights what lies behind so many bounces; ours end there, so each limit is one more."""
+    """Cycles counts bounces and still lights the last hit; our limits count one more."""
 
     def depths(**changed: Any) -> dict[str, int]:
         return cycles.depths_of(scene(**changed)[0])
@@ -148,7 +148,7 @@ def test_flags_of_many_objects_are_one_sentence() -> None:
 
 @pytest.mark.long
 def test_no_setting_of_cycles_is_forgotten() -> None:
-    """A later Blender may have more: each is to be named, taken over, or known to change no picture."""
+    """Every setting of Cycles, including those of later Blenders, is supported, reported, or known to be irrelevant."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")

@@ -1,4 +1,4 @@
-"""Scenes as the add-on writes them, as the farm reads them."""
+"""Scenes written by the add-on are read correctly by the farm."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
 
 
 def test_a_texture_lies_as_blender_has_it(tmp_path) -> None:
-    """Mapping: p' = R (S p) + T, with v upwards; the file's v is downwards before and after."""
+    """Mapping: p' = R (S p) + T with v upwards; in the file v is downwards before and after."""
     from blender.rayfarm_addon.scene.images import add_pixels
 
     angle, scale, shift = 0.7, (2.0, 3.0), (0.2, -0.4)
@@ -120,7 +120,7 @@ def test_decomposed_is_composed_again() -> None:
 
 
 def projected(shift: tuple[float, float]) -> np.ndarray:
-    """A perspective of 50 mm on 36 mm, 300 x 200, as Blender's matrices are."""
+    """Returns a perspective matrix of 50 mm on 36 mm, 300 x 200, in Blender's convention."""
     slope = 18 / 50
     found = np.zeros((4, 4))
     found[0, 0], found[1, 1] = 1 / slope, 1.5 / slope
@@ -152,7 +152,7 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
 
 
 def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
-    """Things that some rays pass by have materials of their own at the farm."""
+    """Pass indices match the farm's, also for objects with ray visibility, which have separate materials there."""
     scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
     flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
     for i, hidden in enumerate(flags):
@@ -175,7 +175,7 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
 )
 def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
-    """Blender's brightness: 49 times ours where it has a sun; a request could not say of what size that is."""
+    """A sky is in the scene file, 49 times as bright as ours with a sun; a request cannot hold the sun's size."""
     node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
     node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
     node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0

@@ -1,6 +1,6 @@
-"""The add-on in Blender, by its module, against a real farm: pictures and passes beside Cycles', what is sent, what is said.
+"""The add-on in Blender's Python module, against a real farm: pictures, passes, uploads and messages, compared to Cycles.
 
-Not run here is what takes a window: the drawing of a viewport's picture, and the panels.
+Not covered is what needs a window: drawing a viewport, and the panels.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def own_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 
 def blender(folder: Path, url: str, tasks: str) -> Any:
-    """What tasks of in_blender.py give, in a Blender of their own."""
+    """Returns the results of in_blender.py's tasks in a separate Blender."""
     (folder / "rayfarm_addon").symlink_to(ROOT / "blender" / "rayfarm_addon")
     script = Path(__file__).with_name("in_blender.py")
     done = subprocess.run([python_with_bpy(), script, folder, url, tasks], capture_output=True, text=True, check=False)
@@ -66,7 +66,7 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
 
 @pytest.mark.parametrize("end", ["pass", "raise SystemExit(3)", "raise ValueError('of a script')"])
 def test_a_script_ends_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
-    """Classes of the add-on's that are left in Blender's module kept its Python from ending."""
+    """A script ends with the add-on registered: classes left registered would keep Python from exiting."""
     if python_with_bpy() is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     script = tmp_path / "script.py"
@@ -113,7 +113,7 @@ def surveyed(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def judged(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
-    """As Cycles has it."""
+    """Asserts that a picture matches that of Cycles."""
     both = [blocks(np.minimum(each, BRIGHTEST)) for each in (ours, theirs)]
     difference = float(np.abs(both[0] - both[1]).mean() / both[1].mean())
     print(f"{name}: differs by {difference:.2%}")
@@ -126,7 +126,7 @@ def assert_said(word: str, said: list[str]) -> None:
 
 
 def survey_table() -> list[tuple[str, str, str]]:
-    """The rows of blender_survey.py's table, without Blender: a name, and what the add-on and the .blend's reader are to say."""
+    """Returns rows of blender_survey.py's table, read without Blender: name, and expected messages of add-on and .blend reader."""
     tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
     table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
     assert isinstance(table, ast.Dict)
@@ -172,7 +172,7 @@ def test_things_that_some_rays_pass_by_have_their_indices(own_farm: Farm, tmp_pa
 
 
 def layers(path: Path) -> dict[str, np.ndarray]:
-    """The channels of a multilayer EXR by what follows the view layer's name."""
+    """Returns the channels of a multilayer EXR, by their names after the view layer's."""
     picture = oiio.ImageBuf(str(path))
     planes = np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0)
     return {name.partition(".")[2]: plane for name, plane in zip(picture.spec().channelnames, planes, strict=True)}

@@ -1,4 +1,4 @@
-"""Blender's lamps in a scene file's terms, against the light that they send."""
+"""Blender's lights converted to a scene file have the same flux."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
 
 
 def test_the_power_of_a_square_metre() -> None:
-    """With "Normalize" off."""
+    """With "Normalize" off, power is per square metre."""
     area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
     assert area == pytest.approx(10 / math.pi)
     point = lamp("POINT", normalize=False).lamp_materials["lamp"]["emission"][0]
@@ -69,7 +69,7 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
 
 
 def test_numbers_behind_a_lamp_are_worked_out() -> None:
-    """A black body's colour by a strength that is a product; what falls off by the square does so in any case."""
+    """Light node inputs are evaluated: a black body's colour, a product as strength; quadratic falloff is the default."""
     body = Node("BLACKBODY", {"Temperature": 3000.0})
     falls = Node("LIGHT_FALLOFF", {"Strength": 2.0, "Smooth": 0.0}, ("Quadratic", "Linear"))
     for output, wanted in (("Quadratic", [2 * c for c in blackbody(3000.0)]), ("Linear", None)):

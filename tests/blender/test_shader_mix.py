@@ -1,4 +1,4 @@
-"""Shaders and mixes of them in terms of one principled BSDF."""
+"""Shaders and their mixes become a single principled BSDF."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def looked(node: Node) -> tuple[Any, list[str]]:
 
 
 def material(node: Node) -> tuple[dict[str, Any], list[str]]:
-    """glTF's JSON of it, as the add-on writes it."""
+    """Returns the glTF JSON that the add-on writes, and its messages."""
     output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
     linked(node, output, "Surface")
     tree = SimpleNamespace(get_output_node=lambda engine: output, nodes=[])
@@ -99,7 +99,7 @@ def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
 
 
 def test_glass_that_casts_no_shadow_is_glass() -> None:
-    """The trick by which shadow rays pass glass: a mix by what kind of ray it is."""
+    """Glass mixed with transparency for shadow rays is plain glass."""
     glass = Node("BSDF_GLASS", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": 1.5, "Normal": None}, OUT)
     ray = Node("LIGHT_PATH", {}, ("Is Camera Ray", "Is Shadow Ray"))
     mix = mixed(glass, clear())
@@ -129,7 +129,7 @@ def test_what_shines_and_is_added() -> None:
 
 
 def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
-    """Cycles: alpha is roughness^2 times, and across over, 1 - anisotropy; of a negative one the other way round."""
+    """Cycles: alpha is roughness^2 * (1 - anisotropy) along the tangent, roughness^2 / (1 - anisotropy) across; reversed if negative."""
     for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
         node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
         told, _ = looked(node)

@@ -1,4 +1,4 @@
-"""What Blender's nodes say of the inside of things: volumes by Cycles' formulas, subsurface scattering by its radii."""
+"""Interiors of Blender's materials: volumes by Cycles' formulas, and subsurface scattering by its radii."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_what_of_a_volume_is_not_taken_over_is_named(node: Node, sentence: str) 
 
 
 def material(surface: Node | None = None, volume: Node | None = None) -> tuple[dict[str, Any], list[str]]:
-    """glTF's JSON of it, as the add-on writes it."""
+    """Returns the glTF JSON that the add-on writes, and its messages."""
     output = Node("OUTPUT_MATERIAL", {"Surface": None, "Volume": None, "Displacement": None}, ())
     for node, name in ((surface, "Surface"), (volume, "Volume")):
         if node is not None:
@@ -152,7 +152,7 @@ def test_a_radius_is_four_pi_mean_free_paths() -> None:
 
 
 def test_skins_radius_is_what_light_diffuses_by() -> None:
-    """Jensen et al. 2001: the albedo whose half space looks as the colour does."""
+    """A skin radius is a diffusion length (Jensen et al. 2001): the albedo reproduces the half space's colour."""
     found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
     inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
     for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):
@@ -180,7 +180,7 @@ def test_the_node_of_subsurface_scattering_alone() -> None:
 
 
 def test_hair_has_its_colour() -> None:
-    """Chiang et al. 2016: what is dyed so that it looks like a colour does look like it."""
+    """Hair absorption reproduces the given colour (Chiang et al. 2016)."""
     said = {"Color": (0.1, 0.1, 0.1, 1.0), "Melanin": 0.0, "Melanin Redness": 0.5, "Tint": (0.6, 0.3, 0.1, 1.0)}
     said |= {"Radial Roughness": 0.3, "Absorption Coefficient": (0.0, 0.0, 0.0)}
 

@@ -1,4 +1,4 @@
-"""Hair as tubes."""
+"""Hair is exported as tubes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the farm sends, as the add-on reads it: held against the very code that packs it."""
+"""The add-on decodes what the farm's own code encodes."""
 
 from __future__ import annotations
 
