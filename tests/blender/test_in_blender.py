@@ -126,7 +126,7 @@ def assert_said(word: str, said: list[str]) -> None:
 
 
 def survey_table() -> list[tuple[str, str, str]]:
-    """Returns rows of blender_survey.py's table, read without Blender: name, and expected messages of add-on and .blend reader."""
+    """Returns rows of blender_survey.py's table, read without Blender: name, expected messages of add-on and reader."""
     tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
     table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
     assert isinstance(table, ast.Dict)

@@ -129,7 +129,7 @@ def test_what_shines_and_is_added() -> None:
 
 
 def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
-    """Cycles: alpha is roughness^2 * (1 - anisotropy) along the tangent, roughness^2 / (1 - anisotropy) across; reversed if negative."""
+    """Cycles: alpha along the tangent is roughness^2 * (1 - anisotropy), and across it roughness^2 / (1 - anisotropy)."""
     for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
         node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
         told, _ = looked(node)

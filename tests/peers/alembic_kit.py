@@ -1,10 +1,9 @@
-"""A shot as an Alembic file, and as a .blend whose modifiers bend meshes over time, with what Blender shows of each.
+"""Writes a shot as an Alembic file, and as a .blend with mesh-deforming modifiers, with Blender's vertex positions of each.
 
     python alembic_kit.py FOLDER
 
-Run by a Python that has bpy. Writes shot.abc and shot.blend; told.json: by file and frame, of each mesh its name, how many
-triangles it has and its vertices in the world, and where the camera is. What is told of the Alembic file is what Blender reads
-back from it.
+Run by a Python that has bpy. Writes shot.abc, shot.blend and told.json: by file and frame, the name, triangle count and world
+vertices of each mesh, and the camera's position. For the Alembic file these are what Blender reads back from it.
 """
 
 from __future__ import annotations
@@ -80,7 +79,7 @@ def told() -> dict[int, Any]:
 
 
 def main(folder: Path) -> None:
-    """The command."""
+    """Runs the command."""
     build()
     bpy.context.scene.frame_set(FRAMES[0])
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))

@@ -1,4 +1,4 @@
-"""Small scenes, each of one thing that was otherwise here than in Cycles, as .blend files with Cycles' pictures beside them.
+"""Writes small .blend scenes of one feature each, once rendered differently from Cycles, with Cycles' pictures.
 
 python blend_features.py FOLDER [NAME...]        run by a Python that has bpy
 """
@@ -22,7 +22,7 @@ SHADER = "Principled BSDF"
 
 
 def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
-    """A ball on a floor; the ball, and the nodes of its material."""
+    """Returns a ball on a floor, and the nodes of its material."""
     add("plane", principled("floor", Base_Color=(0.5, 0.45, 0.4, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     if power:
         lamp("AREA", power, (2.5, -3.0, 4), size=3.0)
@@ -35,7 +35,7 @@ def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
 
 
 def stripes(tree: Any, space: str) -> Any:
-    """The colours of a picture of stripes."""
+    """Returns the colour output of a striped image."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted(
@@ -45,7 +45,7 @@ def stripes(tree: Any, space: str) -> Any:
 
 
 def grey(tree: Any) -> Any:
-    """A picture of numbers, told as colours by mistake, as Blender has new images."""
+    """Returns the output of a data image marked as colour, as are Blender's new images."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted("numbers", 16, 16, lambda x, y: (0.2 + 0.5 * (int(x * 8) % 2),) * 3)
@@ -75,7 +75,7 @@ def spaces(scene: Any) -> None:
 
 
 def mask(scene: Any) -> None:
-    """Colours for opacity."""
+    """Sets colours as opacity."""
     _, tree = stage(scene)
     tree.links.new(stripes(tree, "Non-Color").outputs[0], tree.nodes[SHADER].inputs["Alpha"])
 
@@ -108,13 +108,13 @@ def brushed_glossy(scene: Any) -> None:
 
 
 def plain(scene: Any) -> None:
-    """What has no material."""
+    """Adds an object without a material."""
     ball, _ = stage(scene)
     ball.data.materials.clear()
 
 
 def of_each(scene: Any) -> None:
-    """The colours of objects that share a mesh."""
+    """Colours objects that share a mesh by object."""
     ball, tree = stage(scene, Roughness=0.8)
     node = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(node.outputs["Color"], tree.nodes[SHADER].inputs["Base Color"])
@@ -126,7 +126,7 @@ def of_each(scene: Any) -> None:
 
 
 def lamps(scene: Any) -> None:
-    """One that is not rendered, two by a collection, a portal; one of a square metre, one by its nodes."""
+    """Adds lamps: not rendered, twice by a collection, a portal, of a square metre, with nodes."""
     stage(scene, power=0.0)
     lamp("POINT", 500.0, (0, -2, 3)).hide_render = True
     lamp("AREA", 500.0, (0, -2, 3)).data.cycles.is_portal = True
@@ -153,7 +153,7 @@ def _shaded(thing: Any) -> Any:
 
 
 def profiles(scene: Any) -> None:
-    """A point and a spot by an IES profile that is another in each direction, of a file and of a text; turned."""
+    """Adds a point and a spot light with asymmetric IES profiles, from a file and a text block; rotated."""
     stage(scene, power=0.0)
     text = bpy.data.texts.new("lamp.ies")
     angles, planes = range(0, 91, 10), range(0, 361, 30)
@@ -171,7 +171,7 @@ def profiles(scene: Any) -> None:
 
 
 def slides(scene: Any) -> None:
-    """A spot that throws a picture, one that is too wide for a lens, a point in colours."""
+    """Adds spots with projected images, one of them very wide, and a coloured point light."""
     stage(scene, power=0.0, Roughness=0.8)
     for kind, watts, place, turn, size in (
         ("SPOT", 900.0, (1.0, -3.0, 3.5), (0.75, 0.1, 0.4), 0.8),
@@ -187,7 +187,7 @@ def slides(scene: Any) -> None:
 
 
 def sky(scene: Any) -> None:
-    """With a sun of half a degree."""
+    """Sets a sky with a sun of half a degree."""
     stage(scene, power=0.0, Roughness=0.7)
     node = world_node(scene, "ShaderNodeTexSky")
     node.sky_type, node.sun_elevation, node.sun_rotation = "NISHITA", 0.6, 0.8
@@ -195,7 +195,7 @@ def sky(scene: Any) -> None:
 
 
 def shader(tree: Any, kind: str, into: str, **values: Any) -> Any:
-    """A node that feeds an input of the material's output."""
+    """Adds a node connected to the material output."""
     node = tree.nodes.new(kind)
     for name, value in values.items():
         node.inputs[name.replace("_", " ")].default_value = value
@@ -204,28 +204,28 @@ def shader(tree: Any, kind: str, into: str, **values: Any) -> Any:
 
 
 def smoke(scene: Any) -> None:
-    """A volume without a surface, which scatters onwards."""
+    """Sets a forward-scattering volume without a surface."""
     _, tree = stage(scene)
     tree.nodes.remove(tree.nodes[SHADER])
     shader(tree, "ShaderNodeVolumeScatter", "Volume", Color=(0.9, 0.7, 0.4, 1), Density=1.2, Anisotropy=0.4)
 
 
 def ink(scene: Any) -> None:
-    """A volume that absorbs, beneath a surface that is clear."""
+    """Sets an absorbing volume beneath a clear surface."""
     _, tree = stage(scene)
     shader(tree, "ShaderNodeBsdfTransparent", "Surface")
     shader(tree, "ShaderNodeVolumeAbsorption", "Volume", Color=(0.8, 0.4, 0.1, 1), Density=1.5)
 
 
 def juice(scene: Any) -> None:
-    """A volume within glass."""
+    """Sets a volume inside glass."""
     _, tree = stage(scene, Base_Color=(1, 1, 1, 1), Roughness=0.2, Transmission_Weight=1.0, IOR=1.33)
     values = {"Color": (0.6, 0.3, 0.1, 1), "Density": 2.0, "Anisotropy": -0.3, "Absorption_Color": (0.5, 0.2, 0.1, 1)}
     shader(tree, "ShaderNodeVolumePrincipled", "Volume", **values)
 
 
 def fog(scene: Any) -> None:
-    """A volume that fills the world: what lies behind it is not seen."""
+    """Sets a world volume, which hides what is behind it."""
     stage(scene, Roughness=0.7)
     tree = scene.world.node_tree
     node = tree.nodes.new("ShaderNodeVolumeScatter")
@@ -245,7 +245,7 @@ def skin(scene: Any) -> None:
 
 
 def marble(scene: Any) -> None:
-    """By the node of subsurface scattering alone, in the colours of a picture."""
+    """Sets a subsurface scattering shader with the colours of an image."""
     _, tree = stage(scene)
     values = {"Scale": 1.0, "Radius": (1.0, 1.0, 1.0)}
     node = shader(tree, "ShaderNodeSubsurfaceScattering", "Surface", **values)
@@ -253,7 +253,7 @@ def marble(scene: Any) -> None:
 
 
 def dents(scene: Any) -> None:
-    """A displacement that moves no surface, of a thing that is scaled."""
+    """Sets bump-only displacement on a scaled object."""
     ball, tree = stage(scene, Roughness=0.5)
     node = tree.nodes.new("ShaderNodeTexImage")
 
@@ -277,7 +277,7 @@ SCENES: dict[str, Callable[[Any], None]] = {
 
 
 def main(folder: Path, names: list[str]) -> None:
-    """The command."""
+    """Runs the command."""
     for name, build in SCENES.items():
         if names and name not in names:
             continue

@@ -1,9 +1,8 @@
-"""Writes .blend files as artists leave them, each with one habit. Run by a Python that has bpy:
+"""Writes .blend files with one habit of artists each. Run by a Python that has bpy:
 
     python blend_habits.py FOLDER [NAME ...]
 
-told.json: by file and frame, what Blender's dependency graph shows: of each mesh the corners of its bounds in the world, and how
-many triangles it has.
+told.json: by file and frame, from Blender's dependency graph: the world bounding box and triangle count of each mesh.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ LONG = "长" * 20 + "abc"  # 63 bytes, the most that a name has
 
 
 def thing(name: str, at=(0, 0, 0), size: float = 1.0, collection: Any = None) -> Any:
-    """A cube with its own mesh."""
+    """Returns a cube with its own mesh."""
     h = size / 2
     mesh = bpy.data.meshes.new(name)
     corners = [(x, y, z) for x in (-h, h) for y in (-h, h) for z in (-h, h)]
@@ -36,7 +35,7 @@ def thing(name: str, at=(0, 0, 0), size: float = 1.0, collection: Any = None) ->
 
 
 def collection(name: str, *children: Any) -> Any:
-    """One that no scene shows, of cubes."""
+    """Returns a collection of cubes that no scene links."""
     made = bpy.data.collections.new(name)
     for i in range(2):
         each = thing(f"{name} {i}", (0.5 * i, 0, 1.0 * i), 0.6, made)
@@ -45,7 +44,7 @@ def collection(name: str, *children: Any) -> Any:
 
 
 def shown(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
-    """An empty that instances a collection."""
+    """Returns an empty that instances a collection."""
     made = bpy.data.objects.new(name, None)
     made.instance_type, made.instance_collection, made.location = "COLLECTION", what, at
     (into or bpy.context.scene.collection).objects.link(made)
@@ -53,14 +52,14 @@ def shown(name: str, what: Any, at=(0, 0, 0), into: Any = None) -> Any:
 
 
 def move(each: Any, path: str, *keys: tuple[float, Any]) -> None:
-    """Keys of a property."""
+    """Adds keyframes of a property."""
     for frame, value in keys:
         setattr(each, path, value)
         each.keyframe_insert(path, frame=frame)
 
 
 def libraries() -> None:
-    """A collection of another file, which instances one of a third; an object and a material of it."""
+    """Links a collection of another file, which instances one of a third file; also an object and a material."""
     for name, below in (("leaf", None), ("tree", "leaf")):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         made = collection(name)
@@ -81,7 +80,7 @@ def libraries() -> None:
 
 
 def instances() -> None:
-    """Of collections within collections, carried by what moves; offset; of faces and vertices."""
+    """Adds nested collection instances with animated parents and offsets, and instances on faces and vertices."""
     inner = collection("inner")
     inner.instance_offset = (0.3, 0.2, 0.1)
     outer = bpy.data.collections.new("outer")
@@ -100,7 +99,7 @@ def instances() -> None:
 
 
 def nodes() -> None:
-    """Geometry nodes: a collection on points, each turned and scaled, realized and not."""
+    """Adds geometry nodes: a collection instanced on points, rotated and scaled, realised and not."""
     scattered = collection("scattered")
     for i, is_real in enumerate((False, True)):
         owner = thing(f"field {i}", (0, 4 * i, 0), 2.0)
@@ -134,7 +133,7 @@ def _tree(name: str) -> Any:
 
 
 def growing() -> None:
-    """Instances of geometry nodes that move with the frame."""
+    """Adds geometry nodes instances that move with the frame."""
     owner = thing("clock", (0, 0, 0), 1.0)
     tree = _tree("clock")
     line = tree.nodes.new("GeometryNodeMeshLine")
@@ -150,7 +149,7 @@ def growing() -> None:
 
 
 def modifiers() -> None:
-    """A stack of them, a cutter that is not rendered, a curve that bends, a text and a metaball."""
+    """Adds a modifier stack with a cutter that is not rendered, a curve modifier, a text and a metaball."""
     block = thing("block", (0, 0, 0), 1.0)
     array = block.modifiers.new("array", "ARRAY")
     array.count, array.relative_offset_displace = 3, (1.2, 0, 0)
@@ -173,7 +172,7 @@ def modifiers() -> None:
 
 
 def keys() -> None:
-    """Shape keys with keys and with a driver of plain arithmetic, absolute values above one, and a muted one."""
+    """Adds shape keys: animated, driven by arithmetic, absolute, above 1, and muted."""
     soft = thing("soft")
     soft.shape_key_add(name="Basis")
     for i, name in enumerate(("wide", "tall", "muted")):
@@ -192,7 +191,7 @@ def keys() -> None:
 
 
 def rigs() -> None:
-    """A bone's child, constraints (track to, copy rotation, child of), a parent of vertices, and a hierarchy with deltas."""
+    """Adds a bone's child, constraints (track to, copy rotation, child of), a vertex parent, and delta transforms."""
     arm = bpy.data.objects.new("arm", bpy.data.armatures.new("arm"))
     bpy.context.scene.collection.objects.link(arm)
     bpy.context.view_layer.objects.active = arm
@@ -219,7 +218,7 @@ def rigs() -> None:
 
 
 def layers() -> None:
-    """Two scenes, three view layers, a collection that is excluded, one not rendered, one hidden in the viewport alone."""
+    """Adds two scenes and three view layers with collections excluded, not rendered, or hidden only in the viewport."""
     scene = bpy.context.scene
     thing("plain")
     for i, name in enumerate(("excluded", "unrendered", "unseen in the viewport", "hidden by eye")):
@@ -246,7 +245,7 @@ def layers() -> None:
 
 
 def textures() -> None:
-    """Packed, missing, of tiles, a sequence, and on two sets of UVs."""
+    """Adds packed, missing, tiled and sequence textures, on two UV sets."""
     picture = np.ones((8, 8, 4), np.float32)
     picture[..., 0] = np.linspace(0, 1, 8)
 
@@ -291,7 +290,7 @@ def textures() -> None:
 
 
 def colors() -> None:
-    """Colour attributes of points and of corners, in bytes and in floats."""
+    """Adds point and corner colour attributes, in bytes and in floats."""
     for i, (domain, kind) in enumerate((d, k) for d in ("POINT", "CORNER") for k in ("BYTE_COLOR", "FLOAT_COLOR")):
         each = thing(f"{domain} {kind}", (2 * i, 0, 0))
         layer = each.data.color_attributes.new("tint", kind, domain)
@@ -308,7 +307,7 @@ def colors() -> None:
 
 
 def units() -> None:
-    """Centimetres as the unit; one thing as large as a country, one like a grain."""
+    """Sets centimetres as the unit; one object is as large as a country, one as small as a grain."""
     settings = bpy.context.scene.unit_settings
     settings.system, settings.scale_length = "METRIC", 0.01
     thing("country", (0, 0, -6e5), 1e6)
@@ -317,7 +316,7 @@ def units() -> None:
 
 
 def names() -> None:
-    """As long as they may be, in other scripts, of other case, with separators, alike in their beginning."""
+    """Adds names of maximum length, in other scripts, in other case, with separators, and with equal beginnings."""
     for i, name in enumerate(
         (LONG, LONG[:-1] + "d", "Ünïcödé/with\\slashes", "cube", "Cube", "a: [b] {c} #d 'e' \"f\"", "\n", "🫖")
     ):
@@ -331,7 +330,7 @@ def names() -> None:
 
 
 def large() -> None:
-    """A mesh so large that it goes past the exporter: two materials of three, smooth but for some edges, two sets of UVs."""
+    """Adds a mesh too large for the exporter: two of three materials, smooth with sharp edges, two UV sets."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=180, y_subdivisions=120, size=4)
     grid = bpy.context.object
     grid.name = "wavy"
@@ -360,7 +359,7 @@ FILES: dict[str, Callable[[], None]] = {
 
 
 def empty() -> None:
-    """A scene of some frames."""
+    """Creates an empty scene of some frames."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.frame_start, scene.frame_end = 24, FRAMES[0], FRAMES[-1]

@@ -22,7 +22,7 @@ FRAMES = (1, 6, 12)
 
 
 def hostile(folder: Path) -> None:
-    """Whatever could run, runs; what could be read from outside is named."""
+    """Writes a file in which everything that can run does, and which names files outside the folder."""
     outside = folder / "outside"
     outside.mkdir()
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -132,7 +132,7 @@ def moving(folder: Path) -> dict[str, object]:
 
 
 def points_on_faces():
-    """Geometry nodes that leave points, and no surface."""
+    """Adds geometry nodes that produce points without a surface."""
     tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
@@ -145,7 +145,7 @@ def points_on_faces():
 
 
 def bent():
-    """A tube along Z, and an armature of two bones, of which the upper one turns."""
+    """Adds a tube along Z and an armature of two bones, of which the upper one rotates."""
     rings, sides = 9, 8
     vertices = [
         (0.4 * math.cos(2 * math.pi * k / sides), 0.4 * math.sin(2 * math.pi * k / sides), r / 2)

@@ -1,4 +1,4 @@
-"""What Blender's dependency graph shows. Run by a Python that has bpy."""
+"""Lists what Blender's dependency graph renders. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHOWN = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 
 
 def told(frame: int) -> list[list[Any]]:
-    """What is rendered."""
+    """Returns what is rendered at a frame."""
     scene = bpy.context.scene
     for each in bpy.data.collections:
         each.hide_viewport = False  # what is asked of the viewport's graph is what is rendered

@@ -22,14 +22,14 @@ LAST = 40
 
 
 def key(owner, path, values, index=-1):
-    """Keys of a property, by their frames, with Blender's own Bezier handles between them."""
+    """Adds keyframes of a property, with Blender's default Bezier handles."""
     for frame, value in values.items():
         setattr(owner, path, value)
         owner.keyframe_insert(path, frame=frame, index=index)
 
 
 def mesh_object(name, rings=9, sides=8, radius=0.4):
-    """A tube along Z, of height 4."""
+    """Returns a tube along Z, of height 4."""
     vertices = [
         (math.cos(2 * math.pi * k / sides) * radius, math.sin(2 * math.pi * k / sides) * radius, 4 * r / (rings - 1))
         for r in range(rings)
@@ -48,7 +48,7 @@ def mesh_object(name, rings=9, sides=8, radius=0.4):
 
 
 def rigid():
-    """A mast that turns by Euler angles, a yard on it that moves and is squeezed, a flag on that by quaternions."""
+    """Adds a mast rotated by Euler angles, a moving and scaled yard on it, and a flag rotated by quaternions."""
     mast, yard, flag = (mesh_object(name, 3, 5, radius) for name, radius in (("mast", 0.4), ("yard", 0.6), ("flag", 0.3)))
     yard.parent, flag.parent = mast, yard
     key(mast, "rotation_euler", {0: (0, 0, 0), 24: (0.4, 0.2, 3.5), 40: (1.1, -0.7, 5.0)})
@@ -81,7 +81,7 @@ def floor():
 
 
 def paint():
-    """All is grey, but for the mast: its colour, roughness and light change."""
+    """Adds grey materials; the mast's colour, roughness and emission are animated."""
     for thing in [thing for thing in bpy.context.scene.objects if thing.type == "MESH"]:
         name = "paint" if thing.name == "mast" else "grey"
         material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
@@ -95,12 +95,12 @@ def paint():
 
 
 def surface(material):
-    """The numbers of its principled BSDF."""
+    """Returns the parameters of a principled BSDF."""
     return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
 
 
 def bent():
-    """A tube with three bones in it, of which two turn, and with shape keys, of which one is driven by the mast's turning."""
+    """Adds a tube with three bones, two of them rotating, and shape keys, one driven by the mast's rotation."""
     tube = mesh_object("tube")
     tube.location = (5, 0, 0)
     armature = bpy.data.armatures.new("bones")
@@ -151,7 +151,7 @@ def bent():
 
 
 def bent_alone():
-    """Leaves the tube on its floor, before a camera and under a lamp that stand still."""
+    """Leaves only the tube on its floor, with a static camera and lamp."""
     bpy.data.objects["tube"].data.shape_keys.key_blocks["long"].driver_remove("value")
     for name in ("mast", "yard", "flag"):
         bpy.data.objects.remove(bpy.data.objects[name])
@@ -163,7 +163,7 @@ def bent_alone():
 
 
 def seen():
-    """Where everything is now."""
+    """Returns all transforms and vertices at the current frame."""
     graph = bpy.context.evaluated_depsgraph_get()
     matrices, vertices = {}, {}
     for thing in bpy.context.scene.objects:

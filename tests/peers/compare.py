@@ -1,4 +1,4 @@
-"""Two renderers' batches of one picture, judged by their own noise."""
+"""Statistical comparison of two renderers' batches of a picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BLOCK = 8
 
 
 def _p_values(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Welch's test of equal means over the first axis, of the batches."""
+    """Returns p values of Welch's test of equal means over the first axis, the batches."""
     mean_a, mean_b = a.mean(0), b.mean(0)
     variance_a, variance_b = a.var(0, ddof=1) / len(a), b.var(0, ddof=1) / len(b)
     variance = variance_a + variance_b
@@ -31,11 +31,11 @@ def _blocks(batches: np.ndarray) -> np.ndarray:
 
 
 def assert_same_picture(ours: np.ndarray, theirs: np.ndarray, most_error: float = 0.005) -> str:
-    """Batches (n, h, w, 3) of independent samples of one picture. Returns the figures as a line.
+    """Asserts that batches (n, h, w, 3) of independent samples have the same mean; returns the figures as a line.
 
-    Pixel by pixel a mean differs from the other's by chance alone in 99.75 % of pixels (alpha 0.01, Sidak-corrected); so
-    does every block of 8 x 8 pixels, and the whole picture's mean: averages find what is too faint for single pixels.
-    most_error: relative standard error of the whole picture's mean; noisier pictures would prove nothing.
+    Differences must be explained by noise (alpha 0.01, Sidak-corrected) in 99.75 % of pixels, in every block of 8 x 8 pixels, and
+    in the mean of the picture: averages reveal what is too faint for single pixels.
+    most_error: maximum relative standard error of the picture's mean; noisier pictures would prove nothing.
     """
     pixels = _p_values(ours, theirs)
     unlike = float((pixels < sidak(ALPHA, pixels.size)).any(-1).mean())

@@ -1,4 +1,4 @@
-"""A writer of small GLB files: glTF 2.0's JSON and one binary chunk, made of numpy arrays."""
+"""Writer for small GLB files from numpy arrays: glTF 2.0's JSON and one binary chunk."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ _TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 class Glb:
-    """Collects what a file holds; every `add_...` returns the index by which the rest of the file calls it."""
+    """A GLB file under construction; every `add_...` returns an index."""
 
     def __init__(self) -> None:
         self.root: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}
         self._bytes = bytearray()
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
-        """An item of one of glTF's lists."""
+        """Adds an item to one of glTF's lists."""
         self.root.setdefault(kind, []).append(item)
         return len(self.root[kind]) - 1
 
     def use(self, extension: str) -> None:
-        """The file names the extensions in it."""
+        """Lists an extension as used."""
         used = self.root.setdefault("extensionsUsed", [])
         if extension not in used:
             used.append(extension)
 
     def add_view(self, data: bytes) -> int:
-        """A view of the binary chunk."""
+        """Adds a buffer view."""
         self._bytes += b"\0" * (-len(self._bytes) % 4)
         self._bytes += data
         return self.add("bufferViews", {"buffer": 0, "byteOffset": len(self._bytes) - len(data), "byteLength": len(data)})
 
     def add_accessor(self, values: np.ndarray) -> int:
-        """Values (n,) or (n, 2..4) as an accessor."""
+        """Adds an accessor of values (n,) or (n, 2..4)."""
         columns = 1 if values.ndim == 1 else values.shape[1]
         accessor = {
             "bufferView": self.add_view(np.ascontiguousarray(values).tobytes()),
@@ -55,7 +55,7 @@ class Glb:
         return self.add("accessors", accessor)
 
     def add_mesh(self, attributes: dict[str, np.ndarray], triangles: np.ndarray, material: int) -> int:
-        """attributes: by glTF's names (POSITION, NORMAL, TEXCOORD_0 ...)."""
+        """Adds a mesh. attributes: by glTF's names (POSITION, NORMAL, TEXCOORD_0 ...)."""
         primitive = {
             "attributes": {name: self.add_accessor(values.astype(np.float32)) for name, values in attributes.items()},
             "indices": self.add_accessor(triangles.astype(np.uint32).reshape(-1)),
@@ -64,20 +64,20 @@ class Glb:
         return self.add("meshes", {"primitives": [primitive]})
 
     def add_node(self, **node: Any) -> int:
-        """A node of the scene."""
+        """Adds a node to the scene."""
         index = self.add("nodes", node)
         self.root["scenes"][0]["nodes"].append(index)
         return index
 
     def add_texture(self, pixels: np.ndarray) -> int:
-        """A texture of pixels (h, w, 3 or 4) uint8 that repeats."""
+        """Adds a repeating texture of pixels (h, w, 3 or 4) uint8."""
         buffer = io.BytesIO()
         Image.fromarray(pixels).save(buffer, "PNG")
         image = self.add("images", {"bufferView": self.add_view(buffer.getvalue()), "mimeType": "image/png"})
         return self.add("textures", {"source": image})
 
     def add_light(self, light: dict[str, Any], **node: Any) -> None:
-        """A node with a punctual light; it shines along the node's -Z."""
+        """Adds a node with a punctual light, which emits along -Z."""
         self.use("KHR_lights_punctual")
         lights = self.root.setdefault("extensions", {}).setdefault("KHR_lights_punctual", {"lights": []})["lights"]
         lights.append(light)

@@ -23,7 +23,7 @@ _RINGS, _SEGMENTS = 96, 192
 
 
 def _ball() -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """A sphere of radius 1: fine enough that neither side's handling of flat triangles under smooth normals shows."""
+    """Returns a sphere of radius 1, fine enough that the renderers' handling of smooth normals does not matter."""
     theta = np.arange(_RINGS + 1) * (math.pi / _RINGS)
     phi = np.arange(_SEGMENTS + 1) * (2 * math.pi / _SEGMENTS)
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -47,13 +47,13 @@ def _square(center: tuple[float, ...], u: tuple[float, ...], v: tuple[float, ...
 
 
 def _turn(x: float, y: float) -> list[float]:
-    """A quaternion: turned by x degrees about X, then by y about Y."""
+    """Returns the quaternion of a rotation by x degrees about X, then by y about Y."""
     a, b = math.radians(x) / 2, math.radians(y) / 2
     return [math.sin(a) * math.cos(b), math.cos(a) * math.sin(b), -math.sin(a) * math.sin(b), math.cos(a) * math.cos(b)]
 
 
 def _stage(lamp: float = 8.0, camera: Json | None = None) -> Glb:
-    """Floor, light and camera; the ball is still missing."""
+    """Returns floor, light and camera, without the ball."""
     glb = Glb()
     gray = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0, "roughnessFactor": 1}}
     # No specular reflection: the floor is to be the same on both sides, whatever the ball is.
@@ -93,7 +93,7 @@ def _extension(glb: Glb, **extensions: Json) -> Json:
 def _sheet_of(
     name: str, color: tuple[float, ...] = (0.8, 0.8, 0.8), metallic: float = 0.0, roughness: float = 0.5, **extensions: Json
 ) -> None:
-    """A ball of one colour."""
+    """Adds a ball of one colour to the sheet."""
 
     def build() -> Glb:
         glb = _stage()
@@ -151,7 +151,7 @@ def _textured(glb: Glb, material: Json, **factors: Any) -> Glb:
 
 
 def _squares(columns: int, rows: int, seed: int, channels: int = 3, size: int = 16) -> np.ndarray:
-    """Squares of random colours, large in texels, so that filters differ at their edges only."""
+    """Returns squares of random colours, many texels each, so that filtering differs only at their edges."""
     codes = np.random.default_rng(seed).integers(20, 250, (rows, columns, channels)).astype(np.uint8)
     return codes.repeat(size, 0).repeat(size, 1)
 
@@ -265,5 +265,5 @@ def orthographic_camera_and_instances() -> Glb:
 
 
 def write_sheet(folder: Path) -> dict[str, Path]:
-    """Every GLB of the sheet, by its name."""
+    """Writes the sheet; returns every GLB by name."""
     return {name: build().save(folder / f"{name}.glb") for name, build in SHEET.items()}

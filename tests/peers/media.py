@@ -1,4 +1,4 @@
-"""Small scenes of what light scatters in, each written once and rendered by both sides."""
+"""Small scenes with participating media, rendered by both renderers."""
 
 from __future__ import annotations
 

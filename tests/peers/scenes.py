@@ -1,4 +1,4 @@
-"""Small scenes, each written once and rendered by both sides."""
+"""Small scenes rendered by both renderers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _ceiling(material: int, side: float = 0.8, height: float = 3.5) -> Mesh:
 
 
 def _on_the_floor(*tested: Material) -> SceneDescription:
-    """Spheres of the materials over a floor, under a square light and a weak sky."""
+    """Returns spheres of the materials on a floor, with a square light and a dim sky."""
     x = [0.0] if len(tested) == 1 else [-1.1, 1.1]
     radius = 0.9
     return _scene(
@@ -58,7 +58,7 @@ def _on_the_floor(*tested: Material) -> SceneDescription:
 
 
 def _sky() -> np.ndarray:
-    """A smooth sky with a bright patch, (16, 32, 3)."""
+    """Returns a smooth sky with a bright patch, (16, 32, 3)."""
     v, u = np.meshgrid((np.arange(16) + 0.5) / 16, (np.arange(32) + 0.5) / 32, indexing="ij")
     patch = 8 * np.exp(-((u - 0.3) ** 2 + (v - 0.25) ** 2) / 0.005)
     return np.stack([0.3 + patch, 0.3 + 0.4 * (1 - v) + 0.8 * patch, 0.2 + 0.8 * (1 - v) + 0.5 * patch], -1).astype(np.float32)

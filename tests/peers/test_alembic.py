@@ -1,4 +1,4 @@
-"""Alembic, which Blender opens for us, and meshes of .blend files that modifiers bend: each vertex is where Blender has it.
+"""Alembic files and deformed meshes of .blend files have every vertex where Blender has it.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of alembic_kit.py; Blender is the Python that wrote it."""
+    """The folder of alembic_kit.py, with the Blender that wrote it."""
     with written_by("alembic_kit.py", tmp_path_factory.mktemp("alembic")) as folder:
         yield folder
 

@@ -1,4 +1,4 @@
-""".blend files as Blender writes them for us: nothing in them runs or leads outside, and what they hold is where Blender has it.
+""".blend files converted by Blender run nothing and read nothing outside, and their content is where Blender has it.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """
@@ -29,7 +29,7 @@ NEAR = 1e-4
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_kit.py; Blender is the Python that wrote it."""
+    """The folder of blend_kit.py, with the Blender that wrote it."""
     with written_by("blend_kit.py", tmp_path_factory.mktemp("blend")) as folder:
         yield folder
 
@@ -44,7 +44,7 @@ def upload(made: Path, tmp_path: Path, *names: str) -> Path:
 
 
 def pictures(found: SceneDescription) -> int:
-    """How many came of the file; the studio that lights it has its own."""
+    """Returns the number of the file's images, without that of the studio preset."""
     return sum("blender-scene" in image.name for image in found.images)
 
 

@@ -1,4 +1,4 @@
-""".blend files of one feature each, beside Cycles' own pictures: within 3 %, by blocks, and nothing of it is named as missing.
+""".blend files of one feature each match Cycles' pictures within 3 % by blocks, without messages about missing features.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """
@@ -32,7 +32,7 @@ BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_features.py; Blender is the Python that wrote it."""
+    """The folder of blend_features.py, with the Blender that wrote it."""
     with written_by("blend_features.py", tmp_path_factory.mktemp("features")) as folder:
         yield folder
 

@@ -1,4 +1,4 @@
-""".blend files as artists leave them: what is shown, how large and where, is what Blender's own dependency graph says.
+""".blend files with artists' habits have the meshes, sizes and positions of Blender's own dependency graph.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """
@@ -36,7 +36,7 @@ SAID = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The folder of blend_habits.py; Blender is the Python that wrote it."""
+    """The folder of blend_habits.py, with the Blender that wrote it."""
     with written_by("blend_habits.py", tmp_path_factory.mktemp("habits")) as folder:
         yield folder
 

@@ -1,4 +1,4 @@
-"""Side by side with Blender: a shot exported by it stands at each frame where Blender says it does.
+"""A shot exported by Blender has the positions of Blender at each frame.
 
 Needs a Python with bpy: `python3 farm.py peers` makes one.
 """

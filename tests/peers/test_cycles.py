@@ -53,7 +53,7 @@ def _blocks(picture: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SHEET)
 def test_the_picture_of_cycles(name, sheet):
-    """The mean difference of blocks of 4 x 4 pixels, which average most of the noise away, over the mean of the picture."""
+    """The mean difference of 4 x 4 pixel blocks, which averages most of the noise, is small relative to the picture's mean."""
     description = read(sheet, f"{name}.glb")
     settings = RenderSettings(SIZE, SIZE, description.cameras[0].view, max_depth=DEPTH, environment=SKY, filter="box")
     ours = _blocks(mean(render_frame(compile_scene(description), settings, SPP), settings.film_exponent))

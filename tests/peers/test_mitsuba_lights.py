@@ -1,4 +1,4 @@
-"""Pictures that Mitsuba's lights throw: the same on our walls as on its own."""
+"""Images projected by Mitsuba's lights are the same on our walls as in Mitsuba."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Walls of one material in Mitsuba's format, by closed forms and against Mitsuba's own picture."""
+"""Walls of one Mitsuba material match closed forms and Mitsuba's own picture."""
 
 from __future__ import annotations
 
