@@ -51,7 +51,7 @@ def _blocks(pictures: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["blend", "glb", "fbx", "usdc", "dae"])
 def test_the_picture_of_cycles(name: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean difference of 8 x 8 pixel blocks, relative to the picture's mean, is below a limit far above its standard error."""
+    """The mean difference of 8 x 8 pixel blocks, over the picture's mean, is below a limit far above its error."""
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     if not (made / f"scene.{name}").exists():
         pytest.skip(f"this Blender does not write .{name} any more")
