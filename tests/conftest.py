@@ -74,7 +74,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Creates no items for tests marked `long` in an ordinary run, which is faster than deselecting half of all tests."""
+    """Creates no items for tests marked `long` in an ordinary run, which is faster than deselecting a quarter of all tests."""
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -102,7 +102,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Freezes imported and collected objects for the garbage collector, which saves a twentieth of the tests' time."""
-    gc.enable()
     gc.freeze()
 
 

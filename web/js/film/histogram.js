@@ -15,10 +15,10 @@ const MOST_PIXELS = 200_000;
 
 /**
  * @typedef {object} Histogram
- * @property {Float64Array[]} R, G, B and luminance: fractions of the pixels with samples
+ * @property {Float64Array[]} channels R, G, B and luminance: fractions of the pixels with samples
  * @property {number} black share of the pixels whose luminance is below all bins
  * @property {number} above share of the pixels with a channel above 1
- * @property {number} pixels that were looked at
+ * @property {number} pixels examined
  */
 
 /**
