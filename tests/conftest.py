@@ -24,7 +24,18 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
 # Handed out in this order: first what needs no kernel, while these are compiled, then what takes longest by itself.
-FIRST = ("test_", "service/", "worker/", "renderer/scene/", "chaos/", "e2e/", "rayfarm/", "renderer/test_target")
+FIRST = (
+    "test_",
+    "protocol/",
+    "telemetry/",
+    "service/",
+    "worker/",
+    "renderer/scene/",
+    "chaos/",
+    "e2e/",
+    "rayfarm/",
+    "renderer/test_target",
+)
 
 # The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser.
 SHARE_A_FARM = (
