@@ -113,7 +113,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Freezes imported and collected objects for the garbage collector, which saves a twentieth of the tests' time."""
-    gc.enable()
     gc.freeze()
 
 
