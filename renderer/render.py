@@ -17,11 +17,11 @@ from renderer.arrays.scene import example
 from renderer.arrays.scene_features import EDITIONS
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
+from renderer.kernel import path_trace as record
 from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_editions, new_scratch, renderer_of
 from renderer.kernel.camera import camera_frame
-from renderer.kernel.integrators import record
-from renderer.kernel.integrators.state import MAX_AGAIN
 from renderer.kernel.options import kernel_options
+from renderer.kernel.steps.continue_or_end import MAX_AGAIN
 from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.film import COLOR, SAMPLES, BatchSums
-from renderer.kernel.integrators import record
-from renderer.kernel.integrators.depths import DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT
+from renderer.kernel import path_trace as record
+from renderer.kernel.steps.continue_or_end import AGAIN
+from renderer.kernel.steps.depths import DIFFUSE_LIMIT, GLOSSY_LIMIT, TRANSMISSION_LIMIT
 from renderer.settings import MAX_DEPTH, RenderSettings, Vec3
 
 __all__ = ["ENDS", "End", "Lamp", "Replay", "Vertex", "read_log"]
@@ -105,7 +106,7 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     return Vertex(
         share=float(row[record.OWN_SHARE]) if is_told and np.any(own != 0) else None,
         lamp=_lamp(row, origin) if met and row[record.LAMP_PDF] > 0 else None,
-        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, record.AGAIN) else None,
+        survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, AGAIN) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
         material=int(row[record.MATERIAL]) - 1 if kind in _BODIES else None,
@@ -141,7 +142,7 @@ def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) 
     if told != record.SCATTERED:
         return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
-    if survival == record.AGAIN:
+    if survival == AGAIN:
         return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit is not counted separately
     return "absorbed" if survival == 0 else "roulette"
 
@@ -152,7 +153,7 @@ def read_log(
     log: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64] = _WORLD,
 ) -> Replay:
-    """Returns the replay of a batch of one sample, read from its log: rows as renderer/kernel/integrators/record.py writes them.
+    """Returns the replay of a batch of one sample, read from its log: rows as renderer/kernel/path_trace.py writes them.
 
     origin: of the compiled scene; the log's positions are relative to it.
     """

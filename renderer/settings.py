@@ -110,7 +110,7 @@ MAX_LIGHT_SAMPLES = 64
 MAX_SPLITTING = 2
 MAX_SHUTTER = 64.0  # frames
 MOST_KEYS = 65  # keys of a shutter
-MAX_FLOOR = 0.95  # maximum of the least survival probability: renderer/kernel/pool/scatter.py
+MAX_FLOOR = 0.95  # maximum of the least survival probability: renderer/kernel/steps/continue_or_end.py
 MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
@@ -125,7 +125,7 @@ class RenderSettings:
 
     film_exponent: the film's quantum is 2**-film_exponent. environment: linear RGB radiance; None for the scene's own.
     mistake: light-cutoff drops a light's sample where 1/d^2 < 0.001; attenuation multiplies radiance by a further 1/d^2.
-    sampling: see renderer/kernel/integrators/mixture.py; heuristic: Veach 1997.
+    sampling: see renderer/kernel/lineage/mixture.py; heuristic: Veach 1997.
     views: of a moving camera: at equal steps from shutter opening to closing.
     """
 

@@ -2,13 +2,16 @@
 
 Float32 and tuples throughout, without CPU-only techniques.
 
-pool/         the path tracer for frames: many paths at once, in stages
-integrators/  one path at a time: the path tracer for comparisons, Whitted, ambient occlusion
+steps/        the rules of light transport, one step of a path each, for any backend
+backends/     cpu/: many paths at once, in stages; scalar/: one path at a time
+lineage/      Whitted's ray tracing, ambient occlusion, other strategies to find light
 light/        choosing and sampling lights; environments; point, spot and distant lights
 material/     material rows, texture lookups, dispatch to the BSDF models
 bsdf/         one scattering model a file
+medium/       participating media and subsurface walks
 surface/      from a hit to a point with normals, shading frame and UVs
 sampling/     counter-based random numbers, square_to_* with square_to_*_pdf, pixel filters
 camera.py     pixels to rays        accumulate.py  the entry points: batches of samples into sums
-polynomial.py sin, cos, exp, log, pow      vec.py  tuple arithmetic      options.py  settings for the kernel
+path_trace.py the record of one path        options.py  settings for the kernel
+polynomial.py sin, cos, exp, log, pow      vec.py  tuple arithmetic
 """

@@ -25,19 +25,17 @@ from renderer.film import (
 )
 from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
 from renderer.kernel import vec
-from renderer.kernel.camera import camera_frame, camera_ray, moving_ray
+from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool, stages
+from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS, forget_first_hit, load_first_hit
+from renderer.kernel.camera import camera_frame
 from renderer.kernel.fixed_point import fixed, in_half
-from renderer.kernel.integrators.ao import trace_ao
-from renderer.kernel.integrators.path import trace_path
-from renderer.kernel.integrators.record import COLUMNS
-from renderer.kernel.integrators.transport import FIRST_HIT_SLOTS, TIME_BLOCK, first_hit
-from renderer.kernel.integrators.whitted import trace_whitted
-from renderer.kernel.medium.camera_media import nest_of_camera
+from renderer.kernel.lineage.ao import trace_ao
+from renderer.kernel.lineage.path import trace_special_path
+from renderer.kernel.lineage.whitted import trace_whitted
+from renderer.kernel.medium.camera_media import media_of_camera
 from renderer.kernel.options import is_special, kernel_options
-from renderer.kernel.pool.trace import Part, pool_for, render_with_pool, stages
-from renderer.kernel.sampling.filter import filter_offset
-from renderer.kernel.sampling.sampler import Stream, draw4, draw_film, pixel_key
-from renderer.prune_absent_features import where_present
+from renderer.kernel.path_trace import COLUMNS
+from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
@@ -49,9 +47,7 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 
 _COLOR, _COLOR_HALF, _ALBEDO, _NORMAL = COLOR.start, COLOR_HALF.start, ALBEDO.start, NORMAL.start
 _POSITION = POSITION.start
-_TIME = np.uint32(TIME_BLOCK)
 _ZERO = np.float32(0.0)
-_HALF = np.float32(0.5)
 _NOTHING = (np.int64(0), np.int64(0), np.int64(0))
 
 
@@ -72,17 +68,6 @@ def _add3(sums, channel, y, x, value):
     sums[channel + 2, y, x] += value[2]
 
 
-@device
-def _time(motion, options, pixel, sample):
-    """Returns the sample's shutter time, 0 ... 1; None for a scene without motion."""
-    return where_present(motion, draw4(Stream(options.sampler, options.seed, pixel, np.uint32(sample)), _TIME)[0])
-
-
-@device
-def _ray(camera, x, y, u, time):
-    return camera_ray(camera, x, y, u) if time is None else moving_ray(camera, x, y, u, time)
-
-
 class Batch(NamedTuple):
     """The samples to render: `count` from number `first` on, for each pixel of a tile with its corner at (x, y).
 
@@ -101,7 +86,7 @@ class Output(NamedTuple):
 
     sums: npt.NDArray[np.int64]  # (CHANNELS, h, w), added to; its size is the tile's
     bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite and so left out
-    log: npt.NDArray[np.float64]  # rows for the last sample's protocol (integrators/record.py), or none
+    log: npt.NDArray[np.float64]  # rows for the last sample's path_trace.py, or none
 
 
 @template
@@ -117,23 +102,17 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
     rays = 0
     scale = options.scale
     hit = local_floats(FIRST_HIT_SLOTS)
-    nest = nest_of_camera(scene, stack, camera, sums.shape[1] * sums.shape[2] * count)
+    medium_stack = media_of_camera(scene, stack, camera, sums.shape[1] * sums.shape[2] * count)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
-            pixel = pixel_key(x0 + x, y0 + y)
             color = half = albedo = normal = position = _NOTHING
             object_id = material_id = depth = samples = samples_half = np.int64(0)
-            u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(first)))
             for sample in range(first, first + count):
-                film_x = np.float32(x0 + x) + _HALF + filter_offset(options.filter, u[0])
-                film_y = np.float32(y0 + y) + _HALF + filter_offset(options.filter, u[1])
-                time = _time(scene.has.motion, options, pixel, sample)
-                o, d, start = _ray(camera, film_x, film_y, (u[2], u[3]), time)
-                u = draw_film(Stream(options.sampler, options.seed, pixel, np.uint32(sample + 1)))  # early, as in path.py
-                stream = Stream(options.sampler, options.seed, pixel, np.uint32(sample))
-                radiance, met = trace(scene, stack, o, d, time, nest, options, stream, log, hit)
+                seen = spawn_camera_ray(scene.has.motion, camera, options, x0 + x, y0 + y, np.uint32(sample))
+                forget_first_hit(hit)
+                radiance, met = trace(scene, stack, seen, medium_stack, options, log, hit)
                 rays += met
-                base, upright, place, distance, object_number, material_number = first_hit(hit)
+                base, distance, upright, object_number, place, material_number = load_first_hit(hit)
                 finite = vec.is_finite(radiance) and vec.is_finite(upright) and vec.is_finite(base)
                 if not (finite and vec.is_finite(place)):
                     if bad_count < MAX_BAD:
@@ -149,7 +128,7 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
                 position = _sum3(position, _fixed3(place, scale))
                 if distance > _ZERO:
                     position = _sum3(position, batch.origin)
-                depth += fixed(distance + start if distance > _ZERO else distance, scale)
+                depth += fixed(distance, scale)
                 samples += 1
                 if sample == 0:  # ids cannot be averaged, so the first sample decides
                     object_id = np.int64(object_number)
@@ -187,7 +166,7 @@ def _with_pool(scene, pool, camera, options, batch, output):
 @subroutine
 def _by_path(scene, stack, camera, options, batch, output):
     out_of_line()
-    return _render_tile(trace_path, scene, stack, camera, options, batch, output)
+    return _render_tile(trace_special_path, scene, stack, camera, options, batch, output)
 
 
 @subroutine

@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from renderer.bvh.simd import LANES, f32x8
 from renderer.wide.operators import FLOATS, INTS, u32x8
 
-__all__ = ["gather", "gathered", "load_ints", "scatter", "words"]
+__all__ = ["gather", "gathered", "load_ints", "scatter", "scattered", "words"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _FLOAT = ir.FloatType()
@@ -94,6 +94,13 @@ def gathered(builder: Any, data: Any, index: Any, width: Any, first: Any, count:
     return eight + gathered(builder, data, index, width, builder.add(first, _I64(LANES)), count - LANES)
 
 
+def scattered(builder: Any, data: Any, index: Any, width: Any, first: Any, columns: list[Any]) -> None:
+    """Stores eight vectors of eight into the columns from `first` on of the rows `index`; see `gathered`."""
+    rows = _transposed(builder, columns)
+    for pointer, row in zip(_pointers(builder, data, index, width, first), rows, strict=True):
+        builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
+
+
 @intrinsic(prefer_literal=True)
 def gather(typingctx, table, index, width, first, count):
     """Gathers columns first ... first + count - 1 of the rows `index` (u32x8) of a C-contiguous float32 or int32 table.
@@ -119,9 +126,7 @@ def scatter(typingctx, table, index, width, first, values):
 
     def codegen(context, builder, sig, args):
         data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        rows = _transposed(builder, [builder.extract_value(args[4], k) for k in range(LANES)])
-        for pointer, row in zip(_pointers(builder, data, *args[1:4]), rows, strict=True):
-            builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
+        scattered(builder, data, *args[1:4], [builder.extract_value(args[4], k) for k in range(LANES)])
         return context.get_dummy_value()
 
     return types.void(table, index, types.uintp, types.uintp, values), codegen

@@ -1,6 +1,7 @@
 """Held against Mitsuba, Embree and Cycles, each at its best, in turn; and against what is asked of us where there is no peer.
 
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
+    python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4] [--only "Cornell box"]   # only row samples, against a commit
 
 Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
 a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Takes hours without --quick, and a
@@ -27,6 +28,7 @@ from typing import Any
 import pytest
 
 from renderer.render import warm_up
+from tests.benchmarks.peers.against import against_lines
 from tests.benchmarks.peers.cold import cold_lines
 from tests.benchmarks.peers.cycles import cycles_lines
 from tests.benchmarks.peers.errors import error_lines
@@ -73,15 +75,25 @@ def main() -> int:
         help="of the rows' lines, by the names that they are printed with, or what these begin with up to a comma",
     )
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench-peers", help="where the results go (%(default)s)")
+    parser.add_argument("--against", metavar="COMMIT", help="in place of the peers: another commit of ours, in turn")
+    parser.add_argument("--rounds", type=int, default=15, help="with --against: rounds of each scene (%(default)s)")
+    parser.add_argument("--spp", type=int, default=4, help="with --against: samples a pixel of a round (%(default)s)")
     options = parser.parse_args()
     sizes = QUICK if options.quick else FULL
     if options.long:
         sizes = replace(sizes, ready=(*sizes.ready, LONG_FILE))
     sizes = replace(sizes, only=options.only)
     report = Report(_machine(), options.quick, only=options.only)
-    warm_up()
+    if options.against:
+        rest = {"commit": options.against, "quick": options.quick, "rounds": options.rounds, "spp": options.spp}
+        _measure("against", partial(against_lines, **rest), sizes, report)
+        report.write(options.out)
+        options.rows = []
+    else:
+        warm_up()
     for row in options.rows:
-        _measure(row, sizes, report, options.out / "references")
+        lines = partial(ROWS[row], kept=options.out / "references") if row in _HELD_AGAINST_CONVERGED else ROWS[row]
+        _measure(row, lines, sizes, report)
         report.write(options.out)
     print("\n" + report.text())
     print(f"Written to {options.out}")
@@ -92,9 +104,8 @@ def main() -> int:
     return 1 if report.missing else 0
 
 
-def _measure(row: str, sizes: Sizes, report: Report, references: Path) -> None:
-    """A row's lines into the report; one that fails does not keep the others from being measured."""
-    lines = partial(ROWS[row], kept=references) if row in _HELD_AGAINST_CONVERGED else ROWS[row]
+def _measure(row: str, lines: Callable[..., Iterator[Line]], sizes: Sizes, report: Report) -> None:
+    """Measures a row's lines into the report; one that fails does not keep the others from being measured."""
     begun = time.perf_counter()
     print(f"{row} ...", flush=True)
     try:

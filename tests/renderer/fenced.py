@@ -116,7 +116,7 @@ RENDER: dict[str, Callable[[CompiledScene, RenderSettings], None]] = {
 
 def main(side: str, kernel: str, *names: str) -> None:
     """Renders each feature; the name "warm-up of EDITION" runs `warm_up` instead."""
-    from tests.renderer.kernel.pool.features import made
+    from tests.renderer.kernel.backends.features import made
 
     faulthandler.enable()
     if side == CHECKED:

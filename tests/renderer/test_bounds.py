@@ -13,7 +13,7 @@ from renderer.arrays.scene import check, example, flat
 from renderer.arrays.scene_features import EDITIONS
 from tests.helpers import ROOT
 from tests.renderer.fenced import CHECKED, KERNELS, SIDES
-from tests.renderer.kernel.pool.features import FEATURES
+from tests.renderer.kernel.backends.features import FEATURES
 
 
 def rendered(side: str, kernel: str, names: list[str], **environment: str) -> None:

@@ -21,8 +21,8 @@ from renderer import parallel_compile
 from renderer.arrays.kernel_variant import only
 from renderer.arrays.scene import example
 from renderer.kernel import accumulate
-from renderer.kernel.pool.meet import see_lights
-from renderer.kernel.pool.scatter import scatter
+from renderer.kernel.backends.cpu.intersect import trace_shadow_rays
+from renderer.kernel.backends.cpu.scattering import scatter_vertices
 from renderer.parallel_compile import Helpers
 from renderer.prune_absent_features import Compiler
 from renderer.reference import Reference
@@ -87,10 +87,12 @@ def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPa
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
             wanted = (*types_of_it, types.boolean)  # the same, and one more
-            assert {s for name, s in called if name == "scatter"} == {str(wanted)}, "else it is compiled once more for each"
-            called |= calls_of(scatter, wanted)
-        if part.__name__ == "see_lights":
-            called |= calls_of(see_lights, types_of_it)
+            assert {s for name, s in called if name == "scatter_vertices"} == {str(wanted)}, (
+                "else it is compiled once more for each"
+            )
+            called |= calls_of(scatter_vertices, wanted)
+        if part.__name__ == "trace_shadow_rays":
+            called |= calls_of(trace_shadow_rays, types_of_it)
     assert {(part.__name__, str(types_of_it)) for part, types_of_it in parts} <= called
     assert len(parts) > 8
 

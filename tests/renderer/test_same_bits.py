@@ -14,7 +14,7 @@ import pytest
 from renderer import jit
 from renderer.render import render_frame
 from tests.helpers import ROOT
-from tests.renderer.kernel.pool.features import FEATURES, made
+from tests.renderer.kernel.backends.features import FEATURES, made
 
 pytestmark = [pytest.mark.hardware, pytest.mark.skipif(not jit.HAS_AVX512, reason="This processor has no AVX-512.")]
 

@@ -1,7 +1,7 @@
 """Material evaluation: texture lookups, and the only module that dispatches to the BSDF models.
 
 To add a model: a file in bsdf/, its `Kind` in renderer/arrays/rows.py, its parameters in renderer/scene/material.py, a branch in
-`eval_material` and `sample_material` (or in rare_materials.py), and in renderer/kernel/pool/surfaces.py the list of its vertices.
+`eval_material` and `sample_material` (or in rare_materials.py), and in renderer/kernel/backends/cpu/surfaces.py the list of its vertices.
 """
 
 from __future__ import annotations
@@ -46,20 +46,22 @@ __all__ = [
     "LAYER_SLOTS",
     "UNLIT",
     "Material",
-    "absorption",
+    "Parameters",
     "colored_index",
-    "disperse",
+    "dielectric_reflectance",
     "emission",
     "eval_material",
+    "factors_at",
     "fetch_material",
-    "is_lamp",
+    "has_flag",
     "is_specular",
-    "is_transparent",
     "look_up_layers",
+    "material_of",
     "opacity",
+    "parameters_at",
+    "relative_index",
     "sample_material",
     "texture_factors",
-    "transmits",
 ]
 
 _ZERO = np.float32(0.0)
@@ -103,6 +105,12 @@ def _texture(scene, number, slot):
 
 
 @device
+def has_flag(scene, number, flag):
+    """Whether material `number` has a flag of renderer/arrays/rows.py, a uint32."""
+    return (u32(lookup(scene.material_flags, number)) & flag) != _NONE
+
+
+@device
 def texture_factors(scene, number, uv, uv1, time):
     """Returns the factors from the textures of material `number`: (colour, metallic, roughness).
 
@@ -120,31 +128,70 @@ def texture_factors(scene, number, uv, uv1, time):
 
 
 @device
-def fetch_material(scene, surface, frame, layers, time):
-    """Returns the Material of a surface at the hit point.
+def factors_at(scene, surface, time):
+    """Returns `texture_factors` of one surface; 1 where its material has no textures."""
+    factors = (_ONE, _ONE, _ONE), _ONE, _ONE
+    if scene.has.textures is not None and scene.material_flags[surface.material] & rows.TEXTURED != 0:
+        factors = texture_factors(scene, surface.material, surface.uv, surface.uv1, time)
+    return factors
+
+
+class Parameters(NamedTuple):
+    """The parameters that all kinds of materials have, at surface points. For one path or for eight lanes."""
+
+    base: Any  # rgb
+    metallic: Any
+    roughness: Any
+    ior: Any
+
+
+@device
+def parameters_at(scene, surface, factors):
+    """Returns the Parameters of surfaces. factors: `texture_factors` of their textures, 1 where there are none."""
+    base = _rgb(scene.material, surface.material, rows.BASE)
+    metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, rows.METALLIC, 3)
+    if scene.has.textures is not None:
+        color, of_metallic, of_roughness = factors
+        base = vec.mul(vec.mul(base, color), (surface.color[0], surface.color[1], surface.color[2]))
+        metallic, roughness = metallic * of_metallic, roughness * of_roughness
+    return Parameters(base, metallic, roughness, ior)
+
+
+@device
+def relative_index(ior, front):
+    """Returns the index of refraction beyond the surface over that on the viewer's side."""
+    return where(front, ior, _ONE / ior)
+
+
+@device
+def dielectric_reflectance(scene, number):
+    """Returns a dielectric's reflectance (at normal incidence, rgb; at grazing incidence)."""
+    grazing = _value(scene.material, number, rows.SPECULAR)
+    return vec.scale(_rgb(scene.material, number, rows.F0), grazing), grazing
+
+
+@device
+def material_of(scene, surface, parameters, frame, layers, time):
+    """Returns the Material of one surface from its Parameters.
 
     frame: from `shading_frame`; layers: (LAYER_SLOTS,) float32, written here and referenced by the Material.
     """
     number = surface.material
-    row = scene.material
     kind = scene.material_kind[number]
-    flags = scene.material_flags[number]
-    base = _rgb(row, number, rows.BASE)
-    metallic, roughness, ior = columns(row, number, COLUMNS, rows.METALLIC, 3)
-    if scene.has.textures is not None and flags & rows.TEXTURED != 0:
-        color, of_metallic, of_roughness = texture_factors(scene, number, surface.uv, surface.uv1, time)
-        base = vec.mul(base, color)
-        metallic *= of_metallic
-        roughness *= of_roughness
-    if scene.has.textures is not None:
-        base = (base[0] * surface.color[0], base[1] * surface.color[1], base[2] * surface.color[2])
-    f90 = _value(row, number, rows.SPECULAR)
-    f0 = vec.scale(_rgb(row, number, rows.F0), f90)
-    eta = ior if surface.front else _ONE / ior
+    base, metallic, roughness, ior = parameters
+    f0, f90 = dielectric_reflectance(scene, number)
+    eta = relative_index(ior, surface.front)
     if kind >= CONDUCTOR:
         seen = surface.shading, surface.uv, surface.uv1
         look_up_layers(scene, number, base, metallic, roughness, *seen, frame, layers, time)
-    return Material(kind, base, metallic, roughness, f0, f90, eta, flags & rows.TRANSMITS != 0, layers, scene.has)
+    two_sided = scene.material_flags[number] & rows.TRANSMITS != 0
+    return Material(kind, base, metallic, roughness, f0, f90, eta, two_sided, layers, scene.has)
+
+
+@device
+def fetch_material(scene, surface, frame, layers, time):
+    """Returns `material_of` one surface with its textures looked up."""
+    return material_of(scene, surface, parameters_at(scene, surface, factors_at(scene, surface, time)), frame, layers, time)
 
 
 @device
@@ -165,12 +212,6 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
     if scene.has.layers is not None and coated:
         normal = coat_normal(scene, number, shading, uv, uv1, frame, time)
         layers[COAT_NORMAL], layers[COAT_NORMAL + 1], layers[COAT_NORMAL + 2] = normal
-
-
-@device
-def transmits(material):
-    """Whether the material transmits light, so that lights on both sides of the surface contribute."""
-    return material.kind == GLASS or material.two_sided
 
 
 @subroutine
@@ -204,47 +245,11 @@ def colored_index(scene, number, throughput, u):
 
 
 @device
-def disperse(scene, surface, material, throughput, u):
-    """Returns (material, throughput) for one colour channel where the material is dispersive; else both unchanged."""
-    if scene.material_flags[surface.material] & rows.DISPERSIVE == 0 or vec.maximum(throughput) <= _ZERO:
-        return material, throughput
-    ior, throughput = colored_index(scene, surface.material, throughput, u)
-    eta = ior if surface.front else _ONE / ior
-    return (
-        Material(
-            material.kind,
-            material.base,
-            material.metallic,
-            material.roughness,
-            material.f0,
-            material.f90,
-            eta,
-            material.two_sided,
-            material.layers,
-            material.has,
-        ),
-        throughput,
-    )
-
-
-@device
-def is_transparent(scene, number):
-    """Whether `opacity` may be below 1 somewhere on material `number`."""
-    return scene.material_flags[number] & rows.TRANSPARENT != 0
-
-
-@device
-def is_lamp(scene, number):
-    """Whether material `number` emits light and does not affect rays that pass through."""
-    return scene.has.textures is not None and scene.material_flags[number] & rows.LAMP != 0
-
-
-@device
 def opacity(scene, number, uv, uv1, vertex_alpha, time):
     """Returns the probability, 0 ... 1, that a ray hits material `number` there rather than passes through."""
     chance = as_wide(_ONE, number)
     if scene.has.textures is not None:
-        transparent = u32(lookup(scene.material_flags, number)) & _TRANSPARENT != _NONE
+        transparent = has_flag(scene, number, _TRANSPARENT)
         if any_of(transparent):
             alpha = each_lane(_alpha, transparent, (scene, number, uv, uv1, vertex_alpha, time))
             chance = where(transparent, alpha, chance)
@@ -261,14 +266,6 @@ def _alpha(scene, number, uv, uv1, vertex_alpha, time):
     if scene.material_flags[number] & rows.MASKED != 0:
         return _ONE if alpha >= _value(scene.material, number, rows.ALPHA_CUTOFF) else _ZERO
     return min(max(alpha, _ZERO), _ONE)
-
-
-@device
-def absorption(scene, number):
-    """Returns the absorption coefficient inside material `number`, rgb per unit length; (0, 0, 0) for one without an interior."""
-    if scene.material_flags[number] & rows.ABSORBING == 0:
-        return _BLACK
-    return _rgb(scene.material, number, rows.ABSORPTION)
 
 
 @device

@@ -18,12 +18,15 @@ from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.texture import sample_texture
 from renderer.kernel.surface.consistent_normals import consistent_normal
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, lookup, u32, where3
 
 __all__ = ["bent_frame", "coat_normal", "map_normal", "shading_frame"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
+_BENT, _NONE = np.uint32(NORMAL_MAPPED | NEEDS_TANGENT), np.uint32(0)
 _LEAST_TANGENT = np.float32(1e-4)
 
 
@@ -64,16 +67,17 @@ def shading_frame(scene, surface, wo, time):
     """Returns the orthonormal shading frame (s, t, n): n on the viewer's side, s along the tangent where the material needs it.
 
     Left-handed where the texture is mirrored. wo: unit, towards the viewer, in world space. time: shutter time, 0 ... 1; None for
-    a scene without motion.
+    a scene without motion. For one path or for eight lanes.
     """
     n = surface.shading
-    flags = scene.material_flags[surface.material]
-    if scene.has.textures is None or flags & (NORMAL_MAPPED | NEEDS_TANGENT) == 0:
-        s, t = vec.basis(n)
-        return s, t, n
-    return bent_frame(
-        *(scene, surface.material, surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo, time)
-    )
+    s, t = vec.basis(n)
+    if scene.has.textures is not None:
+        bent = (u32(lookup(scene.material_flags, surface.material)) & _BENT) != _NONE
+        if any_of(bent):
+            turned = (surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo, time)
+            along, across, up = each_lane(bent_frame, bent, (scene, surface.material, *turned))
+            s, t, n = where3(bent, along, s), where3(bent, across, t), where3(bent, up, n)
+    return s, t, n
 
 
 @device

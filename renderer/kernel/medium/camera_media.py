@@ -12,7 +12,7 @@ from renderer.kernel.surface.surface import surface_at
 from renderer.prune_absent_features import where_present
 from renderer.wide.values import u32
 
-__all__ = ["nest_of_camera"]
+__all__ = ["media_of_camera"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -52,10 +52,10 @@ def _nest_at(scene, stack, o, time):
 
 
 @device
-def nest_of_camera(scene, stack, camera, samples):
+def media_of_camera(scene, stack, camera, samples):
     """Returns the stack of media in which all paths of an image begin: at the central ray's origin, in the middle of the shutter.
 
-    None for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
+    0 for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
     """
     nest = _WORLD
     if scene.has.media is not None:
@@ -65,4 +65,4 @@ def nest_of_camera(scene, stack, camera, samples):
             o, _, _ = moving_ray(camera, x, y, _MIDDLE, _HALF)
         if len(scene.medium) > 1 and samples > 0:
             nest = _nest_at(scene, stack, o, where_present(scene.has.motion, _HALF))
-    return where_present(scene.has.media, nest)
+    return nest

@@ -21,7 +21,7 @@ __all__ = ["FLIGHT_BLOCK", "Flight", "carried", "flight_distance", "free_flight"
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INF = np.float32(np.inf)
-FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are in integrators/transport.py
+FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are in renderer/kernel/steps/random_blocks.py
 
 
 class Flight(NamedTuple):

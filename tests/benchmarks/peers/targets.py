@@ -55,6 +55,7 @@ class Target:
 _RATIO = "times the peer's"
 
 TABLE: dict[str, Target] = {
+    "against": Target("Samples a second against another commit of ours, by processor time", _RATIO, each=at_least(0.98)),
     "samples": Target("Samples a second against Mitsuba 3, llvm_ad_rgb", _RATIO, mean=at_least(1.3), each=at_least(1.1)),
     "error-time": Target(
         "Error in the same time against Mitsuba 3, multijitter",

@@ -12,7 +12,7 @@ from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, closest_hit, new_st
 from renderer.jit import entry
 from tests.renderer.builders import still
 from tests.renderer.bvh.rays import NO_SPHERES, trace
-from tests.renderer.kernel.pool.test_walk import closest_together
+from tests.renderer.kernel.backends.cpu.test_walk import closest_together
 
 MOST = 64
 RAYS = 300

@@ -10,8 +10,8 @@ from renderer.bvh.simd import LANES
 from renderer.jit import device, entry
 from renderer.kernel import polynomial, vec
 from renderer.kernel.fetch import row
-from renderer.kernel.integrators.strategy import power_heuristic
 from renderer.kernel.sampling import warp
+from renderer.kernel.steps.mis import power_heuristic
 from renderer.kernel.surface.consistent_normals import consistent_normal
 from renderer.kernel.surface.edge_margins import edge_margins
 from renderer.kernel.surface.terminator import lifted
@@ -21,7 +21,7 @@ from tests.renderer.builders import icosphere
 from tests.renderer.wide.both import assert_same_bits, both, in_both, keep
 from tests.renderer.wide.given import N, directions, square
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
 
 
 @device

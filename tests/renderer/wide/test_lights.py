@@ -19,7 +19,7 @@ from renderer.wide.values import to_int, u32
 from tests.renderer.builders import emitter, gray, icosphere, scene, square
 from tests.renderer.wide.both import LANES, assert_same_bits, both, keep
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
 
 N = 8 * 500
 

@@ -26,7 +26,7 @@ from renderer.wide.values import (
 )
 from tests.renderer.wide.both import both, in_both
 
-pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/pool/test_features.py
+pytestmark = pytest.mark.long  # pictures, and all of it together in tests/renderer/kernel/backends/test_features.py
 
 N = 8 * 256
 P, Q = np.float32(0.75), np.float32(-3.0)

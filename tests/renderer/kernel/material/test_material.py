@@ -3,8 +3,18 @@
 import numpy as np
 import pytest
 
+from renderer.arrays.rows import ABSORBING, ABSORPTION, COLUMNS
 from renderer.jit import entry
-from renderer.kernel.material.material import LAYER_SLOTS, absorption, disperse, emission, fetch_material, opacity
+from renderer.kernel.fetch import columns
+from renderer.kernel.material.material import (
+    LAYER_SLOTS,
+    colored_index,
+    emission,
+    fetch_material,
+    has_flag,
+    opacity,
+    relative_index,
+)
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import as_rendered, square
@@ -12,6 +22,7 @@ from tests.renderer.kernel.subject import facing_up
 
 ZERO, ONE = np.float32(0), np.float32(1)
 UP = (ZERO, ZERO, ONE)
+_ABSORBING = np.uint32(ABSORBING)
 FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
 
 
@@ -23,14 +34,15 @@ def _look(scene, surface, frame, layers, throughput, u, out):
     for k in range(5):
         out[k] = values[k]
     out[5] = opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], None)
-    taken = absorption(scene, surface.material)
+    absorbs = has_flag(scene, surface.material, _ABSORBING)
+    taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3) if absorbs else (ZERO, ZERO, ZERO)
     light = emission(scene, surface.material, surface.uv, surface.uv1, surface.front, None)
-    spread, left = disperse(scene, surface, material, throughput, u)
+    ior, left = colored_index(scene, surface.material, throughput, u)
     for k in range(3):
         out[6 + k] = taken[k]
         out[9 + k] = light[k]
         out[13 + k] = left[k]
-    out[12] = spread.eta
+    out[12] = relative_index(ior, surface.front)
 
 
 def compiled(material, images=(), textures=()):

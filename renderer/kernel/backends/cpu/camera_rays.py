@@ -1,0 +1,101 @@
+"""Generates camera rays in free rows."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bvh.simd import store_int
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, append, eight, length, pad, row
+from renderer.kernel.backends.cpu.rows import (
+    SECOND,
+    Facet,
+    Mapped,
+    RowHit,
+    Sample,
+    Shading,
+    at,
+    column,
+    gather,
+    scatter,
+)
+from renderer.kernel.steps.record_first_hit import no_hit
+from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
+from renderer.kernel.steps.state import PathState, camera_path, no_crossings
+from renderer.wide.values import as_wide, nil
+
+__all__ = ["Next", "begin"]
+
+_ONE = np.float32(1.0)
+_NONE = np.uint32(0)
+_NUMBER, _PLACE, _X, _Y = (column(Sample, field) for field in ("number", "place", "x", "y"))
+
+
+class Next(NamedTuple):
+    """The next sample of the batch to be started; pixel by pixel, row by row."""
+
+    x: Any
+    y: Any
+    sample: Any
+
+
+@device
+def _number(pool, lists, count, following, width, height, batch):
+    """Assigns the next samples to the first `count` rows of the list DONE."""
+    x, y, sample = following.x, following.y, following.sample
+    for k in range(count):
+        path = row(lists, DONE, k)
+        store_int(pool, at(path, _X), np.int32(batch.x + x))
+        store_int(pool, at(path, _Y), np.int32(batch.y + y))
+        store_int(pool, at(path, _NUMBER), np.int32(sample))
+        store_int(pool, at(path, _PLACE), np.int32(y * width + x))
+        append(lists, ACTIVE, path)
+        sample += 1
+        if sample == batch.first + batch.count:
+            sample = batch.first
+            x += 1
+            if x == width:
+                x = 0
+                y += 1
+    return Next(x, y, sample)
+
+
+@subroutine
+def begin(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
+    """Starts paths in free rows while samples remain; returns the next sample to start.
+
+    motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera,
+    None for a scene without media.
+    """
+    out_of_line()
+    left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)
+    count = min(length(lists, DONE), left)
+    following = _number(pool, lists, count, following, width, height, batch)
+    pad(lists, DONE)
+    for k in range(0, count, 8):
+        rows = eight(lists, DONE, k)
+        sample = gather(pool, rows, Sample)
+        seen = spawn_camera_ray(motion, camera, options, sample.x, sample.y, sample.number)
+        none = nil(seen.start)
+        time = none
+        if motion is not None:
+            time = seen.time
+        one, nothing, no = none + _ONE, as_wide(_NONE, none), none != none
+        black = none, none, none
+        ray, path = camera_path(seen.o, seen.d)
+        scatter(pool, rows, ray)
+        scatter(pool, rows, path)
+        scatter(pool, rows + SECOND, PathState(black, none, black, none))
+        scatter(pool, rows, RowHit(none, none, none, nothing, nothing, none, nothing, none))
+        scatter(pool, rows, Sample(seen.stream.pixel, sample.number, sample.place, sample.x, sample.y, time, seen.start, one))
+        scatter(pool, rows, Facet(seen.o, none, black, no, no))
+        scatter(pool, rows, Shading(black, black, nothing, nothing))
+        scatter(pool, rows, no_hit(none))
+        scatter(pool, rows, Mapped(black, black))
+        if medium_stack is not None:
+            scatter(pool, rows, no_crossings(medium_stack, none))
+        elif options.has_depths:
+            scatter(pool, rows, no_crossings(_NONE, none))
+    return following

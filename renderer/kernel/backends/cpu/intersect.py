@@ -1,0 +1,232 @@
+"""Traces each path's ray, and the vertices' shadow rays."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.simd import load_int, store_int
+from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit, shadow_root
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.lists import (
+    ACTIVE,
+    DONE,
+    DRIFTING,
+    ENDED,
+    MISSED,
+    NODES,
+    PASSED,
+    SCATTERING,
+    SPHERES,
+    TRIANGLES,
+    WAITING,
+    append,
+    clear,
+    cut,
+    eight,
+    length,
+    pad,
+    put,
+    row,
+)
+from renderer.kernel.backends.cpu.occlusion import walk_shadow_rays
+from renderer.kernel.backends.cpu.rows import DirectLight, Outcome, RowHit, Traversal, at, column, gather, scatter, time_of
+from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, start_traversal, three
+from renderer.kernel.backends.cpu.walk import walk
+from renderer.kernel.backends.scalar.visibility import light_left, transmittance
+from renderer.kernel.medium.flight import left_after
+from renderer.kernel.medium.medium_stack import coefficients
+from renderer.kernel.steps.depths import layers_left
+from renderer.kernel.steps.sample_direct_light import add_direct_light
+from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
+from renderer.wide.values import as_wide, nil, where, where3
+
+__all__ = ["bring_light", "intersect_closest", "trace_shadow_rays"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_ROOT = np.int32(0)
+_TOP_NODE = np.uint32(0)
+_TRACED_ALONE = np.int32(-1)  # in column TOP: the ray was traced by `_trace_passed`
+_NO_COUNTS = (_ZERO, _ZERO, _ZERO, _ZERO)
+_T, _U, _V, _PRIMITIVE, _INSTANCE = (column(RowHit, field) for field in ("t", "u", "v", "primitive", "instance"))
+_BEHIND, _RADIANCE = column(Crossings, "behind"), column(PathState, "radiance")
+_IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
+
+
+@subroutine
+def _trace_passed(scene, alone, pool, lists):
+    """Traces the rays on the list PASSED on, each alone, beyond the surfaces that they have passed through."""
+    out_of_line()
+    for k in range(length(lists, PASSED)):
+        number = row(lists, PASSED, k)
+        path = at(number, np.uintp(0))
+        ray = gather(pool, number, Ray)
+        after = pool[path + _T], load_int(pool, path + _INSTANCE), load_int(pool, path + _PRIMITIVE)
+        root = _ROOT
+        if scene.bvh.begin is not None and gather(pool, number, PathState).number == _ZERO:
+            root = camera_root(scene.bvh)
+        hit = closest_hit(scene.bvh, alone, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, number), root, after)
+        pool[path + BEST] = hit.t
+        pool[path + _U] = hit.u
+        pool[path + _V] = hit.v
+        store_int(pool, path + _PRIMITIVE, hit.primitive)
+        store_int(pool, path + _INSTANCE, hit.instance)
+        store_int(pool, path + TOP, _TRACED_ALONE)
+        if scene.has.media is not None:
+            pool[path + _BEHIND] = after[0]
+
+
+@device
+def _wait_for_nodes(scene, pool, lists, count):
+    """Puts the first `count` active rays that `_trace_passed` has not traced on the list NODES, without a hit."""
+    waiting = np.uintp(0)
+    for k in range(count):
+        path = row(lists, ACTIVE, k)
+        put(lists, NODES, waiting, path)
+        if scene.has.textures is not None and load_int(pool, at(path, TOP)) == _TRACED_ALONE:
+            continue
+        waiting += np.uintp(1)
+        store_int(pool, at(path, _PRIMITIVE), NO_PRIMITIVE)
+        store_int(pool, at(path, _INSTANCE), NO_PRIMITIVE)
+        if scene.has.media is not None:
+            pool[at(path, _BEHIND)] = _ZERO
+    cut(lists, NODES, waiting)
+
+
+@subroutine
+def intersect_closest(scene, alone, stack, pool, lists):
+    """Traces the active paths' rays, and lists the paths by what they hit: nothing, a triangle or a sphere."""
+    out_of_line()
+    count = pad(lists, ACTIVE)
+    for k in range(0, count, 8):
+        rows = eight(lists, ACTIVE, k)
+        ray = gather(pool, rows, Ray)
+        zero = nil(ray.pdf)
+        root = as_wide(_TOP_NODE, zero)
+        if scene.bvh.begin is not None:
+            number = gather(pool, rows, PathState).number
+            root = where(number == _ZERO, as_wide(np.uint32(camera_root(scene.bvh)), zero), root)
+        start_traversal(pool, rows, ray.o, ray.d, zero + _INF, root)
+    if scene.has.textures is not None:
+        _trace_passed(scene, alone, pool, lists)
+    _wait_for_nodes(scene, pool, lists, count)
+    clear(lists, ENDED)
+    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists)
+    triangles = len(scene.triangle)
+    missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
+    for k in range(count):
+        path = row(lists, ACTIVE, k)
+        pool[at(path, _T)] = pool[at(path, BEST)]
+        primitive = load_int(pool, at(path, _PRIMITIVE))
+        put(lists, MISSED, missed, path)
+        put(lists, TRIANGLES, on_triangles, path)
+        put(lists, SPHERES, on_spheres, path)
+        is_hit, is_triangle = primitive != NO_PRIMITIVE, primitive < triangles
+        missed += np.uintp(not is_hit)
+        on_triangles += np.uintp(is_hit & is_triangle)
+        on_spheres += np.uintp(is_hit & (not is_triangle))
+    cut(lists, MISSED, missed)
+    cut(lists, TRIANGLES, on_triangles)
+    cut(lists, SPHERES, on_spheres)
+
+
+@device
+def _light_through(scene, alone, pool, lists, options):
+    """Adds the direct light of the rows on WAITING, with transmittance through transparent surfaces and media."""
+    for k in range(length(lists, WAITING)):
+        path = row(lists, WAITING, k)
+        ray, light = gather(pool, path, Outcome), gather(pool, path, DirectLight)
+        time, counts = time_of(scene.has.motion, pool, path), _NO_COUNTS
+        if options.has_depths:
+            counts = gather(pool, path, Crossings).counts
+        layers = layers_left(counts, options)
+        if scene.has.media is not None:
+            left = light_left(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
+        else:
+            share = transmittance(scene, alone, ray.start, ray.end, True, layers, time)
+            left = share, share, share
+        if vec.maximum(left) > _ZERO:
+            radiance = add_direct_light(three(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
+            for c in range(3):
+                pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
+
+
+@device
+def _light(scene, alone, stack, pool, lists, options):
+    """Adds the direct light of the rows on WAITING, in scenes where any surface occludes."""
+    count = pad(lists, WAITING)
+    for k in range(0, count, 8):
+        rows = eight(lists, WAITING, k)
+        ray = gather(pool, rows, Outcome)
+        none = nil(ray.survival)
+        root = as_wide(_TOP_NODE, none)
+        if scene.bvh.begin is not None:
+            root = as_wide(np.uint32(shadow_root(scene.bvh)), none)
+        start_traversal(pool, rows, ray.start, vec.sub(ray.end, ray.start), none, root)
+    for k in range(count):
+        put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
+    cut(lists, NODES, np.uintp(count))
+    clear(lists, ENDED)
+    walk_shadow_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists)
+    for k in range(0, count, 8):
+        rows = eight(lists, WAITING, k)
+        path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
+        none = nil(path.depth)
+        one = none + _ONE
+        left = one, one, one
+        if scene.has.media is not None:
+            ray = gather(pool, rows, Outcome)
+            sigma_t, _, _ = coefficients(scene, light.medium_stack)
+            left = left_after(sigma_t, vec.length(vec.sub(ray.end, ray.start)))
+        lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
+        occluded = gather(pool, rows, Traversal).best != _ZERO
+        scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
+
+
+@subroutine
+def bring_light(scene, alone, stack, pool, lists, options):
+    """Traces the shadow rays of the rows on WAITING, and adds their direct light."""
+    out_of_line()
+    if scene.has.textures is not None and options.transparent:
+        _light_through(scene, alone, pool, lists, options)
+    else:
+        _light(scene, alone, stack, pool, lists, options)
+
+
+@device
+def _go_on(pool, lists, which):
+    """Distributes the rows of a list to WAITING if they have a shadow ray, and to ACTIVE or DONE."""
+    waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        put(lists, WAITING, waiting, path)
+        put(lists, ACTIVE, active, path)
+        put(lists, DONE, done, path)
+        goes_on = not (pool[at(path, _SURVIVAL)] <= _ZERO)  # NaN propagates, so the film can count it
+        waiting += np.uintp(pool[at(path, _IS_CAST)] != _ZERO)
+        active += np.uintp(goes_on)
+        done += np.uintp(not goes_on)
+    cut(lists, WAITING, waiting)
+    cut(lists, ACTIVE, active)
+    cut(lists, DONE, done)
+
+
+@subroutine
+def trace_shadow_rays(scene, alone, stack, pool, lists, options):
+    """Traces the vertices' shadow rays and adds their direct light; returns the number of shadow rays.
+
+    Continuing paths are added to ACTIVE, terminated ones to DONE.
+    """
+    out_of_line()
+    cut(lists, WAITING, np.uintp(0))
+    for which in range(SCATTERING):
+        _go_on(pool, lists, np.uintp(which))
+    if scene.has.media is not None:
+        _go_on(pool, lists, DRIFTING)
+    waiting = np.uintp(length(lists, WAITING))
+    for k in range(length(lists, PASSED)):
+        append(lists, ACTIVE, row(lists, PASSED, k))
+    bring_light(scene, alone, stack, pool, lists, options)
+    return np.int64(waiting)

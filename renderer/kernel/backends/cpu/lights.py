@@ -1,0 +1,99 @@
+"""Samples a light for each vertex that can use light sampling.
+
+With a light tree, all vertices descend it together, one step each in turn: a step is a few long sums and roots, which the
+processor can overlap between vertices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
+from renderer.bvh.simd import store_int
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel.backends.cpu.lists import LIT, NODES, eight, pad, put, row
+from renderer.kernel.backends.cpu.rows import (
+    ChosenLight,
+    LightDescent,
+    Outcome,
+    at,
+    column,
+    gather,
+    last_vertex,
+    scatter,
+    streams_of,
+    time_of,
+)
+from renderer.kernel.backends.cpu.traversal_state import word
+from renderer.kernel.light.light_tree import descend
+from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
+from renderer.kernel.steps.mis import branches_to_light
+from renderer.kernel.steps.random_blocks import draw_light
+from renderer.kernel.steps.state import PathState
+from renderer.wide.values import as_wide, nil
+
+__all__ = ["choose_lights"]
+
+_ONE = np.float32(1.0)
+_ROOT = np.uint32(0)
+_NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
+_LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chance", "here"))
+
+
+@device
+def _numbers(pool, rows, options):
+    """Returns the random numbers of eight rows: two for the point on the light, one for the choice of the light."""
+    u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
+    return u[0], u[1], u[2]
+
+
+@subroutine
+def _descend(scene, pool, lists, options):
+    """Chooses a light for each listed vertex by the light tree; writes LightDescent."""
+    out_of_line()
+    waiting = np.uintp(pad(lists, LIT))
+    for k in range(0, np.int64(waiting), 8):
+        rows = eight(lists, LIT, k)
+        u, v, choice = _numbers(pool, rows, options)
+        _, left = nearby_choice(scene, choice)
+        scatter(pool, rows, LightDescent(left, nil(left) + _ONE, as_wide(_ROOT, left), u, v, choice))
+    for k in range(np.int64(waiting)):
+        put(lists, NODES, np.uintp(k), row(lists, LIT, k))
+    while waiting > np.uintp(0):
+        count, waiting = waiting, np.uintp(0)
+        for k in range(np.int64(count)):
+            number = row(lists, NODES, k)
+            path = at(number, np.uintp(0))
+            base = word(pool, path + _HERE) * _NODE
+            vertex = last_vertex(scene, pool, number)
+            child, share, left = descend(scene.light_node, base, vertex.point, vertex.normal, pool[path + _LEFT])
+            pool[path + _LEFT] = left
+            pool[path + _CHANCE] *= share
+            store_int(pool, path + _HERE, child)
+            put(lists, NODES, waiting, number)
+            waiting += np.uintp(child >= np.int32(0))
+
+
+@subroutine
+def choose_lights(scene, pool, lists, options):
+    """Samples a light for each vertex on the list LIT; writes ChosenLight and Outcome."""
+    out_of_line()
+    by_tree = False
+    if scene.has.lights is not None:
+        by_tree = len(scene.light_node) > 0
+        if by_tree:
+            _descend(scene, pool, lists, options)
+    for k in range(0, pad(lists, LIT), 8):
+        rows = eight(lists, LIT, k)
+        vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+        if scene.has.lights is not None and by_tree:
+            way = gather(pool, rows, LightDescent)
+            chosen = way.here ^ np.uint32(0xFFFFFFFF)
+            light = sample_chosen(scene, vertex.point, vertex.normal, way.choice, (way.u, way.v), chosen, way.chance, time)
+        else:
+            u, v, choice = _numbers(pool, rows, options)
+            light = sample_by_power(scene, vertex.point, vertex.normal, choice, (u, v), time)
+        none = nil(light.pdf)
+        branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
+        scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
+        scatter(pool, rows, Outcome((none, none, none), light.end, none, none))

@@ -1,0 +1,119 @@
+"""Lists of row numbers: the work of each stage.
+
+A list is read eight numbers at a time, with its last number repeated to a multiple of eight; processing a row twice has the same
+result as once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel.backends.cpu.rows import ROWS
+from renderer.wide.rows import load_ints
+
+__all__ = [
+    "ACTIVE",
+    "CONDUCTOR",
+    "DIFFUSE",
+    "DONE",
+    "DRIFTING",
+    "ENDED",
+    "LISTS",
+    "LIST_SIZE",
+    "LIT",
+    "METALLIC_ROUGHNESS",
+    "MISSED",
+    "NODES",
+    "OTHERS",
+    "PACKETS",
+    "PASSED",
+    "RARE",
+    "RARE_SPECULAR",
+    "SCATTERING",
+    "SPECULAR",
+    "SPHERES",
+    "TRIANGLES",
+    "WAITING",
+    "WITHIN",
+    "append",
+    "clear",
+    "cut",
+    "eight",
+    "length",
+    "pad",
+    "put",
+    "row",
+]
+
+# Vertices that are to scatter are listed by how they do. RARE is what has many properties; RARE_SPECULAR is on that list as well,
+# and light sampling finds nothing for it.
+DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR = range(6)
+SCATTERING = RARE_SPECULAR
+# From here on numbers that Numba takes for values: for each plain one it would compile `length` and the others anew.
+ACTIVE, TRIANGLES, SPHERES, MISSED, LIT, PASSED, DONE = (np.uintp(which) for which in range(SCATTERING + 1, SCATTERING + 8))
+# Rays on their way through the tree, by what they are to look into next: a node, a packet of triangles, anything else.
+NODES, PACKETS, OTHERS, ENDED, WAITING = (np.uintp(which) for which in range(SCATTERING + 8, SCATTERING + 13))
+# Where there are media: vertices in one, which are to scatter too, and those that may go on inside of what they have met.
+DRIFTING, WITHIN = (np.uintp(which) for which in range(SCATTERING + 13, SCATTERING + 15))
+LISTS = SCATTERING + 15
+LIST_SIZE = ROWS + 8  # its length, the numbers, and room for the last one's repetition
+_SIZE = np.uintp(LIST_SIZE)
+_ONE = np.uintp(1)
+
+
+@device
+def clear(lists, which):
+    """Empties a list."""
+    lists[np.uintp(which) * _SIZE] = np.uint32(0)
+
+
+@device
+def length(lists, which):
+    """Returns the length of a list."""
+    return np.int64(lists[np.uintp(which) * _SIZE])
+
+
+@device
+def row(lists, which, k):
+    """Returns a list's k-th row number."""
+    return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
+
+
+@device
+def append(lists, which, number):
+    """Appends a row number to a list."""
+    base = np.uintp(which) * _SIZE
+    count = np.uintp(lists[base]) + _ONE
+    lists[base + count] = np.uint32(number)
+    lists[base] = np.uint32(count)
+
+
+@device
+def put(lists, which, count, number):
+    """Writes a number at index `count` of a list, without changing its length."""
+    lists[np.uintp(which) * _SIZE + _ONE + count] = np.uint32(number)
+
+
+@device
+def cut(lists, which, count):
+    """Sets the length of a list."""
+    lists[np.uintp(which) * _SIZE] = np.uint32(count)
+
+
+@device
+def pad(lists, which):
+    """Repeats the last number, so that `eight` is valid up to the end; returns the list's length."""
+    base = np.uintp(which) * _SIZE
+    count = np.uintp(lists[base])
+    if count > np.uintp(0):
+        last = lists[base + count]
+        for k in range(1, 8):
+            lists[base + count + np.uintp(k)] = last
+    return np.int64(count)
+
+
+@device
+def eight(lists, which, k):
+    """Returns eight numbers of a list from the k-th on, u32x8."""
+    return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

@@ -1,0 +1,131 @@
+"""Free flights of the active paths, for scenes with media, and their vertices in media."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.lists import (
+    ACTIVE,
+    DONE,
+    DRIFTING,
+    LIT,
+    MISSED,
+    SPHERES,
+    TRIANGLES,
+    append,
+    cut,
+    eight,
+    length,
+    pad,
+    put,
+    row,
+)
+from renderer.kernel.backends.cpu.rows import (
+    SPARE,
+    Appearance,
+    Axes,
+    Facet,
+    Mapped,
+    MediumFlight,
+    RowHit,
+    Sample,
+    Shading,
+    at,
+    column,
+    gather,
+    scatter,
+    streams_of,
+)
+from renderer.kernel.steps.continue_or_end import is_last
+from renderer.kernel.steps.medium_event import medium_event, medium_surface
+from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
+from renderer.kernel.surface.surface import NO_OBJECT
+from renderer.wide.values import any_of, as_wide, nil, where
+
+__all__ = ["fly", "list_drifting"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_SURFACE = np.uint32(0)  # in place of an object's number, which only a vertex in a medium lacks
+_IN_MEDIUM, _OVER = np.uint32(DRIFTING), np.uint32(DONE)
+_SCATTERS = column(MediumFlight, "scatters")
+
+
+@device
+def _store_vertices(pool, rows, surface, g, which):
+    """Writes vertices in media to the rows."""
+    none = nil(g)
+    one = none + _ONE
+    n, black = surface.shading, (none, none, none)
+    s, t = vec.basis(n)
+    scatter(pool, rows, Facet(surface.point, surface.error, surface.geometric, surface.front, surface.smooth))
+    scatter(pool, rows, Shading(n, surface.lift, surface.material, which))
+    scatter(pool, rows, Appearance((one, one, one), none, g, one, surface.uv))
+    scatter(pool, rows, Axes(s, t, surface.uv1))
+    scatter(pool, rows, Mapped(n, black))
+
+
+@subroutine
+def fly(scene, pool, lists, options):
+    """Samples free flights of the active paths and updates their throughput.
+
+    Paths that scatter in a medium are removed from the lists of hits; they are done, or listed on DRIFTING.
+    """
+    out_of_line()
+    count = pad(lists, ACTIVE)
+    for k in range(0, count, 8):
+        rows = eight(lists, ACTIVE, k)
+        met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
+        stream = streams_of(pool, rows, options)
+        event = medium_event(scene, path, crossings, met.t, stream, path.number + met.passed)
+        none = nil(path.number)
+        if any_of(event.scatters):
+            surface = medium_surface(gather(pool, rows, Ray), event.distance)
+            first = event.scatters & (path.number == _ZERO)
+            if any_of(first):
+                start, black = gather(pool, rows, Sample).start, (none, none, none)
+                seen = record_first_hit(surface, event.albedo, black, event.distance, start)
+                scatter(pool, where(first, rows, SPARE), seen)
+            last = is_last(path, crossings.counts, none != none, options)
+            which = where(last, _OVER, as_wide(_IN_MEDIUM, none))
+            _store_vertices(pool, where(event.scatters, rows, SPARE), surface, event.g, which)
+        distance = where(event.scatters, event.distance, met.t)
+        number = where(event.scatters, as_wide(NO_OBJECT, none), _SURFACE)
+        scatter(pool, rows, RowHit(distance, met.u, met.v, met.primitive, met.instance, met.passed, number, none))
+        scatter(pool, rows, with_throughput(path, event.throughput))
+        scatter(pool, rows, MediumFlight(where(event.scatters, _ONE, none)))
+    _remove_drifting(pool, lists, MISSED)
+    _remove_drifting(pool, lists, TRIANGLES)
+    _remove_drifting(pool, lists, SPHERES)
+    drifting = np.uintp(0)
+    for k in range(count):
+        path = row(lists, ACTIVE, k)
+        drifts = pool[at(path, _SCATTERS)] != _ZERO
+        over = drifts & (gather(pool, path, Shading).list == _OVER)
+        put(lists, DRIFTING, drifting, path)
+        drifting += np.uintp(drifts & (not over))
+        if over:
+            append(lists, DONE, path)
+    cut(lists, DRIFTING, drifting)
+
+
+@device
+def _remove_drifting(pool, lists, which):
+    """Removes paths that scatter in a medium from a list."""
+    stays = np.uintp(0)
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        put(lists, which, stays, path)
+        stays += np.uintp(pool[at(path, _SCATTERS)] == _ZERO)
+    cut(lists, which, stays)
+
+
+@subroutine
+def list_drifting(lists):
+    """Adds the vertices in media to the list for light sampling, after surfaces were processed."""
+    out_of_line()
+    for k in range(length(lists, DRIFTING)):
+        append(lists, LIT, row(lists, DRIFTING, k))

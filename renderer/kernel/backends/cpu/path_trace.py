@@ -1,0 +1,117 @@
+"""Records one path of the pool (renderer/kernel/path_trace.py): that of the first row, when a sample is replayed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.lists import ACTIVE, DRIFTING, LIT, MISSED, SCATTERING, WITHIN, length, row
+from renderer.kernel.backends.cpu.rows import (
+    DirectLight,
+    Facet,
+    Outcome,
+    RowHit,
+    Sample,
+    gather,
+    surface_of,
+)
+from renderer.kernel.path_trace import (
+    ARRIVED,
+    BROUGHT,
+    EMITTED,
+    LAMP_AT,
+    LAMP_PDF,
+    LAMP_SHARE,
+    LIMIT,
+    OWN_SHARE,
+    SCATTERED,
+    SURVIVAL,
+    TIME,
+    TOLD,
+    record_light,
+    record_medium,
+    record_miss,
+    record_surface,
+)
+from renderer.kernel.steps.depths import limit_of
+from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
+from renderer.kernel.surface.surface import NO_OBJECT
+
+__all__ = ["followed", "radiance_of", "record_arrival", "record_departure"]
+
+_FIRST = np.uintp(0)
+
+
+@device
+def _is_on(lists, which):
+    """Whether the first row is on a list."""
+    found = False
+    for k in range(length(lists, which)):
+        found |= row(lists, which, k) == _FIRST
+    return found
+
+
+@device
+def radiance_of(pool, row):
+    """Returns the radiance that a row's path has found."""
+    return gather(pool, np.uintp(row), PathState).radiance
+
+
+@device
+def followed(pool, lists, log):
+    """Returns (the first row's next row in the record, the number of surfaces it has passed through).
+
+    The row is beyond the record's end if nothing is recorded, or the path has ended.
+    """
+    passed = gather(pool, _FIRST, RowHit).passed
+    number = np.int64(gather(pool, _FIRST, PathState).number + passed)
+    if len(log) == 0 or not _is_on(lists, ACTIVE):
+        number = len(log)
+    return number, passed
+
+
+@subroutine
+def record_arrival(pool, lists, log, number, passed, before, options):
+    """Records where the path's ray ended, after surfaces were processed.
+
+    number, passed: from `followed`; before: the path's radiance before that.
+    """
+    out_of_line()
+    ray, met, path = gather(pool, _FIRST, Ray), gather(pool, _FIRST, RowHit), gather(pool, _FIRST, PathState)
+    arrived = with_radiance(path, before)
+    if _is_on(lists, MISSED):
+        record_miss(log, number, ray, arrived)
+    elif met.object == NO_OBJECT:
+        record_medium(log, number, gather(pool, _FIRST, Facet).point, met.t, ray, arrived)
+    else:
+        surface, through = surface_of(pool, _FIRST), met.passed != passed
+        point = vec.add(ray.o, vec.scale(ray.d, met.t)) if through else surface.point
+        record_surface(log, number, surface, point, through, met.t, ray, arrived)
+    log[number, OWN_SHARE] = met.weight
+    log[number, TIME] = gather(pool, _FIRST, Sample).time
+    log[number, TOLD] = ARRIVED
+    if options.has_depths:
+        log[number, LIMIT] = limit_of(gather(pool, _FIRST, Crossings).counts, options)
+    record_light(log, number, np.int64(EMITTED), path.radiance)
+
+
+@subroutine
+def record_departure(pool, lists, log, number, lit):
+    """Records the light chosen for the vertex, and whether the path continues. lit: as in scattering.py."""
+    out_of_line()
+    scattered = False
+    for which in range(SCATTERING):
+        scattered |= _is_on(lists, which)
+    scattered |= _is_on(lists, DRIFTING) or _is_on(lists, WITHIN)
+    if scattered:
+        outcome = gather(pool, _FIRST, Outcome)
+        log[number, TOLD] = SCATTERED
+        log[number, SURVIVAL] = outcome.survival
+        if lit and _is_on(lists, LIT):
+            light = gather(pool, _FIRST, DirectLight)
+            log[number, LAMP_SHARE] = light.weight
+            log[number, LAMP_PDF] = light.pdf
+            for i in range(3):
+                log[number, LAMP_AT + i] = outcome.end[i]
+                log[number, BROUGHT + i] = light.brought[i]

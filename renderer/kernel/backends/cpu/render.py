@@ -1,0 +1,139 @@
+"""Renders a batch with a pool of paths.
+
+Each stage processes all rows that are ready for it, and terminated paths free their rows for new ones.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import typeof, types
+
+from renderer.bvh.traverse import new_stack
+from renderer.jit import template
+from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, unfold
+from renderer.kernel.backends.cpu.camera_rays import Next, begin
+from renderer.kernel.backends.cpu.intersect import bring_light, intersect_closest, trace_shadow_rays
+from renderer.kernel.backends.cpu.lights import choose_lights
+from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
+from renderer.kernel.backends.cpu.media import fly, list_drifting
+from renderer.kernel.backends.cpu.path_trace import followed, radiance_of, record_arrival, record_departure
+from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, line_floats
+from renderer.kernel.backends.cpu.scattering import kinds_of_scattering, scatter_vertices
+from renderer.kernel.backends.cpu.subsurface import scatter_within
+from renderer.kernel.backends.cpu.surfaces import arrive, miss
+from renderer.kernel.backends.cpu.traversal_state import new_stacks
+from renderer.kernel.medium.camera_media import media_of_camera
+from renderer.kernel.path_trace import DIRECT, record_beside, record_light
+from renderer.prune_absent_features import where_present
+
+__all__ = ["Part", "Pool", "pool_for", "render_with_pool", "stages"]
+
+Part = tuple[Any, tuple[types.Type, ...]]  # a subroutine, and the types that it is called with
+
+_ZERO = np.float32(0.0)
+_BRANCHES, _SCATTERS = np.bool_(True), np.bool_(False)  # not literals, for which Numba would compile each stage again
+
+
+class Pool(NamedTuple):
+    """The scratch memory of a batch."""
+
+    alone: Any  # traversal stack of a single ray
+    stack: Any  # traversal stacks of all rows: traversal_state.py
+    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py
+    lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
+    film: Any  # (pixels * SUMS,) i64, zeros before and after: accumulate_film.py
+
+
+_kept = threading.local()
+
+
+def pool_for(width: int, height: int) -> Pool:
+    """Returns the scratch memory for a batch of a tile of that size; reuses this thread's last one if it is large enough.
+
+    New memory has to be cleared page by page, which takes as long as one sample a pixel.
+    """
+    pool: Pool | None = getattr(_kept, "pool", None)
+    if pool is None or len(pool.film) < width * height * SUMS:
+        film = np.zeros(width * height * SUMS, np.int64)
+        rows = line_floats((ROWS + 1) * int(ROW))
+        pool = _kept.pool = Pool(new_stack(), new_stacks(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
+    return pool
+
+
+@template
+def render_with_pool(scene, pool, camera, options, batch, output):
+    """Renders a batch with the pool; returns (number of bad samples, number of rays), as `_render_tile` of accumulate.py."""
+    paths, lists, log = pool.rows, pool.lists, output.log
+    height, width = output.sums.shape[1], output.sums.shape[2]
+    lit = scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
+    bad_count = rays = np.int64(0)
+    for which in range(LISTS):
+        clear(lists, which)
+    for k in range(PATHS):
+        append(lists, DONE, k)
+    following = Next(np.int64(0), np.int64(0), np.int64(batch.first))
+    samples = width * height * batch.count
+    medium_stack = where_present(scene.has.media, media_of_camera(scene, pool.alone, camera, samples))
+    while samples > 0:
+        following = begin(paths, lists, following, width, height, camera, options, batch, scene.has.motion, medium_stack)
+        if length(lists, ACTIVE) == 0:
+            break
+        clear(lists, DONE)
+        row, passed = followed(paths, lists, log)
+        before = radiance_of(paths, 0)
+        rays += length(lists, ACTIVE)
+        intersect_closest(scene, pool.alone, pool.stack, paths, lists)
+        if scene.has.media is not None:
+            fly(scene, paths, lists, options)
+        miss(scene, paths, lists, options, len(log) > 0)
+        arrive(scene, paths, lists, options, len(log) > 0)
+        if row < len(log):
+            record_arrival(paths, lists, log, row, passed, before, options)
+        if scene.has.media is not None:
+            list_drifting(lists)
+            scatter_within(scene, pool.alone, paths, lists, options)
+        if lit:
+            choose_lights(scene, paths, lists, options)
+        clear(lists, ACTIVE)
+        if options.splitting > 1:
+            scatter_vertices(scene, paths, lists, options, lit, _BRANCHES)
+        scatter_vertices(scene, paths, lists, options, lit, _SCATTERS)
+        rays += trace_shadow_rays(scene, pool.alone, pool.stack, paths, lists, options)
+        if row < len(log):
+            record_light(log, row, np.int64(DIRECT), radiance_of(paths, 0))
+            record_departure(paths, lists, log, row, lit)
+        bad_count = accumulate_film(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
+    record_beside(log, radiance_of(paths, PATHS))
+    unfold(pool.film, output.sums)
+    return bad_count, rays
+
+
+def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, batch: Any, output: Any) -> list[Part]:
+    """Returns the functions that `render_with_pool` calls, with argument types, for compilation in any order.
+
+    The slowest first.
+
+    has: of the scene; scene: the type of a reference to it.
+    """
+    alone, stack, paths, lists, film = map(typeof, pool)
+    view, asked, wanted, lit = typeof(camera), typeof(options), typeof(batch), types.boolean
+    following = typeof(Next(np.int64(0), np.int64(0), np.int64(0)))
+    in_media = [(fly, (scene, paths, lists, asked)), (scatter_within, (scene, alone, paths, lists, asked))] if has.media else []
+    medium_stack = types.uint32 if has.media else types.none
+    bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
+    scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
+    return [
+        (arrive, (scene, paths, lists, asked, lit)),
+        (intersect_closest, (scene, alone, stack, paths, lists)),
+        *scattering,
+        *in_media,
+        (choose_lights, (scene, paths, lists, asked)),
+        (miss, (scene, paths, lists, asked, lit)),
+        (bring_light, (scene, alone, stack, paths, lists, asked)),
+        (trace_shadow_rays, (scene, alone, stack, paths, lists, asked)),
+        (begin, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
+        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number)),
+    ]

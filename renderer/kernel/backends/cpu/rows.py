@@ -1,0 +1,265 @@
+"""The layout of a path's row: named tuples of renderer/kernel/steps and of this module, with the columns they take.
+
+`gather` and `scatter` are made from it: they read and write one of the tuples for one row, or for eight rows at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.jit import device
+from renderer.kernel.steps.state import Crossings, FirstHit, LastVertex, PathState, Ray, scattering_surface, stream_of
+from renderer.prune_absent_features import where_present
+from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
+
+__all__ = [
+    "LAYOUT",
+    "PATHS",
+    "ROW",
+    "ROWS",
+    "SECOND",
+    "SPARE",
+    "Appearance",
+    "Axes",
+    "ChosenLight",
+    "DirectLight",
+    "Facet",
+    "LightDescent",
+    "Mapped",
+    "MediumFlight",
+    "Outcome",
+    "RowHit",
+    "Sample",
+    "Shading",
+    "Traversal",
+    "at",
+    "column",
+    "gather",
+    "last_vertex",
+    "line_floats",
+    "scatter",
+    "streams_of",
+    "surface_of",
+    "time_of",
+]
+
+_LINE = 64  # bytes
+PATHS = 128  # 64 to 256 are equally fast
+ROWS = 2 * PATHS  # a path's second branch has the row PATHS behind that of the first
+SECOND = np.uint32(PATHS)
+SPARE = np.uint32(ROWS)  # an extra row, for writes to be discarded
+
+
+class RowHit(NamedTuple):
+    """What a row's ray hits first."""
+
+    t: Float
+    u: Float
+    v: Float
+    primitive: Int
+    instance: Int
+    passed: Float  # count of surfaces that the path has passed so far
+    object: Int  # for the path trace: the object's number,
+    weight: Float  # the MIS weight of its emission
+
+
+class Sample(NamedTuple):
+    """The sample that a row's path belongs to."""
+
+    pixel: Int  # the pixel's key (sampler.py)
+    number: Int
+    place: Int  # of the pixel in the tile
+    x: Int
+    y: Int
+    time: Float  # shutter time
+    start: Float  # distance of the camera ray's origin from the lens
+    branches: Float  # in the first branch's row: how many branches are under way
+
+
+class Facet(NamedTuple):
+    """The vertex: where it is."""
+
+    point: Vector
+    error: Float
+    geometric: Vector
+    front: Flag
+    smooth: Flag
+
+
+class Shading(NamedTuple):
+    """The vertex: its shading normal, and what scatters there."""
+
+    normal: Vector
+    lift: Vector
+    material: Int
+    list: Int  # the list that it is on (lists.py)
+
+
+class ChosenLight(NamedTuple):
+    """The light sample of a vertex."""
+
+    direction: Vector
+    pdf: Float
+    radiance: Vector
+    branches: Float  # from `branches_to_light`
+
+
+class DirectLight(NamedTuple):
+    """What a row's shadow ray brings."""
+
+    brought: Vector
+    segments: Float
+    weight: Float  # for the path trace: the MIS weight of the light sample,
+    pdf: Float  # and its density
+    medium_stack: Int
+
+
+class Outcome(NamedTuple):
+    """The shadow ray, and whether the path continues."""
+
+    start: Vector
+    end: Vector
+    is_cast: Float  # not 0: the shadow ray is traced
+    survival: Float  # from `continue_or_end`
+
+
+class Appearance(NamedTuple):
+    """The vertex' material; only in scenes with textures. Of a vertex in a medium `roughness` is the mean cosine."""
+
+    base: Vector
+    metallic: Float
+    roughness: Float
+    eta: Float
+    uv: Pair
+
+
+class Axes(NamedTuple):
+    """The axes of the vertex' shading frame; only in scenes with textures."""
+
+    s: Vector
+    t: Vector
+    uv1: Pair
+
+
+class Mapped(NamedTuple):
+    """The frame's normal, bent by a normal map, and LastVertex' normal; only in scenes with textures."""
+
+    normal: Vector
+    facing: Vector
+
+
+class Traversal(NamedTuple):
+    """The state of a ray's traversal (traversal_state.py)."""
+
+    inverse: Vector  # 1 / direction
+    near: Vector  # constants of the near planes: a plane at x is hit at x * inverse + constant
+    top: Int  # offset of the ray's topmost stack entry
+    child: Int  # the node or leaf to visit next, as in renderer/bvh/layout.py
+    far: Vector  # constants of the far planes
+    plane_x: Int  # which rows of a node hold the near planes: their first elements; the far ones' differ by WIDTH
+    plane_y: Int
+    plane_z: Int
+    axis_x: Int  # of the watertight test (renderer/bvh/packet.py): which rows of a corner are x, y, z
+    axis_y: Int
+    axis_z: Int
+    shear: Vector
+    origin: Vector  # by the same axes
+    best: Float  # distance of the nearest hit so far; of a shadow ray: not 0 where it is occluded
+    margin: Float  # of renderer/bvh/slabs.py
+
+
+class LightDescent(NamedTuple):
+    """A vertex on its way down the light tree."""
+
+    left: Float  # what is left of its choice
+    chance: Float  # of the way so far
+    here: Int  # the node, or ~ light
+    u: Float
+    v: Float
+    choice: Float
+
+
+class MediumFlight(NamedTuple):
+    """Whether a row's ray ends in its medium (not 0)."""
+
+    scatters: Float
+
+
+LAYOUT = Layout(
+    Ray,
+    PathState,
+    RowHit,
+    Sample,
+    Facet,
+    Shading,
+    (ChosenLight, DirectLight),
+    Outcome,
+    FirstHit,
+    Appearance,
+    Axes,
+    Mapped,
+    (Traversal, LightDescent, MediumFlight),  # stages that use these are not under way at one time
+    Crossings,
+)
+assert LAYOUT.width & (LAYOUT.width - 1), "a power of two would map all rows' groups to the same cache sets"
+ROW = np.uintp(LAYOUT.width)
+column = LAYOUT.column
+gather, scatter = accessors(LAYOUT)
+
+
+def line_floats(count: int) -> npt.NDArray[np.float32]:
+    """Returns that many zeros, float32, with the first aligned to a cache line."""
+    memory = np.zeros(count + _LINE // 4, np.float32)
+    first = -memory.ctypes.data % _LINE // 4
+    return memory[first : first + count]
+
+
+@device
+def at(row, field):
+    """Returns the flat index of a column of one row."""
+    return np.uintp(row) * ROW + field
+
+
+@device
+def time_of(motion, pool, rows):
+    """Returns the shutter time of samples, of one row or eight; None where motion, of arrays/scene_features.py, is None."""
+    return where_present(motion, gather(pool, rows, Sample).time)
+
+
+@device
+def streams_of(pool, rows, options):
+    """Returns the random number streams of the samples, of one row or eight."""
+    sample = gather(pool, rows, Sample)
+    return stream_of(options, sample.pixel, sample.number)
+
+
+@device
+def last_vertex(scene, pool, rows):
+    """Returns the LastVertex of paths, before they arrive at the next one."""
+    normal = gather(pool, rows, Shading).normal
+    if scene.has.textures is not None:
+        normal = gather(pool, rows, Mapped).facing
+    return LastVertex(gather(pool, rows, Facet).point, normal)
+
+
+@device
+def surface_of(pool, rows):
+    """Returns the surfaces at the vertices, with what scattering needs."""
+    facet, shading = gather(pool, rows, Facet), gather(pool, rows, Shading)
+    uv, uv1, number = gather(pool, rows, Appearance).uv, gather(pool, rows, Axes).uv1, gather(pool, rows, RowHit).object
+    return scattering_surface(
+        facet.point,
+        facet.error,
+        facet.geometric,
+        shading.normal,
+        facet.front,
+        shading.material,
+        facet.smooth,
+        shading.lift,
+        uv,
+        uv1,
+        number,
+    )

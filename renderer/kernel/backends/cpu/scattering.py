@@ -1,0 +1,257 @@
+"""Evaluates the sampled light at each vertex, and samples the path's next direction. One list of vertices at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from renderer.bvh.simd import load_int
+from renderer.jit import device, out_of_line, subroutine, template
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.bsdfs import (
+    Material,
+    answer_conductor,
+    answer_diffuse,
+    answer_in_medium,
+    answer_metallic_roughness,
+    answer_rare,
+    answer_specular,
+)
+from renderer.kernel.backends.cpu.lists import (
+    ACTIVE,
+    CONDUCTOR,
+    DIFFUSE,
+    DRIFTING,
+    METALLIC_ROUGHNESS,
+    NODES,
+    RARE,
+    RARE_SPECULAR,
+    SPECULAR,
+    append,
+    cut,
+    eight,
+    length,
+    pad,
+    put,
+    row,
+)
+from renderer.kernel.backends.cpu.rows import (
+    PATHS,
+    SECOND,
+    Appearance,
+    Axes,
+    ChosenLight,
+    DirectLight,
+    Facet,
+    Mapped,
+    Outcome,
+    RowHit,
+    Sample,
+    Shading,
+    at,
+    column,
+    gather,
+    scatter,
+    streams_of,
+    surface_of,
+    time_of,
+)
+from renderer.kernel.light.light_sample import LightSample
+from renderer.kernel.steps import scatter as scattering
+from renderer.kernel.steps.continue_or_end import continue_or_end
+from renderer.kernel.steps.mis import light_weight
+from renderer.kernel.steps.random_blocks import draw_scattering
+from renderer.kernel.steps.sample_direct_light import sample_direct_light
+from renderer.kernel.steps.splitting import beside, splits, turned
+from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, no_crossings, with_radiance
+from renderer.wide.values import nil, where
+
+__all__ = ["kinds_of_scattering", "scatter_vertices"]
+
+_DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
+    np.uintp(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE)
+)
+_RARE_SPECULAR = np.uint32(RARE_SPECULAR)
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_WORLD = np.uint32(0)
+_YES, _NO = np.bool_(True), np.bool_(False)
+_NUMBER, _LIST = column(PathState, "number"), column(Shading, "list")
+_SURVIVAL, _BRANCHES = column(Outcome, "survival"), column(Sample, "branches")
+_PATHS = np.uintp(PATHS)
+
+
+@device
+def _material(scene, pool, rows, surface):
+    """Returns the vertices' materials, as far as they have been looked up."""
+    n = surface.shading
+    s, t = vec.basis(n)
+    seen, uv1 = gather(pool, rows, Appearance), gather(pool, rows, Axes).uv1
+    if scene.has.textures is not None:
+        axes, n = gather(pool, rows, Axes), gather(pool, rows, Mapped).normal
+        s, t = axes.s, axes.t
+    time = time_of(scene.has.motion, pool, rows)
+    frame = s, t, n
+    looked_up = seen.base, seen.metallic, seen.roughness, seen.eta, seen.uv, uv1
+    return Material(surface.material, surface.front, *looked_up, surface.shading, frame, time)
+
+
+@device
+def _splitting(pool, lists, which):
+    """Lists the rows of a list that split at their vertex; returns that list, one that is free at this stage."""
+    count = np.uintp(0)
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        put(lists, NODES, count, path)
+        specular = np.uint32(load_int(pool, at(path, _LIST))) == _RARE_SPECULAR
+        count += np.uintp(splits(pool[at(path, _NUMBER)], specular))
+    cut(lists, NODES, count)
+    return NODES
+
+
+@device
+def _copy_vertices(scene, pool, rows, stream):
+    """Copies the vertices to the rows of second branches, with random numbers of their own."""
+    others = rows + SECOND
+    own = gather(pool, rows, Sample)
+    pixel = beside(stream).pixel
+    scatter(pool, others, Sample(pixel, own.number, own.place, own.x, own.y, own.time, own.start, own.branches))
+    scatter(pool, others, gather(pool, rows, RowHit))
+    scatter(pool, others, gather(pool, rows, Facet))
+    scatter(pool, others, gather(pool, rows, Shading))
+    if scene.has.textures is not None:
+        scatter(pool, others, gather(pool, rows, Mapped))
+
+
+@device
+def _list_branches(pool, lists, which):
+    """Adds the second branches of a list's rows to the active list, if they continue."""
+    for k in range(length(lists, which)):
+        path = row(lists, which, k)
+        if not (pool[at(path + _PATHS, _SURVIVAL)] <= _ZERO):  # NaN propagates, so the film can count it
+            pool[at(path, _BRANCHES)] = _TWO
+            append(lists, ACTIVE, path + _PATHS)
+
+
+@template
+def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
+    """Scatters the vertices on one list, see `scatter_vertices`.
+
+    answer: from bsdfs.py; is_lit: None where light sampling finds nothing; is_surface: false in a medium; lit, second: as in
+    `scatter_vertices`.
+    """
+    taken = _splitting(pool, lists, which) if second else which
+    for k in range(0, pad(lists, taken), 8):
+        rows = eight(lists, taken, k)
+        ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
+        none = nil(ray.pdf)
+        crossings = no_crossings(_WORLD, none)
+        if scene.has.media is not None or options.has_depths:
+            crossings = gather(pool, rows, Crossings)
+        surface, chosen = surface_of(pool, rows), gather(pool, rows, ChosenLight)
+        m = _material(scene, pool, rows, surface)
+        s, t, n = m.frame
+        wo = vec.to_local(s, t, n, vec.neg(ray.d))
+        wi = vec.to_local(s, t, n, chosen.direction)
+        if second or not lit:
+            wi = wo  # there is no light: any direction
+        stream = streams_of(pool, rows, options)
+        u = draw_scattering(stream, path.number)
+        if second:
+            u = turned(u)
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+        branches = none + _ONE
+        if is_lit is not None:
+            specular = gather(pool, rows, Shading).list == _RARE_SPECULAR
+            branches = where(splits(path.number, specular), none + np.float32(options.splitting), branches)
+        start, end, is_cast = (none, none, none), (none, none, none), none
+        if is_lit is not None and lit and not second:
+            light = LightSample(chosen.direction, gather(pool, rows, Outcome).end, chosen.radiance, chosen.pdf, none != none)
+            share = light_weight(chosen.pdf, scatter_pdf, chosen.branches)
+            shadow = sample_direct_light(scene, surface, path, light, wi, f, share, crossings.medium_stack, is_surface)
+            start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
+            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, chosen.pdf, shadow.medium_stack))
+
+        sample = BsdfSample(on, weight, pdf, eta2)
+        ray, path, crossings = scattering.scatter(
+            scene, surface, m.frame, ray, path, crossings, sample, branches, is_surface, options
+        )
+        path, survival = continue_or_end(path, ray, u[3], is_surface, options)
+        if second:
+            _copy_vertices(scene, pool, rows, stream)
+            rows = rows + SECOND
+            path = with_radiance(path, (none, none, none))
+        if scene.has.media is not None or options.has_depths:
+            scatter(pool, rows, crossings)
+        scatter(pool, rows, ray)
+        scatter(pool, rows, path)
+        scatter(pool, rows, Outcome(start, end, is_cast, survival))
+    if second:
+        _list_branches(pool, lists, taken)
+
+
+@subroutine
+def _scatter_diffuse(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, _YES, options, lit, second)
+
+
+@subroutine
+def _scatter_specular(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, _YES, options, lit, False)
+
+
+@subroutine
+def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, _YES, options, lit, second)
+
+
+@subroutine
+def _scatter_conductor(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, _YES, options, lit, second)
+
+
+@subroutine
+def _scatter_rare(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, _RARE, answer_rare, True, _YES, options, lit, second)
+
+
+@subroutine
+def _scatter_in_medium(scene, pool, lists, options, lit, second):
+    out_of_line()
+    _scatter(scene, pool, lists, DRIFTING, answer_in_medium, True, _NO, options, lit, second)
+
+
+@subroutine
+def scatter_vertices(scene, pool, lists, options, lit, second):
+    """Scatters all listed vertices: writes the path's next ray, and the shadow ray towards the sampled light.
+
+    lit: whether light sampling can find anything in the scene. second: whether to start only the second branches of splitting
+    paths (steps/splitting.py), without scattering the others.
+    """
+    out_of_line()
+    if scene.has.layers is not None and length(lists, _RARE) > 0:
+        _scatter_rare(scene, pool, lists, options, lit, second)
+    if scene.has.media is not None and length(lists, DRIFTING) > 0:
+        _scatter_in_medium(scene, pool, lists, options, lit, second)
+    if length(lists, _DIFFUSE) > 0:
+        _scatter_diffuse(scene, pool, lists, options, lit, second)
+    if length(lists, _SPECULAR) > 0 and not second:
+        _scatter_specular(scene, pool, lists, options, lit, second)
+    if length(lists, _METALLIC_ROUGHNESS) > 0:
+        _scatter_metallic_roughness(scene, pool, lists, options, lit, second)
+    if length(lists, _CONDUCTOR) > 0:
+        _scatter_conductor(scene, pool, lists, options, lit, second)
+
+
+def kinds_of_scattering(has: Any) -> list[Any]:
+    """Returns the functions that `scatter_vertices` calls for scenes with these features; the slowest to compile first."""
+    rare = [_scatter_rare] if has.layers is not None else []
+    in_medium = [_scatter_in_medium] if has.media is not None else []
+    return [*rare, *in_medium, _scatter_metallic_roughness, _scatter_conductor, _scatter_specular, _scatter_diffuse]

@@ -1,0 +1,90 @@
+"""Subsurface walks of paths that hit a body with an interior, for scenes with media.
+
+Each path walks by itself, and leaves at a diffuse vertex, which the following stages process.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays.rows import DIFFUSE as _LAMBERT
+from renderer.arrays.rows import LAYER_SLOTS
+from renderer.jit import device, local_floats, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.lists import DIFFUSE, DONE, LIT, RARE, WITHIN, append, length, row
+from renderer.kernel.backends.cpu.rows import (
+    Appearance,
+    Axes,
+    Facet,
+    Mapped,
+    Outcome,
+    Shading,
+    at,
+    column,
+    gather,
+    scatter,
+    streams_of,
+    surface_of,
+    time_of,
+)
+from renderer.kernel.material.material import look_up_layers
+from renderer.kernel.medium.subsurface import go_within
+from renderer.kernel.steps.state import PathState, Ray, with_throughput
+
+__all__ = ["scatter_within"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_WHITE = (_ONE, _ONE, _ONE)
+_DIFFUSE, _RARE = np.uintp(DIFFUSE), np.uintp(RARE)
+_SURVIVAL = column(Outcome, "survival")
+
+
+@device
+def _store_exit(pool, path, surface, which):
+    """Writes the exit of a path's walk to its row: a white diffuse vertex, seen along its normal."""
+    n = surface.shading
+    s, t = vec.basis(n)
+    ray = gather(pool, path, Ray)
+    scatter(pool, path, Ray(ray.o, vec.neg(n), ray.pdf, ray.roulette_weight))
+    scatter(pool, path, Facet(surface.point, surface.error, surface.geometric, surface.front, surface.smooth))
+    scatter(pool, path, Shading(n, surface.lift, surface.material, np.uint32(which)))
+    scatter(pool, path, Appearance(_WHITE, _ZERO, _ONE, _ONE, surface.uv))
+    scatter(pool, path, Axes(s, t, surface.uv1))
+    scatter(pool, path, Mapped(n, n))
+
+
+@subroutine
+def scatter_within(scene, alone, pool, lists, options):
+    """Decides for each listed path whether it enters the surface, and lists it by its scattering model there, and for light
+    sampling.
+    """
+    out_of_line()
+    layers = local_floats(LAYER_SLOTS)
+    for k in range(length(lists, WITHIN)):
+        number = row(lists, WITHIN, k)
+        surface, time = surface_of(pool, number), time_of(scene.has.motion, pool, number)
+        axes, n, seen = gather(pool, number, Axes), gather(pool, number, Mapped).normal, gather(pool, number, Appearance)
+        frame = axes.s, axes.t, n
+        path = gather(pool, number, PathState)
+        wo = vec.to_local(axes.s, axes.t, n, vec.neg(gather(pool, number, Ray).d))
+        kind = scene.material_kind[surface.material]
+        if kind != _LAMBERT:
+            looked_up = seen.base, seen.metallic, seen.roughness, surface.shading, surface.uv, surface.uv1
+            look_up_layers(scene, surface.material, *looked_up, frame, layers, time)
+        stream = streams_of(pool, number, options)
+        vertices = np.uint32(path.number)
+        within = go_within(scene, alone, surface, n, kind, seen.base, layers, wo, path.throughput, stream, vertices, time)
+        scatter(pool, number, with_throughput(path, within.throughput))
+        if vec.maximum(within.throughput) <= _ZERO:
+            pool[at(number, _SURVIVAL)] = _ZERO  # absorbed
+            append(lists, DONE, number)
+            continue
+        into = _DIFFUSE if within.enters or kind == _LAMBERT else _RARE
+        if within.enters:
+            _store_exit(pool, number, within.surface, into)
+        else:
+            shading = gather(pool, number, Shading)
+            scatter(pool, number, Shading(shading.normal, shading.lift, shading.material, np.uint32(into)))
+        append(lists, LIT, number)
+        append(lists, into, number)

@@ -1,0 +1,224 @@
+"""Processes the ends of rays: adds environment light and emission, and prepares surfaces for scattering."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.arrays import rows as kinds
+from renderer.bvh.simd import load_int
+from renderer.bvh.traverse import Hit
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.backends.cpu.lists import (
+    CONDUCTOR,
+    DIFFUSE,
+    DONE,
+    LIT,
+    METALLIC_ROUGHNESS,
+    MISSED,
+    PASSED,
+    RARE,
+    RARE_SPECULAR,
+    SCATTERING,
+    SPECULAR,
+    SPHERES,
+    TRIANGLES,
+    WITHIN,
+    append,
+    clear,
+    eight,
+    length,
+    pad,
+    row,
+)
+from renderer.kernel.backends.cpu.material_stage import surfaces_at, texture_factors_of
+from renderer.kernel.backends.cpu.rows import (
+    SPARE,
+    Appearance,
+    Axes,
+    ChosenLight,
+    Facet,
+    Mapped,
+    RowHit,
+    Sample,
+    Shading,
+    at,
+    column,
+    gather,
+    last_vertex,
+    scatter,
+    streams_of,
+    time_of,
+)
+from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.material.material import has_flag, parameters_at, relative_index
+from renderer.kernel.material.normal_map import shading_frame
+from renderer.kernel.steps.continue_or_end import is_last
+from renderer.kernel.steps.disperse import disperse
+from renderer.kernel.steps.emitted_light import add_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.mis import hit_weight
+from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
+from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
+from renderer.kernel.surface.surface import shines, sphere_at
+from renderer.wide.values import any_of, lookup, nil, not_, u32, where, where3
+
+__all__ = ["arrive", "miss"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_NONE = np.uint32(0)
+_DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR = (
+    np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR)
+)
+_LAYERED, _BLINN_PHONG, _UNLIT, _PLASTIC = (
+    np.uint32(kind) for kind in (kinds.LAYERED, kinds.BLINN_PHONG, kinds.UNLIT, kinds.PLASTIC)
+)
+_RARE_METAL, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT | kinds.BECKMANN), np.uint32(kinds.SCATTERS_WITHIN)
+_TRANSMITS = np.uint32(kinds.TRANSMITS)
+_TO_DIFFUSE, _TO_SPECULAR, _TO_METALLIC_ROUGHNESS, _TO_CONDUCTOR, _TO_RARE, _TO_RARE_SPECULAR, _TO_WITHIN = (
+    np.uint32(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE, RARE_SPECULAR, WITHIN)
+)
+_OVER, _THROUGH = np.uint32(DONE), np.uint32(PASSED)
+_LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
+
+
+@subroutine
+def miss(scene, pool, lists, options, is_recorded):
+    """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `arrive`."""
+    out_of_line()
+    count = pad(lists, MISSED)
+    for k in range(0, count, 8):
+        rows = eight(lists, MISSED, k)
+        ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
+        seen, counts = emitted_by_environment(scene, ray), ray.pdf >= _ZERO
+        weight = hit_weight(ray.pdf, seen.light_pdf)
+        if is_recorded:
+            met = gather(pool, rows, RowHit)
+            scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, met.passed, met.object, weight))
+        path = add_light(path, vec.scale(seen.radiance, weight), counts, options)
+        if scene.has.lights is not None:
+            last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+            for which in range(len(scene.sun)):
+                seen = emitted_by_sun(scene, which, ray, last, path.number, time)
+                path = add_light(path, vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf)), counts, options)
+        scatter(pool, rows, path)
+    for k in range(count):
+        append(lists, DONE, row(lists, MISSED, k))
+
+
+@device
+def _list_of(scene, material, kind, roughness):
+    """Returns the list whose stage scatters the vertex."""
+    smooth = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
+    which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
+    which = where((kind == _CONDUCTOR) & not_(smooth), _TO_CONDUCTOR, which)
+    if scene.has.layers is not None:
+        rare = (kind == _CONDUCTOR) & has_flag(scene, material, _RARE_METAL)
+        which = where(rare, where(smooth, _TO_RARE_SPECULAR, _TO_RARE), which)
+        which = where((kind == _LAYERED) | (kind == _BLINN_PHONG) | (kind == _PLASTIC), _TO_RARE, which)
+    return which
+
+
+@device
+def _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame):
+    """Writes the vertices' materials and frames to the rows, in scenes with textures."""
+    if scene.has.textures is not None:
+        s, t, n = frame
+        none = nil(eta)
+        base, metallic, roughness, _ = parameters
+        facing = where3(has_flag(scene, surface.material, _TRANSMITS), (none, none, none), n)
+        if any_of(through):
+            facing = where3(through, gather(pool, rows, Mapped).facing, facing)  # keeps the last vertex's normal
+        scatter(pool, rows, Appearance(base, metallic, roughness, eta, surface.uv))
+        scatter(pool, rows, Axes(s, t, surface.uv1))
+        scatter(pool, rows, Mapped(n, facing))
+
+
+@subroutine
+def _arrive(scene, pool, lists, which, options, is_recorded):
+    """Processes the surfaces that the paths on one list have hit."""
+    out_of_line()
+    for k in range(0, pad(lists, which), 8):
+        rows = eight(lists, which, k)
+        ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
+        time, passed = time_of(scene.has.motion, pool, rows), met.passed
+        none = nil(ray.pdf)
+        crossings = no_crossings(_NONE, none)
+        if options.has_depths or scene.has.media is not None:
+            crossings = gather(pool, rows, Crossings)
+        hit = Hit(met.t, met.primitive, met.u, met.v, met.instance, time)
+        if which == TRIANGLES:
+            surface = surfaces_at(scene, ray.d, hit)
+        else:
+            surface = sphere_at(scene, ray.o, ray.d, hit)
+        stream, last = streams_of(pool, rows, options), last_vertex(scene, pool, rows)
+        through = is_passed(scene, surface, stream, path.number + passed, options, time)
+        path = with_throughput(path, absorb(scene, surface, through, path.throughput, last.point))
+        lit, weight = shines(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
+        if any_of(lit):
+            seen = emitted_light(scene, surface, lit, ray, last, time)
+            weight = hit_weight(ray.pdf, seen.light_pdf)
+            path = add_light(path, vec.scale(seen.radiance, weight), lit, options)
+
+        frame = shading_frame(scene, surface, vec.neg(ray.d), time)
+        parameters = parameters_at(scene, surface, texture_factors_of(scene, surface, time))
+        ior, throughput = disperse(scene, surface, parameters.ior, path.throughput, not_(through), stream, path.number)
+        path = with_throughput(path, throughput)
+        eta = relative_index(ior, surface.front)
+        _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame)
+        kind = u32(lookup(scene.material_kind, surface.material))
+        unlit = (kind == _UNLIT) & not_(through)
+        if any_of(unlit):
+            path = add_light(path, parameters.base, unlit, options)
+        first = (path.number == _ZERO) & not_(through)
+        if any_of(first):
+            seen = record_first_hit(surface, parameters.base, frame[2], hit.t, gather(pool, rows, Sample).start)
+            scatter(pool, where(first, rows, SPARE), seen)
+
+        which_next = _list_of(scene, surface.material, kind, parameters.roughness)
+        if scene.has.media is not None:
+            which_next = where(has_flag(scene, surface.material, _SCATTERS_WITHIN), _TO_WITHIN, which_next)
+        which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
+        point = surface.point
+        if scene.has.textures is not None and any_of(through):
+            passed, ends = where(through, passed + _ONE, passed), passed != passed
+            if scene.has.media is not None or options.has_depths:
+                crossings, ends = pass_through(scene, surface, through, crossings, options)
+                scatter(pool, rows, crossings)
+            which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
+            point = where3(through, last.point, point)  # keeps the last vertex
+        if scene.has.textures is not None or is_recorded:  # subsurface walks read the object's number
+            weight = where(lit, weight, none)
+            scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, passed, surface.object, weight))
+        if scene.has.textures is not None or any_of(lit | unlit):
+            scatter(pool, rows, path)
+        scatter(pool, rows, Facet(point, surface.error, surface.geometric, surface.front, surface.smooth))
+        scatter(pool, rows, Shading(surface.shading, surface.lift, surface.material, which_next))
+
+
+@subroutine
+def arrive(scene, pool, lists, options, is_recorded):
+    """Processes the surfaces that were hit: adds emission, and lists the paths by their scattering model.
+
+    is_recorded: whether a path is being recorded.
+    """
+    out_of_line()
+    for which in range(SCATTERING):
+        clear(lists, which)
+    clear(lists, LIT)
+    clear(lists, PASSED)
+    if scene.has.media is not None:
+        clear(lists, WITHIN)
+    for which in (TRIANGLES, SPHERES):
+        if length(lists, which) > 0:
+            _arrive(scene, pool, lists, which, options, is_recorded)
+            for k in range(length(lists, which)):
+                path = row(lists, which, k)
+                into = np.int64(load_int(pool, at(path, _LIST)))
+                if into == RARE_SPECULAR:
+                    pool[at(path, _LIGHT_PDF)] = _ZERO  # no light
+                    into = RARE
+                elif into <= RARE and into != SPECULAR:
+                    append(lists, LIT, path)
+                append(lists, into, path)

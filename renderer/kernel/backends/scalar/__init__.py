@@ -1,0 +1,1 @@
+"""The path tracer that follows one path at a time, for comparisons and tests."""

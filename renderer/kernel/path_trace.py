@@ -1,0 +1,105 @@
+"""The record of one path for inspection of a pixel: a row of numbers for each thing that its ray hit.
+
+Integrators write it when they are given rows. Frames are rendered without rows by the same machine code, so the record matches
+the film to the bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device, out_of_line, subroutine
+
+__all__ = [
+    "BESIDE",
+    "COLUMNS",
+    "DIRECT",
+    "EMITTED",
+    "IN_MEDIUM",
+    "MISSED",
+    "PASSED",
+    "SURFACE",
+    "UNSEEN",
+    "record_beside",
+    "record_light",
+    "record_medium",
+    "record_miss",
+    "record_surface",
+]
+
+# Kinds of rows. UNSEEN: none written.
+UNSEEN, SURFACE, PASSED, MISSED, IN_MEDIUM = range(5)
+
+# Columns, float64.
+KIND, OBJECT, MATERIAL, DISTANCE, PDF = range(5)
+POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT, BESIDE = range(5, 29, 3)
+# Of the pool's paths alone, whose rows are TOLD: the share by which multiple importance sampling counted the vertex' own light
+# (0: it has none); the point of a light that was chosen, what it brings if it is seen, the density by which it was chosen per
+# steradian (0: none was), its share; the chance with which the path went on (below 0: it did not; 0: nothing was left of it); and
+# when, of a shutter's time; which limit by kind the path had reached (`limit_of` of depths.py; 0: none).
+LAMP_AT, BROUGHT = 29, 32
+OWN_SHARE, LAMP_PDF, LAMP_SHARE, SURVIVAL, TIME, TOLD, LIMIT = range(35, 42)
+COLUMNS = 42
+ARRIVED, SCATTERED = 1.0, 2.0  # values of TOLD: whether the vertex scattered
+
+_FAR = np.float32(np.inf)
+
+
+@subroutine
+def _record(log, row, kind, distance, point, normal, ray, path):
+    out_of_line()
+    log[row, KIND] = kind
+    log[row, DISTANCE] = distance
+    log[row, PDF] = ray.pdf
+    vectors = ((POINT, point), (NORMAL, normal), (DIRECTION, ray.d), (THROUGHPUT, path.throughput), (BEFORE, path.radiance))
+    for i, v in vectors:
+        log[row, i] = v[0]
+        log[row, i + 1] = v[1]
+        log[row, i + 2] = v[2]
+    for i in range(3):  # what follows may not be written
+        log[row, EMITTED + i] = path.radiance[i]
+        log[row, DIRECT + i] = path.radiance[i]
+
+
+@device
+def record_surface(log, row, surface, point, through, distance, ray, path):
+    """Records the surface hit by the path's ray, and whether the path passed through it, with the throughput on arrival."""
+    log[row, OBJECT] = 1 + surface.object
+    log[row, MATERIAL] = 1 + surface.material
+    _record(log, row, PASSED if through else SURFACE, distance, point, surface.shading, ray, path)
+
+
+@device
+def record_medium(log, row, point, distance, ray, path):
+    """Records a scattering point in a medium at `distance` along the ray, with the throughput on arrival."""
+    log[row, OBJECT] = 0
+    log[row, MATERIAL] = 0
+    _record(log, row, np.int64(IN_MEDIUM), distance, point, ray.d, ray, path)
+
+
+@device
+def record_miss(log, row, ray, path):
+    """Records that the path's ray missed all surfaces and reached the environment."""
+    log[row, OBJECT] = 0
+    log[row, MATERIAL] = 0
+    _record(log, row, np.int64(MISSED), _FAR, ray.o, ray.d, ray, path)
+
+
+@subroutine
+def record_light(log, row, column, radiance):
+    """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light."""
+    out_of_line()
+    for i in range(3):
+        for j in range(column, DIRECT + 3, 3):
+            log[row, j + i] = radiance[i]
+
+
+@subroutine
+def record_beside(log, radiance):
+    """Records the radiance of the second branch, which splits from the recorded path at its first vertex (splitting.py)."""
+    out_of_line()
+    for row in range(len(log)):
+        if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:
+            for i in range(3):
+                log[row, BESIDE + i] = radiance[i]
+            break

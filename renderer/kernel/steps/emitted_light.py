@@ -1,0 +1,79 @@
+"""Emission that a path's ray hits: of surfaces, of the environment, of suns; and how a path gains light."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
+from renderer.kernel.light.sphere_light import met_from_front
+from renderer.kernel.material.material import emission
+from renderer.kernel.steps.state import with_radiance
+from renderer.wide.values import any_of, where, where3
+
+__all__ = ["Emission", "add_light", "emitted_by_environment", "emitted_by_sun", "emitted_light", "limited"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INDIRECT = np.float32(3)  # number of segments from which on light is indirect
+_FIRST_LIGHT = np.uint32(0)
+
+
+class Emission(NamedTuple):
+    """Radiance that a ray hits, and the pdf per steradian with which light sampling finds it; 0 if MIS does not apply."""
+
+    radiance: Any
+    light_pdf: Any
+
+
+@device
+def emitted_light(scene, surface, lit, ray, last, time):
+    """Returns the Emission of a surface that the ray hits.
+
+    lit: whether it counts; last: the LastVertex; time: shutter time, 0 ... 1; None in a scene without motion.
+    """
+    light = where(lit, surface.light, _FIRST_LIGHT)
+    front = met_from_front(scene, light, last.point, ray.d, surface.front, time)
+    radiance = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
+    cosine = vec.dot(surface.geometric, vec.neg(ray.d))
+    judged = lit & (ray.pdf > _ZERO)
+    light_pdf = primitive_light_pdf(scene, light, last.point, last.normal, surface.point, cosine, judged, time)
+    return Emission(radiance, light_pdf)
+
+
+@device
+def emitted_by_environment(scene, ray):
+    """Returns the Emission of the environment where a ray has hit nothing."""
+    radiance, light_pdf = environment_seen(scene, ray.d, ray.pdf > _ZERO)
+    return Emission(radiance, light_pdf)
+
+
+@device
+def emitted_by_sun(scene, which, ray, last, number, time):
+    """Returns the Emission of a sun where a ray has hit nothing. which: index in scene.sun; number: count of vertices so far."""
+    radiance, light_pdf = sun_seen(scene, which, last.point, last.normal, ray.d, ray.pdf > _ZERO, number == _ZERO, time)
+    return Emission(radiance, light_pdf)
+
+
+@device
+def limited(light, segments, limit):
+    """Returns the light of a path, clamped if it is indirect: scaled so that its largest channel is at most `limit`.
+
+    segments: number of the path's segments; limit 0: no clamping.
+    """
+    if limit > _ZERO:
+        most = vec.maximum(light)
+        bright = (segments >= _INDIRECT) & (most > limit)
+        if any_of(bright):
+            light = where3(bright, vec.scale(light, limit / most), light)
+    return light
+
+
+@device
+def add_light(path, light, mask, options):
+    """Returns the path with light that its ray hits added where `mask` is set. light: with its MIS weight."""
+    brought = limited(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
+    return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

@@ -1,0 +1,60 @@
+"""Where a path scatters in its medium, before it reaches a surface. Compiled only for scenes with media.
+
+Such a vertex is represented by a surface at the point that faces the viewer, without object and material, lit from all sides: so
+light sampling, scattering and splitting work as for other vertices.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.medium.flight import FLIGHT_BLOCK, free_flight
+from renderer.kernel.medium.medium_stack import coefficients
+from renderer.kernel.sampling.sampler import draw4
+from renderer.kernel.steps.state import scattering_surface
+from renderer.kernel.surface.surface import NO_OBJECT
+from renderer.wide.values import as_wide, nil, not_, to_int, u32
+
+__all__ = ["MediumEvent", "medium_event", "medium_surface"]
+
+_LEAST = np.float32(1e-30)
+_FLIGHTS = np.uint32(FLIGHT_BLOCK)
+
+
+class MediumEvent(NamedTuple):
+    """The end of a path's segment in its medium."""
+
+    scatters: Any  # in the medium; else the path reaches the surface
+    distance: Any  # of the end from the ray's origin
+    throughput: Any  # at the end
+    albedo: Any  # single scattering albedo, rgb
+    g: Any  # mean cosine of the scattering angle
+
+
+@device
+def medium_event(scene, path, crossings, reach, stream, row):
+    """Samples the free flight towards the next surface: a MediumEvent.
+
+    reach: the surface's distance, infinite for a miss; row: number of vertices and passed surfaces before it, a float, which
+    selects the flight's random numbers.
+    """
+    sigma_t, sigma_s, g = coefficients(scene, crossings.medium_stack)
+    u = draw4(stream, u32(u32(to_int(row)) + _FLIGHTS))
+    flight = free_flight(sigma_t, sigma_s, path.throughput, reach - crossings.behind, (u[0], u[1]))
+    red, green, blue = sigma_t
+    albedo = sigma_s[0] / max(red, _LEAST), sigma_s[1] / max(green, _LEAST), sigma_s[2] / max(blue, _LEAST)
+    return MediumEvent(flight.scatters, crossings.behind + flight.distance, flight.throughput, albedo, g)
+
+
+@device
+def medium_surface(ray, distance):
+    """Returns the surface that represents a vertex in a medium at that distance along the ray."""
+    wo = vec.neg(ray.d)
+    point = ray.o[0] - wo[0] * distance, ray.o[1] - wo[1] * distance, ray.o[2] - wo[2] * distance
+    none, nothing = nil(distance), as_wide(NO_OBJECT, distance)
+    no, flat = distance != distance, (none, none, none)
+    return scattering_surface(point, none, wo, wo, not_(no), nothing, no, flat, (none, none), (none, none), nothing)

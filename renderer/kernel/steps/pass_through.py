@@ -1,0 +1,86 @@
+"""Surfaces that a ray passes: by alpha, as boundaries of media, as lamps without a body; and absorption on the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.arrays.rows import ABSORBING, ABSORPTION, COLUMNS, LAMP, TRANSPARENT
+from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
+from renderer.kernel.fetch import columns
+from renderer.kernel.material.material import has_flag, opacity
+from renderer.kernel.medium.medium_stack import crossed
+from renderer.kernel.polynomial import exp
+from renderer.kernel.steps.depths import is_blocked, with_layer
+from renderer.kernel.steps.random_blocks import draw_passing
+from renderer.kernel.steps.state import Crossings
+from renderer.wide.values import any_of, nil, not_, where, where3
+
+__all__ = ["absorb", "absorbed", "counts_emission", "is_passed", "pass_through"]
+
+_ZERO = np.float32(0.0)
+_LAMP, _TRANSPARENT, _ABSORBING = np.uint32(LAMP), np.uint32(TRANSPARENT), np.uint32(ABSORBING)
+
+
+@device
+def is_passed(scene, surface, stream, row, options, time):
+    """Whether the ray passes through the surface that it hits: by its alpha, chosen randomly, or as a lamp without a body.
+
+    row: number of surfaces hit before, passed or not, a float; time: shutter time, 0 ... 1; None in a scene without motion.
+    """
+    through = surface.error != surface.error
+    if scene.has.textures is not None:
+        through = has_flag(scene, surface.material, _LAMP)
+        if options.transparent:
+            may = has_flag(scene, surface.material, _TRANSPARENT)
+            if any_of(may):
+                u = draw_passing(stream, row)
+                faint = u >= opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], time)
+                through = through | (may & faint)
+    return through
+
+
+@device
+def counts_emission(scene, surface, through):
+    """Whether emission of the surface counts: not of surfaces that the ray passes, but for lamps without a body."""
+    counts = not_(through)
+    if scene.has.textures is not None:
+        counts = counts | has_flag(scene, surface.material, _LAMP)
+    return counts
+
+
+@subroutine
+def absorbed(throughput, a, start, end):
+    """Returns the throughput after absorption from start to end: Beer's law. a: absorption coefficient, rgb per unit length."""
+    out_of_line()
+    way = vec.sub(end, start)
+    distance = math.sqrt(vec.dot(way, way))
+    return throughput[0] * exp(-a[0] * distance), throughput[1] * exp(-a[1] * distance), throughput[2] * exp(-a[2] * distance)
+
+
+@device
+def absorb(scene, surface, through, throughput, start):
+    """Returns the throughput at the surface, absorbed inside its material from the last vertex, `start`, on.
+
+    In a scene with media the free flights include it.
+    """
+    if scene.has.layers is not None and scene.has.media is None:
+        inside = not_(surface.front | through) & has_flag(scene, surface.material, _ABSORBING)
+        if any_of(inside):
+            taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3)
+            throughput = where3(inside, absorbed(throughput, taken, start, surface.point), throughput)
+    return throughput
+
+
+@device
+def pass_through(scene, surface, through, crossings, options):
+    """Returns (Crossings beyond the surface where the path passes `through` it, mask of paths that may pass no more layers)."""
+    diffuse, glossy, transmitted, layers = crossings.counts
+    layers = where(through, with_layer(scene, surface.material, crossings.counts)[3], layers)
+    medium_stack = crossings.medium_stack
+    if scene.has.media is not None:
+        medium_stack = where(through, crossed(scene, medium_stack, surface.material, surface.front), medium_stack)
+    beyond = Crossings(medium_stack, (diffuse, glossy, transmitted, layers), nil(layers))
+    return beyond, is_blocked(scene, surface.material, crossings.counts, options)

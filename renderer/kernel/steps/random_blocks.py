@@ -1,0 +1,61 @@
+"""The blocks of four random numbers (renderer/kernel/sampling/sampler.py) that a sample's decisions draw from.
+
+A vertex, counted from 0, has block 2 n + 1 for its light and block 2 n + 2 for its scattering; block 0 is the camera's. Blocks of
+flights and of subsurface walks are in renderer/kernel/medium.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel.sampling.sampler import draw4
+from renderer.wide.values import to_int, u32
+
+__all__ = [
+    "COLOR_BLOCK",
+    "PASSING_BLOCK",
+    "TIME_BLOCK",
+    "draw_color",
+    "draw_light",
+    "draw_passing",
+    "draw_scattering",
+    "draw_time",
+]
+
+PASSING_BLOCK = 1 << 16  # first block of transparent surfaces; vertices use lower ones
+_PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass through more use the same again
+COLOR_BLOCK = 1 << 17  # first block of dispersive surfaces
+TIME_BLOCK = 1 << 18  # block whose first number is the sample's shutter time
+_PASSING, _COLOR, _TIME = np.uint32(PASSING_BLOCK), np.uint32(COLOR_BLOCK), np.uint32(TIME_BLOCK)
+_ONE, _TWO = np.uint32(1), np.uint32(2)
+
+
+@device
+def draw_light(stream, number):
+    """Returns a vertex' numbers for its light: two for the point, one for the choice. number: count of earlier vertices."""
+    return draw4(stream, u32(u32(to_int(number)) * _TWO + _ONE))
+
+
+@device
+def draw_scattering(stream, number):
+    """Returns a vertex' numbers for its scattering: two for the direction, one for the choice of a lobe, one for roulette."""
+    return draw4(stream, u32(u32(to_int(number)) * _TWO + _TWO))
+
+
+@device
+def draw_passing(stream, row):
+    """Returns the number that decides whether a ray passes a surface. row: number of surfaces hit before."""
+    return draw4(stream, u32(u32(u32(to_int(row)) & _PASSING_BLOCKS) + _PASSING))[0]
+
+
+@device
+def draw_color(stream, number):
+    """Returns the number that chooses a channel at a dispersive surface."""
+    return draw4(stream, u32(u32(to_int(number)) + _COLOR))[0]
+
+
+@device
+def draw_time(stream):
+    """Returns a sample's shutter time, 0 ... 1."""
+    return draw4(stream, _TIME)[0]

@@ -1,0 +1,49 @@
+"""Next-event estimation: the light of one light sample through a vertex, and the shadow ray towards it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.medium.medium_stack import crossed
+from renderer.kernel.steps.emitted_light import limited
+from renderer.kernel.steps.state import ShadowRay
+from renderer.kernel.surface.ray_origins import departure
+from renderer.wide.values import where
+
+__all__ = ["add_direct_light", "media_beyond", "sample_direct_light"]
+
+_ZERO = np.float32(0.0)
+_TWO = np.float32(2.0)
+_FIRST = np.uint32(0)
+
+
+@device
+def media_beyond(scene, surface, medium_stack, is_surface):
+    """Returns the media beyond the vertex' surface; those around it for a vertex in a medium."""
+    material = where(is_surface, surface.material, _FIRST)
+    return where(is_surface, crossed(scene, medium_stack, material, surface.front), medium_stack)
+
+
+@device
+def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack, is_surface):
+    """Returns the ShadowRay towards a light sample.
+
+    wi: direction of the light in the shading frame; f: f |cos| there; weight: the sample's MIS weight; medium_stack: the media
+    that contain the viewer's side; is_surface: false for a vertex in a medium.
+    """
+    brought = vec.mul(path.throughput, vec.scale(vec.mul(f, light.radiance), weight / light.pdf))
+    above = wi[2] > _ZERO
+    start = departure(surface, above, light.direction)
+    is_cast = (light.pdf > _ZERO) & (vec.maximum(light.radiance) > _ZERO) & (vec.maximum(f) > _ZERO)
+    begins_in = medium_stack
+    if scene.has.media is not None:
+        begins_in = where(above, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
+    return ShadowRay(start, light.end, is_cast, brought, path.depth + _TWO, begins_in)
+
+
+@device
+def add_direct_light(radiance, brought, left, segments, options):
+    """Returns the radiance with direct light added. left: transmittance, rgb; segments: number of the path's segments."""
+    return vec.add(radiance, limited(vec.mul(brought, left), segments, options.clamp))

@@ -1,0 +1,58 @@
+"""Scattering at a vertex: the next ray, what the path carries, and what it has crossed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.steps.continue_or_end import roulette_weight_after
+from renderer.kernel.steps.depths import bounced
+from renderer.kernel.steps.sample_direct_light import media_beyond
+from renderer.kernel.steps.splitting import of_branch
+from renderer.kernel.steps.state import Crossings, PathState, Ray
+from renderer.kernel.surface.ray_origins import departure, leaves
+from renderer.wide.values import nil, not_, where
+
+__all__ = ["is_counted", "scatter"]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+
+
+@device
+def is_counted(has_left, reflected, pdf, options):
+    """Whether a segment, sampled with that pdf, counts towards the depth.
+
+    Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: as
+    `leaves` returns (surface/ray_origins.py). A ray that hits its own facet again, which bent normals can cause, has not left the
+    vertex and is not counted; otherwise white objects would darken towards their silhouettes at low depths.
+    """
+    is_clear = (pdf == _ZERO) & not_(reflected)
+    return where(options.transmission_depth > 0, has_left & not_(is_clear), has_left)
+
+
+@device
+def scatter(scene, surface, frame, ray, path, crossings, sample, branches, is_surface, options):
+    """Returns (Ray, PathState, Crossings) after the vertex has scattered the path.
+
+    sample: a BsdfSample; branches: the number of branches into which the vertex splits the path, a float; is_surface: false for a
+    vertex in a medium.
+    """
+    s, t, n = frame
+    weight, pdf = of_branch(sample.weight, sample.pdf, branches)
+    d = vec.to_world(s, t, n, sample.wi)
+    reflected = sample.wi[2] > _ZERO
+    has_left = leaves(surface, reflected, d)
+    depth = where(is_counted(has_left, reflected, pdf, options), path.depth + _ONE, path.depth)
+    medium_stack, counts = crossings.medium_stack, crossings.counts
+    if options.has_depths:
+        counts = bounced(counts, has_left & is_surface, reflected, sample.pdf)
+    if scene.has.media is not None:
+        medium_stack = where(reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
+    roulette_weight = roulette_weight_after(ray.roulette_weight, path.number, weight, sample.eta2)
+    return (
+        Ray(departure(surface, reflected, d), d, pdf, roulette_weight),
+        PathState(path.radiance, depth, vec.mul(path.throughput, weight), path.number + _ONE),
+        Crossings(medium_stack, counts, nil(depth)),
+    )

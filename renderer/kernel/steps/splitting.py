@@ -1,0 +1,47 @@
+"""Path splitting: the first vertex scatters a path into several branches, for one path or for eight lanes.
+
+Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. Most of the noise arises after the first vertex, and its cost is
+shared by the branches. The branches are samples of one strategy and are weighed together against light sampling (Veach 1997,
+9.2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.sampling.sampler import Stream, opposite
+from renderer.wide.values import not_, u32
+
+__all__ = ["beside", "of_branch", "splits", "turned"]
+
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_ALL = np.uint32(0xFFFFFFFF)
+
+
+@device
+def splits(number, specular):
+    """Whether a path splits at its vertex: the first one, unless it is specular. number: count of earlier vertices."""
+    return (number == _ZERO) & not_(specular)
+
+
+@device
+def of_branch(weight, pdf, branches):
+    """Returns (a branch's share of a vertex's weight, the density of all branches' directions together). branches: a float."""
+    return vec.scale(weight, _ONE / branches), branches * pdf
+
+
+@device
+def turned(numbers):
+    """Returns the second branch's random numbers at the splitting vertex, stratified against those of the first."""
+    x, y, choose = opposite(numbers)
+    return x, y, choose, numbers[3]
+
+
+@device
+def beside(stream):
+    """Returns the random number stream of a second branch after the splitting vertex: that of a distant pixel."""
+    return Stream(stream.sampler, stream.seed, u32(stream.pixel ^ _ALL), stream.sample)

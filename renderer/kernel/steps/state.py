@@ -1,0 +1,153 @@
+"""The state of a path, as named tuples of plain values: of one path, of eight lanes, or of a thread.
+
+Vectors are in world space; directions are unit.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel.sampling.sampler import Stream
+from renderer.kernel.surface.surface import NO_LIGHT, Surface
+from renderer.wide.fields import Float, Four, Int, Vector
+from renderer.wide.values import as_wide, nil
+
+__all__ = [
+    "BsdfSample",
+    "Crossings",
+    "FirstHit",
+    "LastVertex",
+    "PathState",
+    "Ray",
+    "ShadowRay",
+    "Vertex",
+    "camera_path",
+    "no_crossings",
+    "scattering_surface",
+    "stream_of",
+    "with_radiance",
+    "with_throughput",
+]
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+
+
+class Ray(NamedTuple):
+    """The ray o + t d that a path follows next."""
+
+    o: Vector  # off the last vertex's surface
+    d: Vector
+    pdf: Float  # of d by the BSDF; 0: discrete, or from the camera; below 0: emission that is hit does not count
+    roulette_weight: Float  # factor from the path's throughput to its importance for the pixel (continue_or_end.py)
+
+
+class PathState(NamedTuple):
+    """What a path has found and what it carries."""
+
+    radiance: Vector  # found so far
+    depth: Float  # counted segments
+    throughput: Vector
+    number: Float  # count of vertices so far
+
+
+class Crossings(NamedTuple):
+    """What surfaces a path has crossed. Read only in scenes with media, or where bounces are limited by kind."""
+
+    medium_stack: Int  # the media that contain it (kernel/medium/medium_stack.py)
+    counts: Four  # of what it did at surfaces, by kind (depths.py)
+    behind: Float  # distance along the ray of the surface that it passed through last; 0: none
+
+
+class LastVertex(NamedTuple):
+    """The vertex that a ray left, as light sampling sees it."""
+
+    point: Vector
+    normal: Vector  # lights on its side count; zero: on both sides
+
+
+class FirstHit(NamedTuple):
+    """What the film stores of a path's first vertex. Zeros: it has none."""
+
+    albedo: Vector
+    distance: Float  # from the lens
+    normal: Vector  # zero for a vertex in a medium
+    object: Int  # 1 + its number
+    point: Vector
+    material: Int  # 1 + its number
+
+
+class ShadowRay(NamedTuple):
+    """A shadow ray, and the direct light that it brings if nothing occludes it."""
+
+    start: Vector
+    end: Vector
+    is_cast: Any  # whether there is light to bring
+    brought: Vector  # radiance that the path gains
+    segments: Float  # number of the path's segments with this one
+    medium_stack: Any  # the media that contain its start
+
+
+class BsdfSample(NamedTuple):
+    """A direction sampled by a BSDF, in the shading frame."""
+
+    wi: Vector
+    weight: Vector  # f |cos| / pdf
+    pdf: Float  # 0: a discrete direction
+    eta2: Float  # radiance scale of a refraction, which must not affect survival; else 1
+
+
+class Vertex(NamedTuple):
+    """A vertex where a path scatters."""
+
+    surface: Surface
+    frame: Any  # shading frame (s, t, n), orthonormal
+    material: Any  # as the backend stores it
+    wo: Vector  # towards the viewer, in the frame
+    normal: Vector  # as in LastVertex
+
+
+@device
+def stream_of(options, pixel, sample):
+    """Returns the random numbers of a sample. pixel: its key (sampler.py)."""
+    return Stream(options.sampler, options.seed, pixel, sample)
+
+
+@device
+def camera_path(o, d):
+    """Returns (Ray, PathState) of a path that begins with the camera's ray."""
+    none = nil(d[0])
+    one = none + _ONE
+    return Ray(o, d, none, one), PathState((none, none, none), none, (one, one, one), none)
+
+
+@device
+def no_crossings(medium_stack, like):
+    """Returns the Crossings of a path that has crossed nothing. like: a float or lanes."""
+    none = nil(like)
+    return Crossings(as_wide(medium_stack, like), (none, none, none, none), none)
+
+
+@device
+def with_radiance(path, radiance):
+    """Returns the path with another radiance."""
+    return PathState(radiance, path.depth, path.throughput, path.number)
+
+
+@device
+def with_throughput(path, throughput):
+    """Returns the path with another throughput."""
+    return PathState(path.radiance, path.depth, throughput, path.number)
+
+
+@device
+def scattering_surface(point, error, geometric, shading, front, material, smooth, lift, uv, uv1, number):
+    """Returns a Surface with what scattering needs. number: of its object."""
+    none = nil(error)
+    one = none + _ONE
+    light = as_wide(NO_LIGHT, error)
+    color, tangent = (one, one, one, one), (none, none, none, none)
+    return Surface(point, error, geometric, shading, uv, front, material, light, number, uv1, color, tangent, smooth, lift)

@@ -1,0 +1,199 @@
+"""Named tuples in memory: a layout is declared by the fields of the tuples, and their reads and writes are made from it.
+
+A field is annotated with its kind. A tuple takes the columns of a row that its kinds need, in order. Read at one row it holds
+plain numbers, read at eight rows (u32x8) it holds vectors of eight lanes.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from renderer.lane_types import f32x8, is_wide, mask8, u32x8
+from renderer.wide.operators import FLOATS, INTS
+from renderer.wide.rows import gathered, scattered
+
+__all__ = ["Flag", "Float", "Four", "Int", "Layout", "Pair", "Vector", "accessors", "width_of"]
+
+_GROUP = 8  # columns that are read and written together
+_I1, _I32, _I64 = ir.IntType(1), ir.IntType(32), ir.IntType(64)
+_FLOAT = ir.FloatType()
+
+
+class _Kind(NamedTuple):
+    """A kind of field: the number of its columns, and the type of each."""
+
+    columns: int
+    number: Any
+    lanes: Any
+
+
+_FLOATS = [_Kind(count, types.float32, f32x8) for count in range(5)]
+_INT = _Kind(1, types.uint32, u32x8)
+_FLAG = _Kind(0, types.boolean, mask8)  # successive flags share a column, a bit each
+Float = Annotated[Any, _FLOATS[1]]
+Pair = Annotated[Any, _FLOATS[2]]
+Vector = Annotated[Any, _FLOATS[3]]
+Four = Annotated[Any, _FLOATS[4]]
+Int = Annotated[Any, _INT]  # 32 bits
+Flag = Annotated[Any, _FLAG]
+
+
+class _Place(NamedTuple):
+    """Where a field lies in its tuple's columns; bit: of a flag, else None."""
+
+    kind: _Kind
+    column: int
+    bit: int | None
+
+
+def _places(declared: type) -> dict[str, _Place]:
+    """Returns the place of each field of a named tuple."""
+    places: dict[str, _Place] = {}
+    column, bit = 0, 0
+    for name, hint in get_type_hints(declared, include_extras=True).items():
+        kind = next(each for each in hint.__metadata__ if isinstance(each, _Kind))
+        if kind is _FLAG:
+            places[name] = _Place(kind, column, bit)
+            bit += 1
+            continue
+        column += bit > 0
+        bit = 0
+        places[name] = _Place(kind, column, None)
+        column += kind.columns
+    return places
+
+
+def width_of(declared: type) -> int:
+    """Returns the number of columns of a named tuple, a multiple of eight."""
+    last = list(_places(declared).values())[-1]
+    used = last.column + max(last.kind.columns, 1)
+    return -(-used // _GROUP) * _GROUP
+
+
+class Layout:
+    """The columns of a row: named tuples one after the other; those that are listed together share their columns."""
+
+    def __init__(self, *groups: type | tuple[type, ...]) -> None:
+        self.first: dict[type, int] = {}
+        self.width = 0
+        for group in groups:
+            shared = group if isinstance(group, tuple) else (group,)
+            for declared in shared:
+                self.first[declared] = self.width
+            self.width += max(width_of(declared) for declared in shared)
+
+    def column(self, declared: type, field: str) -> np.uintp:
+        """Returns the first column of a field."""
+        return np.uintp(self.first[declared] + _places(declared)[field].column)
+
+
+def _type_of(declared: Any, wide: bool) -> Any:
+    """Returns the Numba type of a named tuple, of plain numbers or of lanes."""
+    fields = []
+    for place in _places(declared).values():
+        number = place.kind.lanes if wide else place.kind.number
+        fields.append(types.UniTuple(number, place.kind.columns) if place.kind.columns > 1 else number)
+    return types.BaseTuple.from_types(fields, declared)
+
+
+def _decoded(builder: Any, place: _Place, columns: list[Any], wide: bool) -> list[Any]:
+    """Returns a field's numbers from the columns, which are floats."""
+    word = columns[place.column]
+    if place.bit is not None:
+        bits = builder.bitcast(word, INTS if wide else _I32)
+        bit = 1 << place.bit
+        mask = ir.Constant(INTS, [bit] * _GROUP) if wide else _I32(bit)
+        return [builder.icmp_unsigned("!=", builder.and_(bits, mask), ir.Constant(bits.type, None))]
+    if place.kind is _INT:
+        return [builder.bitcast(word, INTS if wide else _I32)]
+    return columns[place.column : place.column + place.kind.columns]
+
+
+def _columns_of(context: Any, builder: Any, declared: Any, kind: Any, value: Any, wide: bool) -> list[Any]:
+    """Returns the columns of a named tuple as floats, zeros in unused ones."""
+    number, whole = (FLOATS, INTS) if wide else (_FLOAT, _I32)
+    columns = [ir.Constant(number, None) for _ in range(width_of(declared))]
+    flags: dict[int, Any] = {}
+    for k, place in enumerate(_places(declared).values()):
+        part, own = builder.extract_value(value, k), kind.types[k]
+        if place.bit is not None:
+            bit = ir.Constant(INTS, [1 << place.bit] * _GROUP) if wide else _I32(1 << place.bit)
+            chosen = builder.select(_bool(builder, part), bit, ir.Constant(whole, None))
+            flags[place.column] = builder.or_(flags[place.column], chosen) if place.column in flags else chosen
+        elif place.kind is _INT:
+            word = part if wide else context.cast(builder, part, own, types.uint32)
+            columns[place.column] = builder.bitcast(word, number)
+        elif place.kind.columns == 1:
+            columns[place.column] = part if wide else context.cast(builder, part, own, types.float32)
+        else:
+            for i in range(place.kind.columns):
+                columns[place.column + i] = builder.extract_value(part, i)
+    for column, bits in flags.items():
+        columns[column] = builder.bitcast(bits, number)
+    return columns
+
+
+def _bool(builder: Any, value: Any) -> Any:
+    """Returns a bool as one bit; in a tuple Numba keeps it in a byte."""
+    return builder.trunc(value, _I1) if isinstance(value.type, ir.IntType) and value.type.width > 1 else value
+
+
+def _pointer(context: Any, builder: Any, kind: Any, table: Any, row: Any, width: int, first: int) -> Any:
+    data = context.make_array(kind)(context, builder, table).data
+    row = builder.zext(row, _I64) if row.type.width < _I64.width else row
+    start = builder.add(builder.mul(row, _I64(width)), _I64(first))
+    return builder.gep(builder.bitcast(data, _FLOAT.as_pointer()), [start])
+
+
+def accessors(layout: Layout) -> tuple[Any, Any]:
+    """Returns (gather, scatter) for rows of that layout, to be called in kernels.
+
+    gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table;
+    scatter(table, rows, value) writes one. Of two lanes with one row the last is written last. Unchecked.
+    """
+
+    @intrinsic
+    def gather(typingctx: Any, table: Any, rows: Any, declared: Any) -> Any:
+        wide, named = is_wide(rows), declared.instance_class
+        result, first, count = _type_of(named, wide), layout.first[named], width_of(named)
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            if wide:
+                data = context.make_array(sig.args[0])(context, builder, args[0]).data
+                columns = gathered(builder, data, args[1], _I64(layout.width), _I64(first), count)
+            else:
+                pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
+                columns = [builder.load(builder.gep(pointer, [_I64(k)])) for k in range(count)]
+            parts = []
+            for place, kind in zip(_places(named).values(), result.types, strict=True):
+                numbers = _decoded(builder, place, columns, wide)
+                parts.append(context.make_tuple(builder, kind, numbers) if place.kind.columns > 1 else numbers[0])
+            return context.make_tuple(builder, result, parts)
+
+        return result(table, rows, declared), codegen
+
+    @intrinsic
+    def scatter(typingctx: Any, table: Any, rows: Any, value: Any) -> Any:
+        wide, named = is_wide(rows), value.instance_class
+        first = layout.first[named]
+
+        def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            columns = _columns_of(context, builder, named, sig.args[2], args[2], wide)
+            if wide:
+                data = context.make_array(sig.args[0])(context, builder, args[0]).data
+                for group in range(0, len(columns), _GROUP):
+                    scattered(builder, data, args[1], _I64(layout.width), _I64(first + group), columns[group : group + _GROUP])
+            else:
+                pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
+                for k, number in enumerate(columns):
+                    builder.store(number, builder.gep(pointer, [_I64(k)]))
+            return context.get_dummy_value()
+
+        return types.void(table, rows, value), codegen
+
+    return gather, scatter

@@ -1,0 +1,131 @@
+"""Terminated paths in the film: each is added once, to its pixel's sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, DEPTH, MATERIAL, NORMAL, OBJECT, POSITION, SAMPLES, SAMPLES_HALF
+from renderer.film import in_half as in_half_of_film
+from renderer.jit import entry
+from renderer.kernel.accumulate import MAX_BAD, Batch
+from renderer.kernel.backends.cpu.accumulate_film import SUMS, accumulate_film, unfold
+from renderer.kernel.backends.cpu.lists import DONE, LIST_SIZE, LISTS, append, clear
+from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, Sample, column
+from renderer.kernel.steps.state import FirstHit, PathState
+
+WIDTH, HEIGHT = 3, 2
+NUMBER, PLACE, BRANCHES = (int(column(Sample, field)) for field in ("number", "place", "branches"))
+RADIANCE, FIRST = int(column(PathState, "radiance")), int(column(FirstHit, "albedo"))
+
+
+@entry
+def _keep(pool, lists, done, film, scale, batch, bad, sums):
+    clear(lists, DONE)
+    for path in done:
+        append(lists, DONE, path)
+    bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0)
+    unfold(film, sums)
+    return bad_count
+
+
+def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
+    """Returns (film planes, listed bad samples, number of bad samples) for paths' rows, (N, ROW)."""
+    pool = np.zeros((ROWS, int(ROW)), np.float32)
+    pool[: len(rows)] = rows
+    sums = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
+    bad = np.zeros((MAX_BAD, 3), np.int64)
+    film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
+    lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
+    bad_count = _keep(
+        pool.ravel(), lists, np.arange(len(rows)), film, np.float32(2.0**exponent), Batch(100, 200, 0, 9), bad, sums
+    )
+    return sums, [tuple(map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]], int(bad_count)
+
+
+def paths(count: int, samples: npt.NDArray[np.int64]) -> npt.NDArray[np.float32]:
+    """Returns rows with random contents, each at a random pixel."""
+    random = np.random.default_rng(5)
+    rows = random.normal(0, 10, (count, int(ROW))).astype(np.float32)
+    facts = rows.view(np.int32)
+    facts[:, NUMBER] = samples
+    facts[:, PLACE] = random.integers(0, WIDTH * HEIGHT, count)
+    facts[:, FIRST + 7] = random.integers(0, 1 << 22, count)
+    facts[:, FIRST + 11] = random.integers(0, 1 << 22, count)
+    rows[:, FIRST + 12 : FIRST + 16] = 0
+    rows[:, BRANCHES] = 1
+    return rows
+
+
+@pytest.mark.parametrize("exponent", [0, 7, 24])
+def test_every_sample_is_in_its_pixels_sums(exponent: int) -> None:
+    samples = np.arange(100) % 9
+    rows = paths(100, samples)
+    expected = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
+    facts = rows.view(np.int32)
+    for row, ids, sample in zip(rows, facts, samples, strict=True):
+        y, x = divmod(int(ids[PLACE]), WIDTH)
+        color, first = row[RADIANCE : RADIANCE + 3], FIRST
+        planes = [(COLOR, color), (ALBEDO, row[first : first + 3]), (NORMAL, row[first + 4 : first + 7])]
+        planes += [(POSITION, row[first + 8 : first + 11]), (slice(DEPTH, DEPTH + 1), row[first + 3 : first + 4])]
+        planes += [(COLOR_HALF, color)] if in_half_of_film(int(sample)) else []
+        for plane, value in planes:
+            expected[plane, y, x] += np.rint(value.astype(np.float64) * 2.0**exponent).astype(np.int64)
+        expected[SAMPLES, y, x] += 1
+        expected[SAMPLES_HALF, y, x] += in_half_of_film(int(sample))
+        if sample == 0:
+            expected[OBJECT, y, x] += ids[first + 7]
+            expected[MATERIAL, y, x] += ids[first + 11]
+    sums, bad, bad_count = kept(rows, exponent)
+    np.testing.assert_array_equal(sums, expected)
+    assert (bad, bad_count) == ([], 0)
+
+
+@pytest.mark.parametrize("column", [group + k for group in (RADIANCE, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> None:
+    rows = paths(20, np.arange(20))
+    spoilt = rows.copy()
+    spoilt[7, column] = value
+    sums, bad, bad_count = kept(spoilt)
+    np.testing.assert_array_equal(sums, kept(np.delete(rows, 7, axis=0))[0])
+    y, x = divmod(int(rows.view(np.int32)[7, PLACE]), WIDTH)
+    assert (bad, bad_count) == ([(100 + x, 200 + y, 7)], 1)
+
+
+def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
+    rows = paths(MAX_BAD + 9, np.arange(MAX_BAD + 9))
+    rows[:, RADIANCE] = np.nan
+    sums, bad, bad_count = kept(rows)
+    assert not sums.any()
+    assert bad_count == MAX_BAD + 9
+    assert [sample for _, _, sample in bad] == list(range(MAX_BAD))
+
+
+def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
+    """In any order of termination; their row is freed only after the last."""
+    rows = paths(4, np.arange(4))
+    rows[:, BRANCHES] = (1, 2, 2, 2)
+    pool = np.zeros((ROWS, int(ROW)), np.float32)
+    pool[:4] = rows
+    seconds = np.random.default_rng(6).normal(0, 10, (4, 3)).astype(np.float32)
+    seconds[0] = 0
+    pool[PATHS : PATHS + 4, RADIANCE : RADIANCE + 3] = seconds
+    rest = (
+        np.zeros(WIDTH * HEIGHT * SUMS, np.int64),
+        np.float32(2.0**24),
+        Batch(100, 200, 0, 9),
+        np.zeros((MAX_BAD, 3), np.int64),
+        np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64),
+    )
+    lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
+    free = []
+    for done in ([0, PATHS + 1, 2, PATHS + 2], [1, PATHS + 3], [3]):
+        _keep(pool.ravel(), lists, np.array(done), *rest)
+        of_done = lists.reshape(LISTS, LIST_SIZE)[int(DONE)]
+        free.append(of_done[1 : 1 + of_done[0]].tolist())
+    assert free == [[0, 2], [1], [3]]
+    rows[:, RADIANCE : RADIANCE + 3] += seconds
+    rows[:, BRANCHES] = 1
+    np.testing.assert_array_equal(rest[-1], kept(rows)[0])

@@ -1,0 +1,78 @@
+"""The pool compared with the single-path integrator: the same samples; of the plain edition's features the same bits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer import render
+from renderer.arrays.kernel_variant import edition_of
+from renderer.film import COLOR, SAMPLES, Sums
+from renderer.kernel import accumulate
+from renderer.render import RenderStats, render_frame
+from tests.grids import grid
+from tests.renderer.kernel.backends.features import FEATURES, SIZE, made
+
+SPP = 4
+# Of the pixels, where a formula that is written twice rounds in another order: that decides now and then what a path does where
+# a number lies within 1e-7 of a border, such as an edge. At 64 samples a pixel none of all these parted.
+MOST_PARTED = 0.005
+# What the plain edition has: no formula that differs between the two is left.
+EQUAL = list(FEATURES)[: list(FEATURES).index("textures")]
+# For these the kernel for one path is compiled once more, which takes longer than all the others together; what the pool makes of
+# them tests/renderer/test_motion_blur.py holds to closed forms and to the mean of their moments, tests/renderer/test_media.py to
+# closed forms.
+MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
+MOVING_MEDIA = "fog that moves"
+MEDIA = (
+    *("fog", "smoke around the camera", "cards in fog", "few of anything in smoke", "milk in glass", "rough glass in haze"),
+    *("wax", "skin", MOVING_MEDIA),
+)
+
+
+def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
+    """Returns the film rendered by the pool, or, with a monkeypatch, by the single-path kernel with all features."""
+    scene, settings = made(name)
+    stats = RenderStats()
+    if monkeypatch is None:
+        return render_frame(scene, settings, SPP, stats=stats), stats
+    with monkeypatch.context() as patched:
+        patched.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+        patched.setattr(render, "has_editions", lambda _: False)
+        return render_frame(scene, settings, SPP, stats=stats), stats
+
+
+@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA])
+def test_a_feature_is_as_with_one_path_at_a_time(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
+    if name in EQUAL:
+        planes, *pixel = np.nonzero(pool != one)
+        differ = len(set(zip(*pixel, strict=True)))
+        assert differ == 0, f"{differ} pixels differ, in the planes {sorted(set(planes.tolist()))}"
+        assert of_pool.rays == of_one.rays
+    scale = 2.0 ** -made(name)[1].film_exponent / SPP
+    assert (pool[SAMPLES] == SPP).all()
+    assert pool[COLOR].any() == (name != "no light")
+    same = np.isclose(pool * scale, one * scale, rtol=1e-3, atol=1e-4).all(axis=0)
+    assert same.mean() >= 1 - MOST_PARTED
+    off = (pool[COLOR] - one[COLOR]).mean(axis=0) * scale
+    error = off.std() / SIZE
+    assert abs(off.mean()) <= 4 * error + 1e-6
+    assert of_pool.rays == pytest.approx(of_one.rays, rel=1e-3)
+
+
+def test_the_features_ask_for_all_editions() -> None:
+    """Otherwise the tests above would compare nothing."""
+    names = list(FEATURES)
+    full, moving, media = names.index("textures"), names.index(MOVING[0]), names.index(MEDIA[0])
+    for k, name in enumerate(names):
+        scene, settings = made(name)
+        edition = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
+        edition = "moving-media" if name == MOVING_MEDIA else edition
+        assert edition_of(scene, len(settings.views) > 0) == edition, name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", MOVING + MEDIA)
+def test_what_moves_and_what_scatters_is_seen(name: str) -> None:
+    assert render_frame(*made(name), 1)[COLOR].any()

@@ -1,0 +1,69 @@
+"""Survival probabilities of Russian roulette. Unbiasedness is tested in test_strategies.py and by the furnace tests."""
+
+import numpy as np
+import pytest
+
+from renderer.jit import entry
+from renderer.kernel.options import kernel_options
+from renderer.kernel.steps.continue_or_end import roulette_weight_after, survival
+from renderer.scene.description import Sphere
+from renderer.settings import MAX_FLOOR
+from tests.renderer.builders import emitter, scene, settings
+
+ROOM = scene([emitter(1.0)], spheres=(Sphere((0, 0, 0), 1.0),))
+
+ON_SURFACE = np.bool_(True)
+
+
+@entry
+def _follow(weights, eta2, options, chances):
+    """Returns the survival probability at each vertex of a path with these weights."""
+    roulette_weight, left = np.float32(1.0), np.float32(1.0)
+    for k in range(len(weights)):
+        weight = weights[k], np.float32(0.5) * weights[k], np.float32(0.0)
+        roulette_weight = roulette_weight_after(roulette_weight, np.float32(k), weight, eta2[k])
+        left = left * weights[k]
+        throughput = left, np.float32(0.5) * left, np.float32(0.0)
+        chances[k] = survival(throughput, roulette_weight, np.float32(k + 1), options, ON_SURFACE)
+        left = left / chances[k]
+
+
+def chances(*weights, eta2=None, **asked):
+    eta2 = np.ones(len(weights), np.float32) if eta2 is None else np.array(eta2, np.float32)
+    found = np.zeros(len(weights), np.float32)
+    options = kernel_options(settings((0, 0, 0), (1, 0, 0), 50, **asked), ROOM)
+    _follow(np.array(weights, np.float32), eta2, options, found)
+    return found.tolist()
+
+
+def test_short_paths_go_on_and_dark_ones_end_after_them():
+    assert chances(0.9, 0.01, 0.5)[:2] == [1, 1]
+    assert chances(0.9, 0.01, 0.5)[2] == pytest.approx(1.4 * 0.01 * 0.5)
+
+
+def test_what_carries_five_sevenths_goes_on_for_certain():
+    assert chances(1.0, 0.95, 0.9, 1.0) == [1, 1, 1, 1]
+    assert chances(1.0, 0.8, 0.6, 0.9)[2:] == pytest.approx([1.4 * 0.8 * 0.6, 0.9])
+
+
+@pytest.mark.parametrize("first", [0.02, 0.3, 4.0])
+def test_a_dark_first_vertex_is_no_reason_to_end(first):
+    assert chances(first, 0.5, 0.5, 0.5) == pytest.approx(chances(1.0, 0.5, 0.5, 0.5))
+
+
+def test_radiance_that_is_thinner_in_glass_is_worth_as_much():
+    """Enters glass of eta 1.5 at the second vertex and leaves it at the fifth."""
+    square = 1.5**2
+    found = chances(0.8, 1 / square, 0.5, 0.5, square, 0.9, eta2=[1, square, 1, 1, 1 / square, 1])
+    assert found == pytest.approx(chances(0.8, 1.0, 0.5, 0.5, 1.0, 0.9), rel=1e-6)
+
+
+def test_long_paths_end_even_where_all_is_white():
+    found = chances(*[1.0] * 12)
+    assert found[:7] == [1] * 7
+    assert found[7:] == pytest.approx([MAX_FLOOR] * 5)
+
+
+def test_a_floor_and_a_constant_are_kept_to():
+    assert chances(0.9, 0.01, 0.5, roulette_floor=0.25)[2] == 0.25
+    assert chances(0.9, 0.01, 0.5, roulette=0.75) == [0.75] * 3
