@@ -104,8 +104,8 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
     end = float(row[record.SURVIVAL])
     is_told = int(row[record.TOLD])
     return Vertex(
-        share=float(row[record.OWN_SHARE]) if is_told and np.any(own != 0) else None,
-        lamp=_lamp(row, origin) if met and row[record.LAMP_PDF] > 0 else None,
+        share=float(row[record.EMISSION_WEIGHT]) if is_told and np.any(own != 0) else None,
+        lamp=_lamp(row, origin) if met and row[record.LIGHT_PDF] > 0 else None,
         survival=abs(end) if is_told == record.SCATTERED and end not in (0.0, AGAIN) else None,
         kind=_KINDS[kind],
         object=int(row[record.OBJECT]) - 1 if kind in _BODIES else None,
@@ -123,11 +123,11 @@ def _vertex(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ve
 
 
 def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Lamp:
-    end, point = np.array(_vec(row, record.LAMP_AT)), np.array(_vec(row, record.POINT))
+    end, point = np.array(_vec(row, record.LIGHT_AT)), np.array(_vec(row, record.POINT))
     away = float(np.linalg.norm(end - point))
     x, y, z = (float(v) for v in (end - point) / (away or 1.0))
-    at = None if away >= FAR else _place(row, record.LAMP_AT, origin)
-    return Lamp(at, (x, y, z), float(row[record.LAMP_PDF]), float(row[record.LAMP_SHARE]), _vec(row, record.BROUGHT))
+    at = None if away >= FAR else _place(row, record.LIGHT_AT, origin)
+    return Lamp(at, (x, y, z), float(row[record.LIGHT_PDF]), float(row[record.LIGHT_WEIGHT]), _vec(row, record.BROUGHT))
 
 
 def _end(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:

@@ -2,28 +2,47 @@
 
 Hit distances on triangles are rounded, and biased by the side that the ray hits (`meet_triangles` in renderer/bvh/packet.py).
 Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are visited. So all distances
-of boxes are reduced by a factor, `NEARER`, and by a multiple of `margin_of`: both exceed the bias.
+of boxes are reduced by a factor, `_NEARER`, and by a multiple of `_margin_of`: both exceed the bias.
 """
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from renderer.bvh.simd import select
 from renderer.jit import device
 
-__all__ = ["MORE", "NEARER", "begins_at", "margin_of", "planes_of"]
+__all__ = ["MORE", "RayConstants", "begins_at", "ray_constants"]
 
-NEARER = np.float32(1 - 2.0**-18)  # factor of the reciprocal direction, for boxes
-MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, for the rounding of the division by the determinant
+_NEARER = np.float32(1 - 2.0**-18)  # factor of the reciprocal direction, for boxes
+MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, before division by the determinant has rounded it
 _ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_TINY = np.float32(1e-18)
 _SLACK = np.float32(4 * 2.0**-24)
 _OF_ORIGIN = np.float32(0.25)
 _LEAD = np.float32(2.0**-18)
 _EARLIER = np.float32(1 - 2.0**-16)
 
 
+class RayConstants(NamedTuple):
+    """A ray's constants for `meet_boxes` (node_test.py) and `meet_triangles` (packet.py), by axis."""
+
+    planes: Any  # first elements of the rows of a node that hold the near planes
+    inverse: Any  # 1 / direction, for boxes
+    near: Any  # a near plane at x is met at x * inverse + near,
+    far: Any  # a far one at x * inverse + far
+    axes: Any  # of a packet's corners: rows of the axes, permuted so that the last is the direction's largest
+    shear: Any
+    origin: Any  # permuted alike
+    margin: Any  # from `_margin_of`
+
+
 @device
-def margin_of(o, scale):
+def _margin_of(o, scale):
     """Returns the distance added to a hit's own in the bound of its error, for the rounding of coordinates.
 
     Two tessellations of one plane differ by the rounding of their vertices, some ulps of their coordinates, however short the ray
@@ -33,10 +52,10 @@ def margin_of(o, scale):
 
 
 @device
-def planes_of(o, inverse, margin):
+def _planes_of(o, inverse, margin):
     """Returns the constants (near plane, far plane) of one axis: a ray hits a plane at x at distance x * inverse + constant.
 
-    inverse: reciprocal of the direction's component, times `NEARER`.
+    inverse: reciprocal of the direction's component, times `_NEARER`.
     """
     constant = -o * inverse
     slack = abs(constant) * _SLACK
@@ -47,3 +66,46 @@ def planes_of(o, inverse, margin):
 def begins_at(t, margin):
     """Returns the distance, at least 0, such that boxes ending before it contain no hit at distance t or beyond."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)
+
+
+@device
+def _inverse(d):
+    """Returns 1/d. A component near zero is taken as +-1e-18: 0 * inf would be NaN, and the ray would visit the whole tree."""
+    return _ONE / math.copysign(max(abs(d), _TINY), d)
+
+
+@device
+def ray_constants(o, d, width):
+    """Returns a ray's RayConstants; of eight rays if o and d are of lanes.
+
+    width: WIDTH of renderer/bvh/layout.py, of the integers' type. Values are chosen without branches: which axis is the largest
+    cannot be predicted.
+    """
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
+    ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
+    first, second = ax > max(ay, az), ay > az
+    zero, two = width - width, width + width
+    four = two + two
+    axes = (
+        select(first, width, select(second, two, zero)),
+        select(first, two, select(second, zero, width)),
+        select(first, zero, select(second, width, two)),
+    )
+    scale = select(first, ix, select(second, iy, iz))
+    dx = select(first, d[1], select(second, d[2], d[0]))
+    dy = select(first, d[2], select(second, d[0], d[1]))
+    origin = (
+        select(first, o[1], select(second, o[2], o[0])),
+        select(first, o[2], select(second, o[0], o[1])),
+        select(first, o[0], select(second, o[1], o[2])),
+    )
+    margin = _margin_of(o, scale)
+    ix, iy, iz = ix * _NEARER, iy * _NEARER, iz * _NEARER
+    x, y, z = _planes_of(o[0], ix, margin), _planes_of(o[1], iy, margin), _planes_of(o[2], iz, margin)
+    planes = (
+        select(ix > _ZERO, zero, width),
+        select(iy > _ZERO, two, two + width),
+        select(iz > _ZERO, four, four + width),
+    )
+    shear = dx * scale, dy * scale, scale
+    return RayConstants(planes, (ix, iy, iz), (x[0], y[0], z[0]), (x[1], y[1], z[1]), axes, shear, origin, margin)

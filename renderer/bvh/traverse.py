@@ -13,7 +13,6 @@ with the lower number is the nearest. A ray that passes through a surface contin
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +32,7 @@ from renderer.bvh.layout import (
     WIDTH,
 )
 from renderer.bvh.motion import step_at
+from renderer.bvh.node_test import ANY_PRIMITIVE, WORLD, is_nearer, meet_boxes, primitive_of, tie_of
 from renderer.bvh.packet import is_beyond, meet_spheres, meet_triangles
 from renderer.bvh.prefetch import ask_for
 from renderer.bvh.simd import (
@@ -40,18 +40,15 @@ from renderer.bvh.simd import (
     bits,
     extract,
     fma,
-    less_equal,
     load,
     load_int,
     lowest_bit,
-    maximum,
-    minimum,
     select,
     splat,
     store,
     store_int,
 )
-from renderer.bvh.slabs import MORE, NEARER, begins_at, margin_of, planes_of
+from renderer.bvh.slabs import MORE, begins_at, ray_constants
 from renderer.jit import device, out_of_line, subroutine
 
 __all__ = [
@@ -69,14 +66,11 @@ __all__ = [
 ]
 
 NO_PRIMITIVE = np.int32(-1)
-_ANY_PRIMITIVE = np.int32(2**31 - 1)
-_WORLD = np.int32(-1)
 _YES, _NO = np.bool_(True), np.bool_(False)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_TINY = np.float32(1e-18)
-FROM_ORIGIN = (_ZERO, _ANY_PRIMITIVE, _ANY_PRIMITIVE)  # `after` of a ray that has passed no surface yet
+FROM_ORIGIN = (_ZERO, ANY_PRIMITIVE, ANY_PRIMITIVE)  # `after` of a ray that has passed nothing yet
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
 _NEARBY = 8192  # nodes that fit a core's caches: single rays wait little for them, and prefetching takes time
@@ -107,71 +101,17 @@ def new_stack() -> npt.NDArray[np.float32]:
 
 
 @device
-def _inverse(d):
-    """Returns 1/d. A component near zero is taken as +-1e-18: 0 * inf would be NaN, and the ray would visit the whole tree."""
-    size = abs(d)
-    return _ONE / math.copysign(_TINY if size < _TINY else size, d)
-
-
-@device
-def _slab(o, inverse, margin):
-    """Returns a ray's constants for one axis: (f32x8 of 1/d, near and far planes' constants, near and far row offsets)."""
-    inverse = inverse * NEARER
-    nearer, farther = planes_of(o, inverse, margin)
-    near = np.uintp(0) if inverse > _ZERO else _W
-    return splat(inverse), splat(nearer), splat(farther), near, _W - near
-
-
-@device
-def _boxes(node, base, x, y, z, t_min, t_max):
-    """Tests a ray against a node's eight boxes between two distances: (mask of boxes hit, f32x8 distances)."""
-    two = _W + _W
-    four = two + two
-    x_near = fma(load(node, base + x[3]), x[0], x[1])
-    x_far = fma(load(node, base + x[4]), x[0], x[2])
-    y_near = fma(load(node, base + two + y[3]), y[0], y[1])
-    y_far = fma(load(node, base + two + y[4]), y[0], y[2])
-    z_near = fma(load(node, base + four + z[3]), z[0], z[1])
-    z_far = fma(load(node, base + four + z[4]), z[0], z[2])
-    # NaN, which both propagate from their second operand, must reach the end: a ray with NaN hits nothing, where
-    # it would otherwise loop through lanes without a child.
-    near = maximum(maximum(x_near, y_near), maximum(splat(t_min), z_near))
-    far = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
-    return less_equal(near, far), near
-
-
-@device
-def _axes(o, d, inverse):
-    """Returns the watertight test's frame, with axes permuted so that the last is the direction's largest: row offsets, shear,
-    origin.
-
-    By selections, not branches: the axis cannot be predicted.
-    """
-    ax, ay, az = abs(d[0]), abs(d[1]), abs(d[2])
-    first = ax > max(ay, az)
-    second = ay > az
-    zero = np.uintp(0)
-    two = _W + _W
-    kx = select(first, _W, select(second, two, zero))
-    ky = select(first, two, select(second, zero, _W))
-    kz = select(first, zero, select(second, _W, two))
-    dx = select(first, d[1], select(second, d[2], d[0]))
-    dy = select(first, d[2], select(second, d[0], d[1]))
-    ox = select(first, o[1], select(second, o[2], o[0]))
-    oy = select(first, o[2], select(second, o[0], o[1]))
-    oz = select(first, o[0], select(second, o[1], o[2]))
-    scale = select(first, inverse[0], select(second, inverse[1], inverse[2]))
-    return (kx, ky, kz), (dx * scale, dy * scale, scale), (ox, oy, oz)
+def _lanes(vector):
+    """Returns three numbers in all lanes."""
+    return splat(vector[0]), splat(vector[1]), splat(vector[2])
 
 
 @device
 def _prepared(o, d):
-    """Returns a ray's constants: ((slabs of x, y, z), (axes, shear, permuted origin, margin) for `meet_triangles`)."""
-    inverse = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
-    axes, shear, permuted = _axes(o, d, inverse)
-    margin = margin_of(o, shear[2])
-    x, y, z = _slab(o[0], inverse[0], margin), _slab(o[1], inverse[1], margin), _slab(o[2], inverse[2], margin)
-    return (x, y, z), (axes, shear, permuted, margin)
+    """Returns a ray's constants: (those of `meet_boxes`; axes, shear, permuted origin and margin for `meet_triangles`)."""
+    ray = ray_constants(o, d, _W)
+    slabs = ray.planes, _lanes(ray.inverse), _lanes(ray.near), _lanes(ray.far)
+    return slabs, (ray.axes, ray.shear, ray.origin, ray.margin)
 
 
 @device
@@ -235,9 +175,9 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
         t = t * inverse
         if after is not None:
             hit = hit & is_beyond(after, limit, t, numbers)
-        distance, lane = nearest(hit, t)  # NaN if the mask is empty
-        primitive = load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
-        if distance < found[1] or (distance == found[1] and primitive < tie):
+        distance, lane = nearest(hit, t)  # NaN, if the mask is empty
+        primitive = primitive_of(packet, leaf, lane)
+        if is_nearer(distance, primitive, found[1], tie):
             found = _YES, distance, primitive, extract(b * inverse, lane), extract(c * inverse, lane)
     return found
 
@@ -245,9 +185,9 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
 @device
 def _limit(after, number):
     """Returns the primitive that ends a ray's `after` in one space, the world's (-1) or an instance's."""
-    limit = _ANY_PRIMITIVE
+    limit = ANY_PRIMITIVE
     if after is not None:
-        limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], _ANY_PRIMITIVE, after[2]))
+        limit = select(number > after[1], NO_PRIMITIVE, select(number < after[1], ANY_PRIMITIVE, after[2]))
     return limit
 
 
@@ -262,8 +202,8 @@ def _begins(after, margin):
 
 @device
 def _enter(node, base, slabs, t_min, best):
-    """Returns the keys of the children of a node that the ray hits nearer than `best`, and the least of them."""
-    met, distance = _boxes(node, base, slabs[0], slabs[1], slabs[2], t_min, best)
+    """The children of a node that the ray meets nearer than `best`: their keys, and the least of them."""
+    met, distance = meet_boxes(node, base, *slabs, t_min, best)
     keys = ranked(met, distance)
     return keys, least(keys)
 
@@ -323,7 +263,7 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
             base = np.uintp(child) * _NODE
             keys, key = _enter(bvh.node, base, slabs, t_min, found[1])
             continue
-        tie = select(any_tie & (not found[0]), _ANY_PRIMITIVE, found[2])
+        tie = select(any_tie & (not found[0]), ANY_PRIMITIVE, found[2])
         found = _meet(bvh.packet, _place(bvh.packet, ~child), ~child, o, d, constants, found, tie, after, limit)
 
 
@@ -351,10 +291,10 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
     this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all.
     """
     slabs, constants = _prepared(o, d)
-    limit = _limit(after, _WORLD)
+    limit = _limit(after, WORLD)
     t_min = _begins(after, constants[3])
     found = _NO, t_max, NO_PRIMITIVE, _ZERO, _ZERO
-    instance = _WORLD
+    instance = WORLD
     top = np.uintp(0)
     base = np.uintp(np.uint32(root)) * _NODE
     keys, key = _enter(bvh.node, base, slabs, t_min, t_max)
@@ -382,11 +322,11 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
                 found = _YES, nearer[0], nearer[1], nearer[2], nearer[3]
                 instance = np.int32(leaf >> 2)
         else:
-            tie = select(instance > _WORLD, _ANY_PRIMITIVE, found[2])
+            tie = tie_of(instance, found[2])
             start = _NO, found[1], found[2], found[3], found[4]
             found = _meet(bvh.packet, place_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit)
             if found[0]:
-                instance = _WORLD
+                instance = WORLD
     return Hit(found[1], found[2], found[3], found[4], instance, time)
 
 
@@ -400,7 +340,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     child = bvh.instance_root[number]
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(_boxes(bvh.node, base, slabs[0], slabs[1], slabs[2], _ZERO, t_max)[0])
+        met = bits(meet_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
@@ -423,7 +363,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     child = np.int32(root)
     while True:
         base = np.uintp(child) * _NODE
-        met = bits(_boxes(bvh.node, base, slabs[0], slabs[1], slabs[2], _ZERO, t_max)[0])
+        met = bits(meet_boxes(bvh.node, base, *slabs, _ZERO, t_max)[0])
         while met != np.uint32(0):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))

@@ -37,8 +37,8 @@ POINT, NORMAL, DIRECTION, THROUGHPUT, BEFORE, EMITTED, DIRECT, BESIDE = range(5,
 # (0: it has none); the point of a light that was chosen, what it brings if it is seen, the density by which it was chosen per
 # steradian (0: none was), its share; the chance with which the path went on (below 0: it did not; 0: nothing was left of it); and
 # when, of a shutter's time; which limit by kind the path had reached (`limit_of` of depths.py; 0: none).
-LAMP_AT, BROUGHT = 29, 32
-OWN_SHARE, LAMP_PDF, LAMP_SHARE, SURVIVAL, TIME, TOLD, LIMIT = range(35, 42)
+LIGHT_AT, BROUGHT = 29, 32
+EMISSION_WEIGHT, LIGHT_PDF, LIGHT_WEIGHT, SURVIVAL, TIME, TOLD, LIMIT = range(35, 42)
 COLUMNS = 42
 ARRIVED, SCATTERED = 1.0, 2.0  # values of TOLD: whether the vertex scattered
 

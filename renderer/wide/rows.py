@@ -12,10 +12,10 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from renderer.bvh.simd import LANES, f32x8
+from renderer.bvh.simd import LANES
 from renderer.wide.operators import FLOATS, INTS, u32x8
 
-__all__ = ["gather", "gathered", "load_ints", "scatter", "scattered", "words"]
+__all__ = ["gathered", "load_ints", "scattered", "words"]
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _FLOAT = ir.FloatType()
@@ -99,37 +99,6 @@ def scattered(builder: Any, data: Any, index: Any, width: Any, first: Any, colum
     rows = _transposed(builder, columns)
     for pointer, row in zip(_pointers(builder, data, index, width, first), rows, strict=True):
         builder.store(row, builder.bitcast(pointer, FLOATS.as_pointer())).align = 4
-
-
-@intrinsic(prefer_literal=True)
-def gather(typingctx, table, index, width, first, count):
-    """Gathers columns first ... first + count - 1 of the rows `index` (u32x8) of a C-contiguous float32 or int32 table.
-
-    Returns a tuple of f32x8; integers are returned as their bits. width: the table's columns. count: a literal; width, first:
-    uintp. Bounds are not checked.
-    """
-    columns = count.literal_value
-
-    def codegen(context, builder, sig, args):
-        data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        return context.make_tuple(builder, sig.return_type, gathered(builder, data, *args[1:4], columns))
-
-    return types.UniTuple(f32x8, columns)(table, index, types.uintp, types.uintp, count), codegen
-
-
-@intrinsic
-def scatter(typingctx, table, index, width, first, values):
-    """Scatters eight f32x8 into columns first ... first + 7 of the rows `index`.
-
-    If lanes share a row, the last lane is stored.
-    """
-
-    def codegen(context, builder, sig, args):
-        data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        scattered(builder, data, *args[1:4], [builder.extract_value(args[4], k) for k in range(LANES)])
-        return context.get_dummy_value()
-
-    return types.void(table, index, types.uintp, types.uintp, values), codegen
 
 
 @intrinsic

@@ -1,7 +1,7 @@
 """Held against Mitsuba, Embree and Cycles, each at its best, in turn; and against what is asked of us where there is no peer.
 
     python3 farm.py bench peers [--quick] [--long] [--rows samples,rays] [--only "Cornell box,textured mesh"] [--out FOLDER]
-    python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4] [--only "Cornell box"]   # only row samples, against a commit
+    python3 farm.py bench peers --against COMMIT [--rounds 15] [--spp 4]   # row samples, against another commit of ours
 
 Prints medians, spread and ratios beside what is to be reached, and which lines fall short; writes peers.json, peers.txt and
 a plot a row. Ends with 1 where a row could not be measured, not where one falls short. Takes hours without --quick, and a

@@ -34,7 +34,7 @@ from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.pass_through import counts_emission, pass_through
 from renderer.kernel.steps.random_blocks import draw_light, draw_scattering
 from renderer.kernel.steps.record_first_hit import record_first_hit
-from renderer.kernel.steps.scatter import scatter
+from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.state import BsdfSample, LastVertex, camera_path, no_crossings, with_radiance
 from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import shines, surface_at
@@ -197,7 +197,8 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
             break
         sample = BsdfSample(wi, weight, _ZERO, eta2)
         last = LastVertex(surface.point, vertex.normal)
-        ray, path, crossings = scatter(scene, surface, vertex.frame, ray, path, crossings, sample, _ONE, _YES, options)
+        ray, path, bounce = scatter(surface, vertex.frame, ray, path, sample, _ONE, options)
+        crossings = cross_surface(scene, surface, crossings, bounce, _YES)
         if vec.maximum(path.throughput) <= _ZERO or path.number - path.depth > _MAX_AGAIN:
             break
         after = where_present(scene.has.textures, FROM_ORIGIN)

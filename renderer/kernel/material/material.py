@@ -1,7 +1,8 @@
 """Material evaluation: texture lookups, and the only module that dispatches to the BSDF models.
 
-To add a model: a file in bsdf/, its `Kind` in renderer/arrays/rows.py, its parameters in renderer/scene/material.py, a branch in
-`eval_material` and `sample_material` (or in rare_materials.py), and in renderer/kernel/backends/cpu/surfaces.py the list of its vertices.
+To add a model: a file in bsdf/, its `Kind` in renderer/arrays/rows.py, its parameters in renderer/scene/material.py, and a
+branch in `eval_material` and `sample_material`, or in rare_materials.py; for a model that is evaluated for eight paths at a time
+also its list in renderer/kernel/backends/cpu/surfaces.py.
 """
 
 from __future__ import annotations

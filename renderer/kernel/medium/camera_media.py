@@ -25,13 +25,13 @@ _UPWARDS = (np.float32(0.36), np.float32(0.8), np.float32(0.48))
 
 
 @subroutine
-def _nest_at(scene, stack, o, time):
+def _media_at(scene, stack, o, time):
     """Returns the stack of media that contains the world point o.
 
     These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them.
     """
     out_of_line()
-    nest, on_the_way, depth = _WORLD, _WORLD, _WORLD
+    medium_stack, on_the_way, depth = _WORLD, _WORLD, _WORLD
     after = FROM_ORIGIN
     while True:
         hit = closest_hit(scene.bvh, stack, o, _UPWARDS, _INF, time, _ROOT, after)
@@ -45,10 +45,10 @@ def _nest_at(scene, stack, o, time):
             elif holds(on_the_way, u32(medium + _NEXT)):
                 on_the_way = left(on_the_way, u32(medium + _NEXT))
             else:
-                nest = beneath(nest, depth, medium)
+                medium_stack = beneath(medium_stack, depth, medium)
                 depth = u32(depth + _NEXT)
         after = hit.t, hit.instance, hit.primitive
-    return nest
+    return medium_stack
 
 
 @device
@@ -57,12 +57,12 @@ def media_of_camera(scene, stack, camera, samples):
 
     0 for a scene without media. samples: number of samples in the batch; 0: no ray is traced.
     """
-    nest = _WORLD
+    medium_stack = _WORLD
     if scene.has.media is not None:
         x, y = camera.middle
         o, _, _ = camera_ray(camera, x, y, _MIDDLE)
         if scene.has.motion is not None:
             o, _, _ = moving_ray(camera, x, y, _MIDDLE, _HALF)
         if len(scene.medium) > 1 and samples > 0:
-            nest = _nest_at(scene, stack, o, where_present(scene.has.motion, _HALF))
-    return nest
+            medium_stack = _media_at(scene, stack, o, where_present(scene.has.motion, _HALF))
+    return medium_stack

@@ -24,48 +24,48 @@ NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 
 @device
-def entered(nest, medium):
+def entered(medium_stack, medium):
     """Returns the stack after entering the medium; a fourth medium drops the outermost."""
-    return u32(u32(u32(nest << _DIGITS) | medium) & _THREE)
+    return u32(u32(u32(medium_stack << _DIGITS) | medium) & _THREE)
 
 
 @device
-def _parts(nest):
-    return u32(nest & _ONE), u32(u32(nest >> _DIGITS) & _ONE), u32(nest >> _TWICE)
+def _parts(medium_stack):
+    return u32(medium_stack & _ONE), u32(u32(medium_stack >> _DIGITS) & _ONE), u32(medium_stack >> _TWICE)
 
 
 @device
-def holds(nest, medium):
+def holds(medium_stack, medium):
     """Whether the medium is in the stack."""
-    first, second, third = _parts(nest)
+    first, second, third = _parts(medium_stack)
     return (first == medium) | (second == medium) | (third == medium)
 
 
 @device
-def left(nest, medium):
+def left(medium_stack, medium):
     """Returns the stack after leaving the medium; where bodies overlap, media entered later remain."""
-    first, second, third = _parts(nest)
-    without_third = where(third == medium, u32(nest & _TWO), nest)
+    first, second, third = _parts(medium_stack)
+    without_third = where(third == medium, u32(medium_stack & _TWO), medium_stack)
     without_second = where(second == medium, u32(u32(third << _DIGITS) | first), without_third)
-    return where(first == medium, u32(nest >> _DIGITS), without_second)
+    return where(first == medium, u32(medium_stack >> _DIGITS), without_second)
 
 
 @device
-def beneath(nest, depth, medium):
+def beneath(medium_stack, depth, medium):
     """Returns the stack with the medium added at an empty depth, 0 ... 2; unchanged for greater depths."""
-    return u32(nest | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else nest
+    return u32(medium_stack | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else medium_stack
 
 
 @device
-def crossed(scene, nest, material, front):
+def crossed(scene, medium_stack, material, front):
     """Returns the stack after crossing a surface of that material; front: whether the surface was hit from its front."""
     inside = u32(lookup(scene.material_medium, material))
-    beyond = where(front, entered(nest, inside), left(nest, inside))
-    return where(inside == NO_MEDIUM, nest, beyond)
+    beyond = where(front, entered(medium_stack, inside), left(medium_stack, inside))
+    return where(inside == NO_MEDIUM, medium_stack, beyond)
 
 
 @device
-def coefficients(scene, nest):
+def coefficients(scene, medium_stack):
     """Returns the innermost medium's (sigma_a + sigma_s, sigma_s, g): rgb per unit length, and the mean cosine."""
-    ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(nest & _ONE), MEDIUM_COLUMNS)
+    ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
     return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g

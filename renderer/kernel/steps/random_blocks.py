@@ -12,22 +12,12 @@ from renderer.jit import device
 from renderer.kernel.sampling.sampler import draw4
 from renderer.wide.values import to_int, u32
 
-__all__ = [
-    "COLOR_BLOCK",
-    "PASSING_BLOCK",
-    "TIME_BLOCK",
-    "draw_color",
-    "draw_light",
-    "draw_passing",
-    "draw_scattering",
-    "draw_time",
-]
+__all__ = ["draw_color", "draw_light", "draw_passing", "draw_scattering", "draw_time"]
 
-PASSING_BLOCK = 1 << 16  # first block of transparent surfaces; vertices use lower ones
 _PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass through more use the same again
-COLOR_BLOCK = 1 << 17  # first block of dispersive surfaces
-TIME_BLOCK = 1 << 18  # block whose first number is the sample's shutter time
-_PASSING, _COLOR, _TIME = np.uint32(PASSING_BLOCK), np.uint32(COLOR_BLOCK), np.uint32(TIME_BLOCK)
+_PASSING = np.uint32(1 << 16)  # first block of transparent surfaces; vertices use lower ones
+_COLOR = np.uint32(1 << 17)  # first block of dispersive surfaces
+_TIME = np.uint32(1 << 18)  # block whose first number is the sample's shutter time
 _ONE, _TWO = np.uint32(1), np.uint32(2)
 
 

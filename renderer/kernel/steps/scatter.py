@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from renderer.jit import device
@@ -14,10 +16,18 @@ from renderer.kernel.steps.state import Crossings, PathState, Ray
 from renderer.kernel.surface.ray_origins import departure, leaves
 from renderer.wide.values import nil, not_, where
 
-__all__ = ["is_counted", "scatter"]
+__all__ = ["Bounce", "cross_surface", "is_counted", "scatter"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+
+
+class Bounce(NamedTuple):
+    """How a vertex has scattered a path, for `cross_surface`."""
+
+    has_left: Any  # whether the ray has left its facet, as `leaves` returns (surface/ray_origins.py)
+    reflected: Any
+    pdf: Any  # of the whole material; 0 for a discrete direction
 
 
 @device
@@ -33,11 +43,10 @@ def is_counted(has_left, reflected, pdf, options):
 
 
 @device
-def scatter(scene, surface, frame, ray, path, crossings, sample, branches, is_surface, options):
-    """Returns (Ray, PathState, Crossings) after the vertex has scattered the path.
+def scatter(surface, frame, ray, path, sample, branches, options):
+    """Returns (Ray, PathState, Bounce) after the vertex has scattered the path.
 
-    sample: a BsdfSample; branches: the number of branches into which the vertex splits the path, a float; is_surface: false for a
-    vertex in a medium.
+    sample: a BsdfSample; branches: the number of branches into which the vertex splits the path, a float.
     """
     s, t, n = frame
     weight, pdf = of_branch(sample.weight, sample.pdf, branches)
@@ -45,14 +54,19 @@ def scatter(scene, surface, frame, ray, path, crossings, sample, branches, is_su
     reflected = sample.wi[2] > _ZERO
     has_left = leaves(surface, reflected, d)
     depth = where(is_counted(has_left, reflected, pdf, options), path.depth + _ONE, path.depth)
-    medium_stack, counts = crossings.medium_stack, crossings.counts
-    if options.has_depths:
-        counts = bounced(counts, has_left & is_surface, reflected, sample.pdf)
-    if scene.has.media is not None:
-        medium_stack = where(reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
     roulette_weight = roulette_weight_after(ray.roulette_weight, path.number, weight, sample.eta2)
     return (
         Ray(departure(surface, reflected, d), d, pdf, roulette_weight),
         PathState(path.radiance, depth, vec.mul(path.throughput, weight), path.number + _ONE),
-        Crossings(medium_stack, counts, nil(depth)),
+        Bounce(has_left, reflected, sample.pdf),
     )
+
+
+@device
+def cross_surface(scene, surface, crossings, bounce, is_surface):
+    """Returns the Crossings of a path after its Bounce. is_surface: false for a vertex in a medium."""
+    medium_stack = crossings.medium_stack
+    if scene.has.media is not None:
+        medium_stack = where(bounce.reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
+    counts = bounced(crossings.counts, bounce.has_left & is_surface, bounce.reflected, bounce.pdf)
+    return Crossings(medium_stack, counts, nil(bounce.pdf))

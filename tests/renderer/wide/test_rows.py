@@ -1,12 +1,15 @@
 """Rows of memory read and written for eight lanes, compared with numpy's indexing."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from renderer.bvh.simd import LANES, load, store
 from renderer.jit import entry
 from renderer.kernel.fetch import columns, row
-from renderer.wide.rows import gather, load_ints, scatter
+from renderer.wide.fields import Float, Layout, Vector, accessors
+from renderer.wide.rows import load_ints
 from renderer.wide.values import as_floats
 
 ROWS, N = 40, 8 * 50
@@ -22,14 +25,14 @@ def of_width(width, seed=0):
 def _gather(table, number, found):
     for i in range(0, len(number), LANES):
         at = load_ints(number, np.uintp(i))
-        first = gather(table, at, np.uintp(19), np.uintp(2), 1)
-        for column, values in enumerate(first + gather(table, at, np.uintp(19), np.uintp(0), 2)):
+        first = columns(table, at, 19, 2, 1)
+        for column, values in enumerate(first + columns(table, at, 19, 0, 2)):
             store(found, np.uintp(column * len(number) + i), values)
-        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(1), 3)):
+        for column, values in enumerate(columns(table, at, 19, 1, 3)):
             store(found, np.uintp((3 + column) * len(number) + i), values)
-        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(3), 7)):
+        for column, values in enumerate(columns(table, at, 19, 3, 7)):
             store(found, np.uintp((6 + column) * len(number) + i), values)
-        for column, values in enumerate(gather(table, at, np.uintp(19), np.uintp(2), 17)):
+        for column, values in enumerate(columns(table, at, 19, 2, 17)):
             store(found, np.uintp((13 + column) * len(number) + i), values)
 
 
@@ -60,21 +63,34 @@ def test_rows_of_a_scenes_tables():
     np.testing.assert_array_equal(words.view(np.int32), ints[number].T)
 
 
+class _Pair(NamedTuple):
+    """Two fields of a row."""
+
+    a: Vector
+    b: Float
+
+
+_WIDTH = 11  # of which the tuple takes eight columns
+_LAYOUT = Layout(_Pair)
+_LAYOUT.width = _WIDTH
+_gather_pair, _scatter_pair = accessors(_LAYOUT)
+
+
 @entry
 def _scatter(table, number, values):
     for i in range(0, len(number), LANES):
         a, b = load(values, np.uintp(i)), load(values, np.uintp(len(number) + i))
-        scatter(table, load_ints(number, np.uintp(i)), np.uintp(11), np.uintp(2), (a, b, a, b, a, b, b, a))
+        _scatter_pair(table, load_ints(number, np.uintp(i)), _Pair((a, b, a), b))
 
 
 @pytest.mark.parametrize("repeated", [False, True])
 def test_rows_written(repeated):
-    """Of two lanes with one row the last stays; what is beside the eight columns stays too."""
+    """Of two lanes with one row the last stays; what is beside the eight columns stays too, unused ones become 0."""
     rng = np.random.default_rng(2)
     number = rng.integers(0, 3, 16, np.int32) if repeated else rng.permutation(ROWS)[:16].astype(np.int32)
-    table, values = rng.random((ROWS, 11), np.float32), rng.random((2, 16), np.float32)
+    table, values = rng.random((ROWS, _WIDTH), np.float32), rng.random((2, 16), np.float32)
     wanted = table.copy()
     for k, (a, b) in zip(number, values.T, strict=True):
-        wanted[k, 2:10] = a, b, a, b, a, b, b, a
+        wanted[k, :8] = a, b, a, b, 0, 0, 0, 0
     _scatter(table, number, values)
     np.testing.assert_array_equal(table, wanted)

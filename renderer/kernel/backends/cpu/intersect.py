@@ -29,10 +29,9 @@ from renderer.kernel.backends.cpu.lists import (
     put,
     row,
 )
-from renderer.kernel.backends.cpu.occlusion import walk_shadow_rays
 from renderer.kernel.backends.cpu.rows import DirectLight, Outcome, RowHit, Traversal, at, column, gather, scatter, time_of
 from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, start_traversal, three
-from renderer.kernel.backends.cpu.walk import walk
+from renderer.kernel.backends.cpu.walk import CLOSEST, walk
 from renderer.kernel.backends.scalar.visibility import light_left, transmittance
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.medium_stack import coefficients
@@ -113,7 +112,7 @@ def intersect_closest(scene, alone, stack, pool, lists):
         _trace_passed(scene, alone, pool, lists)
     _wait_for_nodes(scene, pool, lists, count)
     clear(lists, ENDED)
-    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists)
+    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists, CLOSEST)
     triangles = len(scene.triangle)
     missed, on_triangles, on_spheres = np.uintp(0), np.uintp(0), np.uintp(0)
     for k in range(count):
@@ -169,7 +168,7 @@ def _light(scene, alone, stack, pool, lists, options):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))
     cut(lists, NODES, np.uintp(count))
     clear(lists, ENDED)
-    walk_shadow_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists)
+    walk(scene.bvh, scene.has.motion, alone, pool, stack, lists, None)
     for k in range(0, count, 8):
         rows = eight(lists, WAITING, k)
         path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)

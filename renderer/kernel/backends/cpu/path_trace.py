@@ -13,18 +13,19 @@ from renderer.kernel.backends.cpu.rows import (
     Outcome,
     RowHit,
     Sample,
+    Shading,
     gather,
     surface_of,
 )
 from renderer.kernel.path_trace import (
     ARRIVED,
     BROUGHT,
+    EMISSION_WEIGHT,
     EMITTED,
-    LAMP_AT,
-    LAMP_PDF,
-    LAMP_SHARE,
+    LIGHT_AT,
+    LIGHT_PDF,
+    LIGHT_WEIGHT,
     LIMIT,
-    OWN_SHARE,
     SCATTERED,
     SURVIVAL,
     TIME,
@@ -85,10 +86,13 @@ def record_arrival(pool, lists, log, number, passed, before, options):
     elif met.object == NO_OBJECT:
         record_medium(log, number, gather(pool, _FIRST, Facet).point, met.t, ray, arrived)
     else:
-        surface, through = surface_of(pool, _FIRST), met.passed != passed
+        surface, through = (
+            surface_of(pool, _FIRST, gather(pool, _FIRST, Facet), gather(pool, _FIRST, Shading)),
+            met.passed != passed,
+        )
         point = vec.add(ray.o, vec.scale(ray.d, met.t)) if through else surface.point
         record_surface(log, number, surface, point, through, met.t, ray, arrived)
-    log[number, OWN_SHARE] = met.weight
+    log[number, EMISSION_WEIGHT] = met.weight
     log[number, TIME] = gather(pool, _FIRST, Sample).time
     log[number, TOLD] = ARRIVED
     if options.has_depths:
@@ -110,8 +114,8 @@ def record_departure(pool, lists, log, number, lit):
         log[number, SURVIVAL] = outcome.survival
         if lit and _is_on(lists, LIT):
             light = gather(pool, _FIRST, DirectLight)
-            log[number, LAMP_SHARE] = light.weight
-            log[number, LAMP_PDF] = light.pdf
+            log[number, LIGHT_WEIGHT] = light.weight
+            log[number, LIGHT_PDF] = light.pdf
             for i in range(3):
-                log[number, LAMP_AT + i] = outcome.end[i]
+                log[number, LIGHT_AT + i] = outcome.end[i]
                 log[number, BROUGHT + i] = light.brought[i]

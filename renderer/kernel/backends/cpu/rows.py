@@ -246,9 +246,8 @@ def last_vertex(scene, pool, rows):
 
 
 @device
-def surface_of(pool, rows):
-    """Returns the surfaces at the vertices, with what scattering needs."""
-    facet, shading = gather(pool, rows, Facet), gather(pool, rows, Shading)
+def surface_of(pool, rows, facet, shading):
+    """Returns the surfaces at the vertices, with what scattering needs. facet, shading: of the rows."""
     uv, uv1, number = gather(pool, rows, Appearance).uv, gather(pool, rows, Axes).uv1, gather(pool, rows, RowHit).object
     return scattering_surface(
         facet.point,

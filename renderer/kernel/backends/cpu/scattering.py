@@ -64,8 +64,8 @@ from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.sample_direct_light import sample_direct_light
 from renderer.kernel.steps.splitting import beside, splits, turned
-from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, no_crossings, with_radiance
-from renderer.wide.values import nil, where
+from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance
+from renderer.wide.values import as_wide, nil, where
 
 __all__ = ["kinds_of_scattering", "scatter_vertices"]
 
@@ -112,15 +112,15 @@ def _splitting(pool, lists, which):
 
 
 @device
-def _copy_vertices(scene, pool, rows, stream):
+def _copy_vertices(scene, pool, rows, stream, facet, shading):
     """Copies the vertices to the rows of second branches, with random numbers of their own."""
     others = rows + SECOND
     own = gather(pool, rows, Sample)
     pixel = beside(stream).pixel
     scatter(pool, others, Sample(pixel, own.number, own.place, own.x, own.y, own.time, own.start, own.branches))
     scatter(pool, others, gather(pool, rows, RowHit))
-    scatter(pool, others, gather(pool, rows, Facet))
-    scatter(pool, others, gather(pool, rows, Shading))
+    scatter(pool, others, facet)
+    scatter(pool, others, shading)
     if scene.has.textures is not None:
         scatter(pool, others, gather(pool, rows, Mapped))
 
@@ -147,10 +147,8 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         rows = eight(lists, taken, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
         none = nil(ray.pdf)
-        crossings = no_crossings(_WORLD, none)
-        if scene.has.media is not None or options.has_depths:
-            crossings = gather(pool, rows, Crossings)
-        surface, chosen = surface_of(pool, rows), gather(pool, rows, ChosenLight)
+        facet, shading, chosen = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
+        surface = surface_of(pool, rows, facet, shading)
         m = _material(scene, pool, rows, surface)
         s, t, n = m.frame
         wo = vec.to_local(s, t, n, vec.neg(ray.d))
@@ -164,30 +162,32 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
         branches = none + _ONE
         if is_lit is not None:
-            specular = gather(pool, rows, Shading).list == _RARE_SPECULAR
-            branches = where(splits(path.number, specular), none + np.float32(options.splitting), branches)
+            branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
         start, end, is_cast = (none, none, none), (none, none, none), none
         if is_lit is not None and lit and not second:
             light = LightSample(chosen.direction, gather(pool, rows, Outcome).end, chosen.radiance, chosen.pdf, none != none)
             share = light_weight(chosen.pdf, scatter_pdf, chosen.branches)
-            shadow = sample_direct_light(scene, surface, path, light, wi, f, share, crossings.medium_stack, is_surface)
+            medium_stack = as_wide(_WORLD, none)
+            if scene.has.media is not None:
+                medium_stack = gather(pool, rows, Crossings).medium_stack
+            shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
             start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
             scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, chosen.pdf, shadow.medium_stack))
 
         sample = BsdfSample(on, weight, pdf, eta2)
-        ray, path, crossings = scattering.scatter(
-            scene, surface, m.frame, ray, path, crossings, sample, branches, is_surface, options
-        )
+        ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
         path, survival = continue_or_end(path, ray, u[3], is_surface, options)
+        written = rows
         if second:
-            _copy_vertices(scene, pool, rows, stream)
-            rows = rows + SECOND
+            _copy_vertices(scene, pool, rows, stream, facet, shading)
+            written = rows + SECOND
             path = with_radiance(path, (none, none, none))
         if scene.has.media is not None or options.has_depths:
-            scatter(pool, rows, crossings)
-        scatter(pool, rows, ray)
-        scatter(pool, rows, path)
-        scatter(pool, rows, Outcome(start, end, is_cast, survival))
+            crossings = gather(pool, rows, Crossings)
+            scatter(pool, written, scattering.cross_surface(scene, surface, crossings, bounce, is_surface))
+        scatter(pool, written, ray)
+        scatter(pool, written, path)
+        scatter(pool, written, Outcome(start, end, is_cast, survival))
     if second:
         _list_branches(pool, lists, taken)
 

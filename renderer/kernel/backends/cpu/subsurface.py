@@ -63,7 +63,8 @@ def scatter_within(scene, alone, pool, lists, options):
     layers = local_floats(LAYER_SLOTS)
     for k in range(length(lists, WITHIN)):
         number = row(lists, WITHIN, k)
-        surface, time = surface_of(pool, number), time_of(scene.has.motion, pool, number)
+        facet, shading = gather(pool, number, Facet), gather(pool, number, Shading)
+        surface, time = surface_of(pool, number, facet, shading), time_of(scene.has.motion, pool, number)
         axes, n, seen = gather(pool, number, Axes), gather(pool, number, Mapped).normal, gather(pool, number, Appearance)
         frame = axes.s, axes.t, n
         path = gather(pool, number, PathState)
@@ -84,7 +85,6 @@ def scatter_within(scene, alone, pool, lists, options):
         if within.enters:
             _store_exit(pool, number, within.surface, into)
         else:
-            shading = gather(pool, number, Shading)
             scatter(pool, number, Shading(shading.normal, shading.lift, shading.material, np.uint32(into)))
         append(lists, LIT, number)
         append(lists, into, number)

@@ -144,20 +144,17 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
         time, passed = time_of(scene.has.motion, pool, rows), met.passed
         none = nil(ray.pdf)
-        crossings = no_crossings(_NONE, none)
-        if options.has_depths or scene.has.media is not None:
-            crossings = gather(pool, rows, Crossings)
         hit = Hit(met.t, met.primitive, met.u, met.v, met.instance, time)
         if which == TRIANGLES:
             surface = surfaces_at(scene, ray.d, hit)
         else:
             surface = sphere_at(scene, ray.o, ray.d, hit)
-        stream, last = streams_of(pool, rows, options), last_vertex(scene, pool, rows)
+        stream = streams_of(pool, rows, options)
         through = is_passed(scene, surface, stream, path.number + passed, options, time)
-        path = with_throughput(path, absorb(scene, surface, through, path.throughput, last.point))
+        path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
         lit, weight = shines(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
         if any_of(lit):
-            seen = emitted_light(scene, surface, lit, ray, last, time)
+            seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
             weight = hit_weight(ray.pdf, seen.light_pdf)
             path = add_light(path, vec.scale(seen.radiance, weight), lit, options)
 
@@ -179,6 +176,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         which_next = _list_of(scene, surface.material, kind, parameters.roughness)
         if scene.has.media is not None:
             which_next = where(has_flag(scene, surface.material, _SCATTERS_WITHIN), _TO_WITHIN, which_next)
+        crossings = no_crossings(_NONE, none)
+        if options.has_depths or scene.has.media is not None:
+            crossings = gather(pool, rows, Crossings)
         which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
         point = surface.point
         if scene.has.textures is not None and any_of(through):
@@ -187,7 +187,7 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
                 crossings, ends = pass_through(scene, surface, through, crossings, options)
                 scatter(pool, rows, crossings)
             which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
-            point = where3(through, last.point, point)  # keeps the last vertex
+            point = where3(through, gather(pool, rows, Facet).point, point)  # keeps the last vertex
         if scene.has.textures is not None or is_recorded:  # subsurface walks read the object's number
             weight = where(lit, weight, none)
             scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, passed, surface.object, weight))

@@ -1,4 +1,4 @@
-"""Closest-hit traversal of many rays, one step of each in turn.
+"""Traversal of many rays, one step of each in turn: their closest hits, or whether shadow rays are occluded.
 
 A single ray waits for its node, for the minimum over eight distances, and for mispredicted branches. Here one pass advances all
 rays at a node by one step, and another all rays at a packet. Steps of different rays are independent and almost free of
@@ -6,6 +6,9 @@ unpredictable branches: a ray's next step is chosen by appending its number to a
 data for one ray is fetched meanwhile.
 
 Boxes and primitives are visited in the order and by the formulas of renderer/bvh/traverse.py, so the hits are the same.
+
+`closest` is a compile-time flag: None for shadow rays, which end at any hit. Their stack entries hold a mask of the children that
+are left, those of other rays the keys of the children.
 """
 
 from __future__ import annotations
@@ -13,26 +16,17 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.hit_keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
-from renderer.bvh.layout import INSTANCE, NODE_SIZE, PACKET_SIZE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
+from renderer.bvh.layout import INSTANCE, NODE_SIZE, ROW_CHILD, WIDTH
+from renderer.bvh.node_test import is_nearer, meet_boxes, primitive_of, tie_of
 from renderer.bvh.packet import meet_spheres, meet_triangles
 from renderer.bvh.prefetch import ask_for
-from renderer.bvh.simd import (
-    fma,
-    less_equal,
-    load,
-    load_int,
-    maximum,
-    minimum,
-    select,
-    splat,
-    store,
-    store_int,
-)
+from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
 from renderer.bvh.slabs import MORE
-from renderer.bvh.traverse import NO_PRIMITIVE, closest_in_instance, place_at
+from renderer.bvh.traverse import NO_PRIMITIVE, any_in_instance, closest_in_instance, place_at
 from renderer.jit import device, out_of_line, subroutine
+from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
-from renderer.kernel.backends.cpu.rows import RowHit, at, column, time_of
+from renderer.kernel.backends.cpu.rows import Outcome, RowHit, at, column, time_of
 from renderer.kernel.backends.cpu.traversal_state import (
     AXES,
     BEST,
@@ -44,6 +38,7 @@ from renderer.kernel.backends.cpu.traversal_state import (
     LEVEL,
     MARGIN,
     NEAR,
+    OCCLUDED,
     ORIGIN,
     PLANES,
     SHEAR,
@@ -54,50 +49,45 @@ from renderer.kernel.backends.cpu.traversal_state import (
 from renderer.kernel.steps.state import Ray
 from renderer.wide.values import as_ints
 
-__all__ = ["axes_of", "boxes", "go_on", "walk"]
+__all__ = ["CLOSEST", "walk"]
 
+CLOSEST = np.bool_(True)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_NONE = np.uint32(0)
+_BIT = np.uint32(1)
 _LANE = np.int32(WIDTH - 1)  # mask of the lane in a key
+_LAST = np.uint32(1 << (WIDTH - 1))
 _LEAF_KIND = np.int32(3)
-_ANY_PRIMITIVE = np.int32(2**31 - 1)
-_WORLD = np.int32(-1)
 _NEARBY = 128  # nodes that fit the L1 cache; smaller trees are not prefetched
 _1, _2 = np.uintp(1), np.uintp(2)
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
 _CHILDREN = np.uintp(ROW_CHILD * WIDTH)
-_PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
-_PACKET = np.uintp(PACKET_SIZE)
 _O, _D = column(Ray, "o"), column(Ray, "d")
+_START, _END = column(Outcome, "start"), column(Outcome, "end")
 _U, _V, _PRIMITIVE, _INSTANCE = (column(RowHit, field) for field in ("u", "v", "primitive", "instance"))
 _NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHERS, ENDED))
 
 
 @device
-def boxes(node, base, pool, path, t_max):
-    """Intersects a row's ray with a node's eight boxes: (mask of boxes hit, f32x8 entry distances).
-
-    path: the row's flat offset.
-    """
-    x, y, z = word(pool, path + PLANES), word(pool, path + PLANES + _1), word(pool, path + PLANES + _2)
-    ix, iy, iz = three(pool, path + INVERSE)
-    near_x, near_y, near_z = three(pool, path + NEAR)
-    far_x, far_y, far_z = three(pool, path + FAR)
-    x_near = fma(load(node, base + x), splat(ix), splat(near_x))
-    x_far = fma(load(node, base + (x ^ _W)), splat(ix), splat(far_x))
-    y_near = fma(load(node, base + y), splat(iy), splat(near_y))
-    y_far = fma(load(node, base + (y ^ _W)), splat(iy), splat(far_y))
-    z_near = fma(load(node, base + z), splat(iz), splat(near_z))
-    z_far = fma(load(node, base + (z ^ _W)), splat(iz), splat(far_z))
-    # As in renderer/bvh/traverse.py, NaN propagates: a ray with NaN hits nothing.
-    entered = maximum(maximum(x_near, y_near), maximum(splat(_ZERO), z_near))
-    left = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
-    return less_equal(entered, left), entered
+def _lanes(pool, place):
+    """Returns three consecutive floats, each in all lanes."""
+    x, y, z = three(pool, place)
+    return splat(x), splat(y), splat(z)
 
 
 @device
-def go_on(bvh, pool, lists, number, path, child, top, over):
+def _boxes(node, base, pool, path, t_max):
+    """Returns `meet_boxes` of a row's ray. path: the row's flat offset."""
+    k = path + PLANES
+    planes = word(pool, k), word(pool, k + _1), word(pool, k + _2)
+    inverse, near, far = _lanes(pool, path + INVERSE), _lanes(pool, path + NEAR), _lanes(pool, path + FAR)
+    return meet_boxes(node, base, planes, inverse, near, far, _ZERO, t_max)
+
+
+@device
+def _go_on(bvh, pool, lists, number, path, child, top, over):
     """Appends a ray to the list of its next step. over: whether its traversal has ended."""
     ask_for(bvh, child, _NEARBY)
     store_int(pool, path + CHILD, child)
@@ -107,7 +97,7 @@ def go_on(bvh, pool, lists, number, path, child, top, over):
 
 
 @device
-def _choose(node, stack, top, limit):
+def _pop_nearest(node, stack, top, limit):
     """Pops the nearest pending child within `limit` from a ray's stack: (child, the stack's new top, whether there is none)."""
     key = load_int(stack, top + _W)
     while key > limit:
@@ -122,8 +112,28 @@ def _choose(node, stack, top, limit):
 
 
 @device
-def _send_on(bvh, pool, stack, lists, which, count):
-    """Sends the first `count` rays of a cleared list to the nearest pending child on their stacks.
+def _pop_any(node, stack, top):
+    """Pops a pending child from a shadow ray's stack: (the child, the stack's new top, whether the stack was empty)."""
+    left = np.uint32(load_int(stack, top))
+    base = word(stack, top + _1) * _NODE
+    child = load_int(node, base + _CHILDREN + np.uintp(lowest_bit(left | _LAST)))
+    rest = np.uint32(left & np.uint32(left - _BIT))
+    store_int(stack, top, np.int32(rest))
+    return child, select(rest == _NONE, top - LEVEL, top), top < LEVEL
+
+
+@device
+def _pop(node, pool, path, stack, closest):
+    """Pops a row's next child: (child, the stack's new top, whether the traversal has ended)."""
+    if closest is not None:
+        return _pop_nearest(node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
+    child, top, over = _pop_any(node, stack, word(pool, path + TOP))
+    return child, top, over | (pool[path + OCCLUDED] != _ZERO)
+
+
+@device
+def _send_on(bvh, pool, stack, lists, which, count, closest):
+    """Sends the first `count` rays of a cleared list to their next step.
 
     A loop of its own: the number of stack entries dropped is unpredictable, and a misprediction here discards only this little
     work, not the box and triangle tests of following rays.
@@ -131,34 +141,42 @@ def _send_on(bvh, pool, stack, lists, which, count):
     for k in range(count):
         number = row(lists, which, k)
         path = at(number, np.uintp(0))
-        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
-        go_on(bvh, pool, lists, number, path, child, top, over)
+        child, top, over = _pop(bvh.node, pool, path, stack, closest)
+        _go_on(bvh, pool, lists, number, path, child, top, over)
 
 
 @subroutine
-def _look_into_nodes(bvh, pool, stack, lists):
+def _visit_nodes(bvh, pool, stack, lists, closest):
+    """Intersects the rays on the list NODES with the boxes of their nodes, and pushes the children that they hit."""
     out_of_line()
-    node = bvh.node
     count = length(lists, NODES)
     clear(lists, NODES)
     for k in range(count):
         path = at(row(lists, NODES, k), np.uintp(0))
         this = load_int(pool, path + CHILD)
-        best = pool[path + BEST]
-        met, distance = boxes(node, np.uintp(np.uint32(this)) * _NODE, pool, path, best)
-        keys = ranked(met, distance)
-        key = least(keys)
+        base = np.uintp(np.uint32(this)) * _NODE
         top = word(pool, path + TOP)
         above = top + LEVEL
-        store(stack, above, keys)
-        store_int(stack, above + _W, key)
-        store_int(stack, above + _W + _1, this)
-        store_int(pool, path + TOP, np.int32(select(key <= key_limit(best), above, top)))
-    _send_on(bvh, pool, stack, lists, NODES, count)
+        if closest is not None:
+            best = pool[path + BEST]
+            met, distance = _boxes(bvh.node, base, pool, path, best)
+            keys = ranked(met, distance)
+            key = least(keys)
+            store(stack, above, keys)
+            store_int(stack, above + _W, key)
+            store_int(stack, above + _W + _1, this)
+            is_met = key <= key_limit(best)
+        else:
+            children = bits(_boxes(bvh.node, base, pool, path, _ONE)[0])
+            store_int(stack, above, np.int32(children))
+            store_int(stack, above + _1, this)
+            is_met = children != _NONE
+        store_int(pool, path + TOP, np.int32(select(is_met, above, top)))
+    _send_on(bvh, pool, stack, lists, NODES, count, closest)
 
 
 @device
-def axes_of(pool, path):
+def _axes_of(pool, path):
     """Returns (rows of the axes, shear, origin) of a row's ray, for `meet_triangles`."""
     k = path + AXES
     return (word(pool, k), word(pool, k + _1), word(pool, k + _2)), three(pool, path + SHEAR), three(pool, path + ORIGIN)
@@ -181,7 +199,7 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
         number = row(lists, PACKETS, k)
         path, held = at(number, np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
-        axes, shear, origin = axes_of(pool, path)
+        axes, shear, origin = _axes_of(pool, path)
         limit = pool[path + BEST] * MORE
         hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + MARGIN], limit)
         inverse = splat(_ONE) / determinant
@@ -191,20 +209,24 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
 
 
 @device
+def _tie(bvh, pool, path):
+    """Returns `tie_of` a row's present hit."""
+    tie = load_int(pool, path + _PRIMITIVE)
+    if bvh.instances is not None:
+        tie = tie_of(load_int(pool, path + _INSTANCE), tie)
+    return tie
+
+
+@device
 def _keep_nearest(bvh, pool, stack, lists, count):
     """Updates each ray's hit with the nearest stored intersection, where it is nearer than the present hit."""
     for k in range(count):
         path, held = at(row(lists, PACKETS, k), np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
-        leaf = ~load_int(pool, path + CHILD)
         best = pool[path + BEST]
         distance, lane = nearest_of(load(stack, held))
-        found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+        found = primitive_of(bvh.packet, ~load_int(pool, path + CHILD), lane)
         present = load_int(pool, path + _PRIMITIVE)
-        tie = present
-        if bvh.instances is not None:
-            tie = select(load_int(pool, path + _INSTANCE) > _WORLD, _ANY_PRIMITIVE, present)
-        # False for a miss, whose distance is NaN.
-        nearer = (distance < best) | ((distance == best) & (found < tie))
+        nearer = is_nearer(distance, found, best, _tie(bvh, pool, path))
         pool[path + BEST] = select(nearer, distance, best)
         _keep(pool, path + _U, nearer, stack[held + _W + np.uintp(lane)])
         _keep(pool, path + _V, nearer, stack[held + _W + _W + np.uintp(lane)])
@@ -213,14 +235,30 @@ def _keep_nearest(bvh, pool, stack, lists, count):
             store_int(pool, path + _INSTANCE, select(nearer, NO_PRIMITIVE, load_int(pool, path + _INSTANCE)))
 
 
+@device
+def _occlude(bvh, motion, alone, pool, lists, count):
+    """Tests the first `count` listed shadow rays against the triangles of their packets."""
+    for k in range(count):
+        number = row(lists, PACKETS, k)
+        path = at(number, np.uintp(0))
+        place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
+        axes, shear, origin = _axes_of(pool, path)
+        occluded = bits(meet_triangles(place, axes, shear, origin, None, _ONE)[0]) != _NONE
+        pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
+
+
 @subroutine
-def _look_into_packets(bvh, motion, alone, pool, stack, lists):
+def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
+    """Intersects the rays on the list PACKETS with the triangles of their packets."""
     out_of_line()
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
-    _test_packets(bvh, motion, alone, pool, stack, lists, count)
-    _keep_nearest(bvh, pool, stack, lists, count)
-    _send_on(bvh, pool, stack, lists, PACKETS, count)
+    if closest is not None:
+        _test_packets(bvh, motion, alone, pool, stack, lists, count)
+        _keep_nearest(bvh, pool, stack, lists, count)
+    else:
+        _occlude(bvh, motion, alone, pool, lists, count)
+    _send_on(bvh, pool, stack, lists, PACKETS, count, closest)
 
 
 @device
@@ -229,11 +267,8 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
     place = place_at(bvh, leaf, alone, time)
     hit, t = meet_spheres(place, three(pool, path + _O), three(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
-    found = load_int(bvh.packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
-    tie = load_int(pool, path + _PRIMITIVE)
-    if bvh.instances is not None:
-        tie = select(load_int(pool, path + _INSTANCE) > _WORLD, _ANY_PRIMITIVE, tie)
-    if distance < best or (distance == best and found < tie):
+    found = primitive_of(bvh.packet, leaf, lane)
+    if is_nearer(distance, found, best, _tie(bvh, pool, path)):
         pool[path + BEST] = distance
         pool[path + _U] = _ZERO
         pool[path + _V] = _ZERO
@@ -255,34 +290,47 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
         store_int(pool, path + _INSTANCE, np.int32(instance))
 
 
+@device
+def _occlude_by_others(bvh, alone, pool, path, leaf, time):
+    """Tests a row's shadow ray against an instance, or a packet of spheres."""
+    o = three(pool, path + _START)
+    d = vec.sub(three(pool, path + _END), o)
+    if bvh.instances is not None and leaf & INSTANCE:
+        occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
+    else:
+        occluded = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE, None, None, None)[0]) != _NONE
+    pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
+
+
 @subroutine
-def _look_into_others(bvh, motion, alone, pool, stack, lists):
+def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
+    """Intersects the rays on the list OTHERS with packets of spheres and with instances."""
     out_of_line()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
     for k in range(count):
         number = row(lists, OTHERS, k)
         path = at(number, np.uintp(0))
-        leaf = ~load_int(pool, path + CHILD)
-        best = pool[path + BEST]
-        time = time_of(motion, pool, number)
-        if bvh.instances is not None and leaf & INSTANCE:
-            _meet_instance(bvh, alone, pool, path, leaf >> 2, best, time)
+        leaf, time = ~load_int(pool, path + CHILD), time_of(motion, pool, number)
+        if closest is None:
+            _occlude_by_others(bvh, alone, pool, path, leaf, time)
+        elif bvh.instances is not None and leaf & INSTANCE:
+            _meet_instance(bvh, alone, pool, path, leaf >> 2, pool[path + BEST], time)
         else:
-            _meet_spheres(bvh, alone, pool, path, leaf, best, time)
-        child, top, over = _choose(bvh.node, stack, word(pool, path + TOP), key_limit(pool[path + BEST]))
-        go_on(bvh, pool, lists, number, path, child, top, over)
+            _meet_spheres(bvh, alone, pool, path, leaf, pool[path + BEST], time)
+    _send_on(bvh, pool, stack, lists, OTHERS, count, closest)
 
 
 @device
-def walk(bvh, motion, alone, pool, stack, lists):
-    """Finds the closest hits of the rays on the list NODES; writes RowHit, and the distance to BEST.
+def walk(bvh, motion, alone, pool, stack, lists, closest):
+    """Traces the rays on the list NODES; they end on the list ENDED.
 
-    The rays were prepared by `start_traversal` (traversal_state.py). motion: of renderer/arrays/scene_features.py; alone: from
-    `new_stack`, for rays traced singly; stack: from `new_stacks`.
+    closest: CLOSEST finds their closest hits, and writes RowHit, and the distance to BEST; None tests whether shadow rays are
+    occluded, and writes OCCLUDED. The rays were prepared by `start_traversal` (traversal_state.py). motion: of
+    renderer/arrays/scene_features.py; alone: from `new_stack`, for rays traced singly; stack: from `new_stacks`.
     """
     while length(lists, NODES) + length(lists, PACKETS) + length(lists, OTHERS) > 0:
-        _look_into_nodes(bvh, pool, stack, lists)
-        _look_into_packets(bvh, motion, alone, pool, stack, lists)
+        _visit_nodes(bvh, pool, stack, lists, closest)
+        _visit_packets(bvh, motion, alone, pool, stack, lists, closest)
         if length(lists, OTHERS) > 0:
-            _look_into_others(bvh, motion, alone, pool, stack, lists)
+            _visit_others(bvh, motion, alone, pool, stack, lists, closest)

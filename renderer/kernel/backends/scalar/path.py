@@ -36,7 +36,7 @@ from renderer.kernel.steps.pass_through import counts_emission, pass_through
 from renderer.kernel.steps.random_blocks import draw_light, draw_scattering
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.sample_direct_light import add_direct_light, sample_direct_light
-from renderer.kernel.steps.scatter import scatter
+from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.splitting import beside, splits, turned
 from renderer.kernel.steps.state import Crossings, LastVertex, camera_path, no_crossings, with_radiance, with_throughput
 from renderer.kernel.surface.surface import shines, surface_at
@@ -156,14 +156,14 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
             v = turned(u)
             sample = sample_bsdf(scene, vertex, options, v[2], (v[0], v[1]))
             dark = with_radiance(path, _BLACK)
-            beyond = scatter(scene, vertex.surface, vertex.frame, ray, dark, crossings, sample, branches, is_surface, options)
-            second, survival = continue_or_end(beyond[1], beyond[0], v[3], is_surface, options)
+            own_ray, second, bounce = scatter(vertex.surface, vertex.frame, ray, dark, sample, branches, options)
+            second, survival = continue_or_end(second, own_ray, v[3], is_surface, options)
             if not survival <= _ZERO:
-                other, splits_here = (beyond[0], second, last, beyond[2], passed), _YES
+                beyond = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
+                other, splits_here = (own_ray, second, last, beyond, passed), _YES
         sample = sample_bsdf(scene, vertex, options, u[2], (u[0], u[1]))
-        ray, path, crossings = scatter(
-            scene, vertex.surface, vertex.frame, ray, path, crossings, sample, branches, is_surface, options
-        )
+        ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
+        crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
         path, survival = continue_or_end(path, ray, u[3], is_surface, options)
         if survival <= _ZERO:
             break

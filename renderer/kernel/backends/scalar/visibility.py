@@ -51,10 +51,10 @@ def _through(scene, stack, start, end, layers, time):
 
 
 @subroutine
-def light_left(scene, stack, start, end, nest, layers, time):
+def light_left(scene, stack, start, end, medium_stack, layers, time):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
-    nest: media that contain the first point (kernel/medium/medium_stack.py); layers, time: as for `transmittance`.
+    medium_stack: media that contain the first point (kernel/medium/medium_stack.py); layers, time: as for `transmittance`.
     """
     out_of_line()
     left = (_ONE, _ONE, _ONE)
@@ -62,7 +62,7 @@ def light_left(scene, stack, start, end, nest, layers, time):
     after = FROM_ORIGIN
     while True:
         hit = closest_hit(scene.bvh, stack, start, d, distance, time, shadow_root(scene.bvh), after)
-        sigma_t, _, _ = coefficients(scene, nest)
+        sigma_t, _, _ = coefficients(scene, medium_stack)
         left = vec.mul(left, left_after(sigma_t, hit.t - after[0]))
         if hit.primitive == NO_PRIMITIVE:
             return left
@@ -73,7 +73,7 @@ def light_left(scene, stack, start, end, nest, layers, time):
             layers -= _ONE
         if not vec.maximum(left) > _ZERO or layers < _ZERO:
             return _BLACK
-        nest = crossed(scene, nest, surface.material, surface.front)
+        medium_stack = crossed(scene, medium_stack, surface.material, surface.front)
         after = hit.t, hit.instance, hit.primitive
 
 

@@ -14,10 +14,9 @@ from renderer.bvh.traverse import any_hit, new_stack
 from renderer.jit import entry
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, LIST_SIZE, LISTS, NODES, append, clear, eight, length, pad
-from renderer.kernel.backends.cpu.occlusion import walk_shadow_rays
 from renderer.kernel.backends.cpu.rows import ROW, ROWS, Outcome, RowHit, at, column, gather, line_floats, scatter
 from renderer.kernel.backends.cpu.traversal_state import BEST, OCCLUDED, new_stacks, start_traversal
-from renderer.kernel.backends.cpu.walk import walk
+from renderer.kernel.backends.cpu.walk import CLOSEST, walk
 from renderer.kernel.steps.state import Ray
 from renderer.wide.values import as_wide, nil
 from tests.renderer.builders import icosphere, still
@@ -42,7 +41,7 @@ def _together(bvh, alone, stack, pool, lists, count, out):
         start_traversal(pool, rows, ray.o, ray.d, none + _INF, as_wide(_ROOT, none))
         nothing, number = as_wide(_NO_PRIMITIVE, none), as_wide(_NO_OBJECT, none)
         scatter(pool, rows, RowHit(none, none, none, nothing, nothing, none, number, none))
-    walk(bvh, None, alone, pool, stack, lists)
+    walk(bvh, None, alone, pool, stack, lists, CLOSEST)
     for k in range(count):
         out[k, 0] = pool[at(k, BEST)]
         out[k, 1] = pool[at(k, _U)]
@@ -63,7 +62,7 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
         ray = gather(pool, rows, Outcome)
         none = nil(ray.survival)
         start_traversal(pool, rows, ray.start, vec.sub(ray.end, ray.start), none, as_wide(_ROOT, none))
-    walk_shadow_rays(bvh, None, alone, pool, stack, lists)
+    walk(bvh, None, alone, pool, stack, lists, None)
     for k in range(count):
         out[k] = pool[at(k, OCCLUDED)]
     return length(lists, ENDED)

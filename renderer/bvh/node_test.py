@@ -1,0 +1,59 @@
+"""The tests that every traversal shares: a ray against a node's boxes, and the order of hits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renderer.bvh.layout import PACKET_SIZE, ROW_PRIMITIVE, WIDTH
+from renderer.bvh.simd import fma, less_equal, load, load_int, maximum, minimum, select, splat
+from renderer.jit import device
+
+__all__ = ["ANY_PRIMITIVE", "WORLD", "is_nearer", "meet_boxes", "primitive_of", "tie_of"]
+
+WORLD = np.int32(-1)  # in place of an instance's number: the hit is in no instance
+ANY_PRIMITIVE = np.int32(2**31 - 1)
+_W = np.uintp(WIDTH)
+_PACKET = np.uintp(PACKET_SIZE)
+_PRIMITIVES = np.uintp(ROW_PRIMITIVE * WIDTH)
+
+
+@device
+def meet_boxes(node, base, planes, inverse, near, far, t_min, t_max):
+    """Intersects a ray with a node's eight boxes between two distances: (mask8 of boxes hit, f32x8 entry distances).
+
+    base: the node's first element. The ray's constants for the axes x, y, z: planes, the first elements of the rows of near
+    planes (the far ones' differ by WIDTH); inverse, near, far, f32x8 each: a near plane at x is met at x * inverse + near.
+    """
+    x, y, z = planes
+    x_near, x_far = fma(load(node, base + x), inverse[0], near[0]), fma(load(node, base + (x ^ _W)), inverse[0], far[0])
+    y_near, y_far = fma(load(node, base + y), inverse[1], near[1]), fma(load(node, base + (y ^ _W)), inverse[1], far[1])
+    z_near, z_far = fma(load(node, base + z), inverse[2], near[2]), fma(load(node, base + (z ^ _W)), inverse[2], far[2])
+    # NaN propagates, from the second operand of `maximum` and `minimum`, so that a ray with NaN hits nothing: else it would visit
+    # lanes without a child endlessly.
+    entered = maximum(maximum(x_near, y_near), maximum(splat(t_min), z_near))
+    left = minimum(minimum(x_far, y_far), minimum(splat(t_max), z_far))
+    return less_equal(entered, left), entered
+
+
+@device
+def primitive_of(packet, leaf, lane):
+    """Returns the number of the primitive in one lane of a leaf's packet."""
+    return load_int(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES + np.uintp(lane))
+
+
+@device
+def tie_of(instance, primitive):
+    """Returns the number below which a primitive of the world comes before a hit at equal distance.
+
+    instance, primitive: of that hit.
+    """
+    return select(instance > WORLD, ANY_PRIMITIVE, primitive)
+
+
+@device
+def is_nearer(distance, primitive, best, tie):
+    """Whether a hit comes before the one at distance `best`: hits are ordered by (distance, instance, primitive).
+
+    tie: from `tie_of`. False for a distance of NaN.
+    """
+    return (distance < best) | ((distance == best) & (primitive < tie))
