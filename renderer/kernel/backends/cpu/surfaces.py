@@ -68,11 +68,10 @@ __all__ = ["arrive", "miss"]
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
-_DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR = (
-    np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR)
-)
-_LAYERED, _BLINN_PHONG, _UNLIT, _PLASTIC = (
-    np.uint32(kind) for kind in (kinds.LAYERED, kinds.BLINN_PHONG, kinds.UNLIT, kinds.PLASTIC)
+_ONE_BIT = np.uint32(1)
+_RARE_KINDS = np.uint32(kinds.RARE_KINDS)
+_DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR, _UNLIT = (
+    np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR, kinds.UNLIT)
 )
 _RARE_METAL, _SCATTERS_WITHIN = np.uint32(kinds.NEEDS_TANGENT | kinds.BECKMANN), np.uint32(kinds.SCATTERS_WITHIN)
 _TRANSMITS = np.uint32(kinds.TRANSMITS)
@@ -116,7 +115,7 @@ def _list_of(scene, material, kind, roughness):
     if scene.has.layers is not None:
         rare = (kind == _CONDUCTOR) & has_flag(scene, material, _RARE_METAL)
         which = where(rare, where(smooth, _TO_RARE_SPECULAR, _TO_RARE), which)
-        which = where((kind == _LAYERED) | (kind == _BLINN_PHONG) | (kind == _PLASTIC), _TO_RARE, which)
+        which = where(((_RARE_KINDS >> kind) & _ONE_BIT) != _NONE, _TO_RARE, which)
     return which
 
 
