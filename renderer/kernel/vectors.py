@@ -10,17 +10,19 @@ import math
 
 import numpy as np
 
+from renderer.arrays.rows import LAMP, TRANSPARENT
 from renderer.bvh.motion import placed_at
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, out_of_line, subroutine
 from renderer.kernel.camera import moving_ray
-from renderer.kernel.material.material import is_lamp, is_transparent, opacity
+from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
 __all__ = ["see_places"]
 
 _INF = np.float32(np.inf)
+_LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
 _HALF = np.float32(0.5)
 _OPENS, _CLOSES = np.float32(0.0), np.float32(1.0)
 _MIDDLE = (_HALF, _HALF)
@@ -112,8 +114,8 @@ def _seen(scene, stack, o, d):
         if hit.primitive == NO_PRIMITIVE:
             break
         surface = surface_at(scene, o, d, hit)
-        if not is_lamp(scene, surface.material):
-            if not is_transparent(scene, surface.material):
+        if scene.has.textures is None or not has_flag(scene, surface.material, _LAMP):
+            if not has_flag(scene, surface.material, _TRANSPARENT):
                 break
             if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
                 break
