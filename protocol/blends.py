@@ -10,13 +10,17 @@ from typing import Any
 
 from protocol.contract import BlobRef, prepare_queue
 from renderer.formats import BY_BLENDER, WITHOUT_BLENDER
+from renderer.sentences import Sentence
 
 __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
 TAG = "blender"  # tag in the offer of a worker with Blender
-WAITS = (
-    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is connected. Start one: "
-    f"`rayfarm worker --blender`, or for a farm of this machine `rayfarm up --blender`. Or {WITHOUT_BLENDER}."
+WAITS = Sentence(
+    "waits-for-worker-with-blender",
+    "Waits for a worker with Blender, which alone opens .blend and .abc files: none is "
+    "connected. Start one: `rayfarm worker --blender`, or for a farm of this machine "
+    "`rayfarm up --blender`. Or {without_blender}.",
+    without_blender=WITHOUT_BLENDER,
 )
 
 

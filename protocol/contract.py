@@ -23,6 +23,7 @@ from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any, Literal
 
+from renderer.sentences import decoded, encoded
 from renderer.settings import RenderSettings, Tile
 
 __all__ = [
@@ -382,7 +383,8 @@ class WorkerReport:
 class Result:
     """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
 
-    `type` of the event and its further keys are declared in events.py.
+    `type` of the event and its further keys are declared in events.py. Sentences are texts, with their codes beside them as
+    `codes` (renderer.sentences.encoded), which other releases ignore.
     """
 
     event: dict[str, Any]
@@ -390,7 +392,7 @@ class Result:
 
     def to_fields(self) -> dict[bytes, bytes]:
         """The fields to pass to XADD."""
-        fields = {b"event": json.dumps(self.event).encode()}
+        fields = {b"event": json.dumps(encoded(self.event)).encode()}
         if self.sums is not None:
             fields[b"sums"] = self.sums
         return fields
@@ -398,4 +400,4 @@ class Result:
     @classmethod
     def from_fields(cls, fields: dict[bytes, bytes]) -> Result:
         """Parses the result that `to_fields` wrote."""
-        return cls(json.loads(fields[b"event"]), fields.get(b"sums"))
+        return cls(decoded(json.loads(fields[b"event"])), fields.get(b"sums"))

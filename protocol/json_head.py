@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 from protocol.layout import U32, Layout
+from renderer.sentences import decoded, encoded
 
 __all__ = ["decode", "encode"]
 
@@ -22,7 +23,7 @@ HEAD = Layout("message", Head)
 
 def encode(about: Mapping[str, Any], data: bytes) -> bytes:
     """Encodes an object and bytes."""
-    text = json.dumps(about).encode()
+    text = json.dumps(encoded(about)).encode()
     return b"".join([HEAD.pack(Head(len(text))), text, data])
 
 
@@ -37,4 +38,4 @@ def decode(message: bytes) -> tuple[dict[str, Any], bytes]:
         raise ValueError(str(error)) from None
     if not isinstance(about, dict):
         raise ValueError("a message has no JSON object")
-    return about, message[end:]
+    return decoded(about), message[end:]

@@ -16,6 +16,7 @@ from typing import Any
 
 from protocol.contract import render_queue
 from protocol.hours import Hours
+from renderer.sentences import decoded, encoded
 
 __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offer_key", "terms_key"]
 
@@ -102,13 +103,13 @@ class Offer:
 
     def to_bytes(self) -> bytes:
         """Serializes the offer as JSON for the worker's key."""
-        return json.dumps(asdict(self)).encode()
+        return json.dumps(encoded(asdict(self))).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Offer:
         """Parses an offer from `to_bytes` of this or another release. Raises ValueError if it is malformed."""
         try:
-            found = json.loads(data)
+            found = decoded(json.loads(data))
             known = {f.name: found[f.name] for f in fields(cls) if f.name in found}
             for name in ("tags", "idle_by", "queues"):
                 known[name] = tuple(map(str, known.get(name, ())))

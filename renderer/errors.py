@@ -10,17 +10,26 @@ from __future__ import annotations
 
 import re
 
+from renderer.sentences import Sentence
+
 __all__ = ["MachineError", "RayfarmError", "SceneError", "SettingsError"]
 
 
 _ADDRESS = re.compile(r"<[^<>]{0,200}? at 0x[0-9A-Fa-f]+>")
 
 
+def _without_addresses(text: str) -> str:
+    bare = _ADDRESS.sub("the data", text)
+    if bare == text:
+        return text
+    return text.mapped(_without_addresses) if isinstance(text, Sentence) else bare
+
+
 class RayfarmError(Exception):
     """An error with one clear sentence for the user who can correct it. Object addresses in libraries' messages are removed."""
 
     def __init__(self, *args: object) -> None:
-        super().__init__(*(_ADDRESS.sub("the data", each) if isinstance(each, str) else each for each in args))
+        super().__init__(*(_without_addresses(each) if isinstance(each, str) else each for each in args))
 
 
 class SceneError(RayfarmError):

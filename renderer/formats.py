@@ -6,6 +6,7 @@ from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = [
     "ARCHIVE_SUFFIXES",
@@ -74,13 +75,17 @@ WITHOUT_BLENDER = (
 )
 
 # Native formats of other programs, and how to export each.
-_UNPACK = "Unpack it, and give the folder or a .zip of it"
+_UNPACK = Sentence("unpack-give-folder-zip", "Unpack it, and give the folder or a .zip of it")
 FOREIGN = {
-    ".max": "In 3ds Max, choose File > Export > glTF (2023 and later)",
-    ".c4d": "In Cinema 4D, choose File > Export > glTF",
-    **dict.fromkeys((".ma", ".mb"), "In Maya, choose File > Export All, and FBX there"),
-    ".skp": "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there",
-    **dict.fromkeys((".step", ".stp", ".iges", ".igs"), "Export STL or glTF from the CAD program"),
+    ".max": Sentence("3ds-max", "In 3ds Max, choose File > Export > glTF (2023 and later)"),
+    ".c4d": Sentence("cinema-4d", "In Cinema 4D, choose File > Export > glTF"),
+    **dict.fromkeys((".ma", ".mb"), Sentence("maya-choose-file-export", "In Maya, choose File > Export All, and FBX there")),
+    ".skp": Sentence(
+        "sketchup-choose-file-export-3d", "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there"
+    ),
+    **dict.fromkeys(
+        (".step", ".stp", ".iges", ".igs"), Sentence("export-stl-gltf-from-cad", "Export STL or glTF from the CAD program")
+    ),
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
 
@@ -119,10 +124,19 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
             suffix = PurePosixPath(name).suffix.lower()
             if advice := _UNPACK if suffix == ".zip" else FOREIGN.get(suffix):  # a .zip inside another is not unpacked
                 then = "" if advice == _UNPACK else "; give what that writes"
-                raise SceneError(f"{name[:200]} cannot be read here. {advice}{then}.")
+                raise SceneError(
+                    Sentence(
+                        "cannot-read", "{name} cannot be read here. {advice}{then}.", name=name[:200], advice=advice, then=then
+                    )
+                )
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
-            f"No scene file among what was given ({listed}). A scene is one of {', '.join(SCENE_SUFFIXES)}, or a .zip with one."
+            Sentence(
+                "no-scene-file-among-given",
+                "No scene file among what was given ({listed}). A scene is one of {scene_suffixes}, or a .zip with one.",
+                listed=listed,
+                scene_suffixes=[*SCENE_SUFFIXES],
+            )
         )
     found.sort(key=lambda each: (each[-1] != preferred, each))
     main = found[0][-1]
@@ -132,7 +146,14 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
     rivals += [f[-1] for f in found[1:] if f[0] != found[0][0] and (alone or not _format_of(f[-1]).is_mesh_file)]
     if not rivals:
         return main, []
-    return main, [f"Several scene files were given; {main} is used. To use another, name it as `main`: {', '.join(rivals[:8])}."]
+    return main, [
+        Sentence(
+            "several-scene-files-given",
+            "Several scene files were given; {file} is used. To use another, name it as `main`: {rivals}.",
+            file=main,
+            rivals=[*rivals[:8]],
+        )
+    ]
 
 
 def _format_of(name: str) -> Format:

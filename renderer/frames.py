@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 
 __all__ = [
     "MAX_FRAME",
@@ -44,19 +45,46 @@ def _parsed(text: str) -> tuple[float, ...]:
     for part in text.replace(" ", "").split(","):
         match = _PART.fullmatch(part)
         if match is None:
-            raise SettingsError(f"frames is {text[:80]!r}; it takes numbers and ranges as 0-99 or 1-250x5,300")
+            raise SettingsError(
+                Sentence(
+                    "frames-takes-numbers-ranges-0",
+                    "frames is {text}; it takes numbers and ranges as 0-99 or 1-250x5,300",
+                    text=repr(text[:80]),
+                )
+            )
         first, last, step = (float(number) if number is not None else None for number in match.groups())
         first = first or 0.0
         last = first if last is None else last
         step = 1.0 if step is None else step
         if last < first:
-            raise SettingsError(f"frames is {text[:80]!r}; the range {part} ends before it begins")
+            raise SettingsError(
+                Sentence(
+                    "frames-range-ends-before-begins",
+                    "frames is {text}; the range {part} ends before it begins",
+                    text=repr(text[:80]),
+                    part=part,
+                )
+            )
         if step == 0 or last > MAX_FRAME:
-            raise SettingsError(f"frames is {text[:80]!r}; a range goes to {MAX_FRAME} at most, in steps from 0.5")
+            raise SettingsError(
+                Sentence(
+                    "frames-range-goes-most",
+                    "frames is {text}; a range goes to {max_frame} at most, in steps from 0.5",
+                    text=repr(text[:80]),
+                    max_frame=MAX_FRAME,
+                )
+            )
         count = int((last - first) / step) + 1
         named += count
         if len(found) + count > MAX_FRAMES or named > MOST_NAMED:
-            raise SettingsError(f"frames is {text[:80]!r}; that is more than {MAX_FRAMES} frames, ask for them in parts")
+            raise SettingsError(
+                Sentence(
+                    "frames-more-than-frames",
+                    "frames is {text}; that is more than {max_frames} frames, ask for them in parts",
+                    text=repr(text[:80]),
+                    max_frames=MAX_FRAMES,
+                )
+            )
         found |= dict.fromkeys(first + step * i for i in range(count))
     return tuple(found)
 

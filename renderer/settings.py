@@ -12,6 +12,7 @@ from dataclasses import KW_ONLY, MISSING, asdict, dataclass
 from typing import Annotated, Any, NamedTuple
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.setting_declaration import Choices, Setting, Shown, checked, table
 from renderer.view import MAX_DISTANCE, PROJECTIONS, VIEW, Vec3, View
 
@@ -375,9 +376,18 @@ class RenderSettings:
         checked(self)
         object.__setattr__(self, "views", tuple(self.views))
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
-            raise SettingsError(f"views are {len(self.views)}; a camera that moves has 2 to {MOST_KEYS}, another none")
+            raise SettingsError(
+                Sentence(
+                    "views-camera-moves-2",
+                    "views are {n}; a camera that moves has 2 to {most_keys}, another none",
+                    n=len(self.views),
+                    most_keys=MOST_KEYS,
+                )
+            )
         if any(view.projection != self.view.projection for view in self.views):
-            raise SettingsError("views are of different projections; nothing lies between these")
+            raise SettingsError(
+                Sentence("views-different-projections", "views are of different projections; nothing lies between these")
+            )
 
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict; `from_json` restores equal settings, to the bit.
@@ -402,7 +412,13 @@ class RenderSettings:
             views = tuple(map(View.from_json, known.pop("views", ())))
             return cls(view=View.from_json(known.pop("view")), views=views, **known)
         except (TypeError, KeyError) as error:
-            raise SettingsError(f"these settings are of another release of Rayfarm ({error})") from None
+            raise SettingsError(
+                Sentence(
+                    "these-settings-another-release-rayfarm",
+                    "these settings are of another release of Rayfarm ({error})",
+                    error=error,
+                )
+            ) from None
 
 
 SETTINGS = table(RenderSettings)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.setting_declaration import Choices, Setting, Shown, checked, table
 
 __all__ = ["MAX_DISTANCE", "MAX_SHIFT", "PROJECTIONS", "VIEW", "Vec3", "View"]
@@ -144,12 +145,16 @@ class View:
     def __post_init__(self) -> None:
         checked(self)
         if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
-            raise SettingsError("eye and target are the same point; move one of them")
+            raise SettingsError(Sentence("eye-target-same-point", "eye and target are the same point; move one of them"))
         d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
         u = self.up
         cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
-            raise SettingsError("up points along the line of sight (or is zero); give another up direction")
+            raise SettingsError(
+                Sentence(
+                    "up-points-along-line-sight", "up points along the line of sight (or is zero); give another up direction"
+                )
+            )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
         """Returns where the line of sight intersects a picture of that size, in pixels from its upper left corner."""
@@ -170,7 +175,9 @@ class View:
         try:
             return cls(**data)
         except TypeError as error:
-            raise SettingsError(f"this view is of another release of Rayfarm ({error})") from None
+            raise SettingsError(
+                Sentence("view-another-release-rayfarm", "this view is of another release of Rayfarm ({error})", error=error)
+            ) from None
 
 
 VIEW = table(View)

@@ -16,6 +16,7 @@ from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from renderer.formats import NAMING_SUFFIXES
+from renderer.sentences import Sentence
 from renderer.zips import DAMAGED
 
 __all__ = ["EntryNames", "entry_names"]
@@ -53,7 +54,12 @@ def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) ->
         decoded = iter([raw.decode(encoding, "replace") for raw in unknown])
         found = [next(decoded) if name is None else name for name in found]
         title = _TITLES.get(encoding, encoding.upper())
-        guess = f"The archive does not say how {len(unknown)} of its names are encoded; they are read as {title}."
+        guess = Sentence(
+            "archive-not-say-how-names",
+            "The archive does not say how {n} of its names are encoded; they are read as {title}.",
+            n=len(unknown),
+            title=title,
+        )
         if encoding == "utf-8":
             guess = None
     return EntryNames([(name or "").replace("\\", "/") for name in found], guess)

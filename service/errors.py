@@ -22,6 +22,8 @@ QueueError          Redis cannot be reached; not reported to users, since the en
 
 from __future__ import annotations
 
+from renderer.sentences import Sentence, joined
+
 __all__ = [
     "CannotStart",
     "Conflict",
@@ -51,7 +53,7 @@ class FarmError(Exception):
     """
 
     def __init__(self, sentence: str = "", *, advice: str = "") -> None:
-        super().__init__(f"{sentence} {advice}" if advice else sentence)
+        super().__init__(joined(sentence, advice))
         self.fact = sentence
 
 
@@ -107,7 +109,7 @@ class NotOwner(Unavailable):
     """Another service has taken over the farm; this one must not act as its owner."""
 
     def __init__(self) -> None:
-        super().__init__("Another service has taken this farm over. Ask again.", 1.0)
+        super().__init__(Sentence("another-service-taken-farm-over", "Another service has taken this farm over. Ask again."), 1.0)
 
 
 class Failed(FarmError):  # noqa: N818

@@ -13,6 +13,7 @@ import redis
 from anyio import CapacityLimiter
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.settings import RenderSettings
 from renderer.variables import VariableError
 from service.access.access import Access
@@ -169,7 +170,9 @@ class Farm:
         try:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError as error:
-            raise Conflict(f"The picture cannot be shown: {error}. Render it anew.") from None
+            raise Conflict(
+                Sentence("picture-cannot-shown", "The picture cannot be shown: {error}. Render it anew.", error=error)
+            ) from None
         recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import ast
 import json
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -19,72 +21,47 @@ SHOWN = (
     "service/access/projects.py",
     "service/access/quotas.py",
     "service/access/users.py",
+    "service/errors.py",
+    "service/http",
+    "service/intake",
     "service/jobs",
     "service/routes/explain.py",
     "service/routes/login.py",
-    "service/http/single_upload.py",
+    "service/routes/viewport.py",
     "service/scenes",
-    "service/errors.py",
-    "service/intake",
     "service/scheduling",
     "service/store/film_faults.py",
-    "service/store/disk_space.py",
+    "service/store/room.py",
     "service/viewing",
     "worker/process/apply_terms.py",
 )
-# Who may say what is translated.
-SPEAKERS = (
-    "protocol",
-    "service",
-    "worker",
-    "renderer/scene",
-    "renderer/image",
-    "renderer/formats.py",
-    "renderer/blender",
-    "renderer/confine",
-    "renderer/frames.py",
-    "renderer/zip_names.py",
-)
-PLACE = "\0"
-SENTENCE = re.compile(r"[A-Z\0](?=.* ).*[.…]", re.DOTALL)
-BETWEEN = re.compile(r"(?<=[.!?]) (?=[A-Z`\0])")
-LEAST = 5  # letters beside its places: with fewer a text could be anything
+SPEAKERS = ("protocol", "service", "worker", "renderer")
+PLACES = re.compile(r"\{\w+\}")
+CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 
 
-def test_every_sentence_that_is_shown_is_translated() -> None:
-    known = [_template(key) for key in _catalogue("de")]
-    left = {
-        each: str(path.relative_to(ROOT))
-        for path in _files(SHOWN)
-        for text in _texts(path)
-        if SENTENCE.fullmatch(text)
-        for each in BETWEEN.split(text)
-        if _says_enough(each) and not _is_known(each, known) and not _is_known(each.removeprefix(f"{PLACE} "), known)
-    }
-    assert not left, "not in service.de.json and service.zh.json"
+class Said(NamedTuple):
+    """A sentence in the sources."""
+
+    code: str
+    template: str
+    params: frozenset[str]
+    at: str
 
 
-def _is_known(text: str, known: list[str]) -> bool:
-    return any(_fits(key, text) or _fits(text, key) for key in known)
+@cache
+def _said() -> tuple[Said, ...]:
+    return tuple(each for name in SPEAKERS for path in sorted((ROOT / name).rglob("*.py")) for each in _of(path))
 
 
-def test_nothing_is_translated_that_nobody_says() -> None:
-    said = _said()
-    forms = {key: _forms(key) for key in _catalogue("de")}
-    left = {key: found for key, found in forms.items() if said.isdisjoint(found)}  # few: most are said as they stand
-    dead = {key for key, found in left.items() if not any(_fits(a, b) or _fits(b, a) for a in found for b in said)}
-    assert not dead, "in service.de.json, and said nowhere"
-
-
-@pytest.mark.parametrize("language", ["de", "zh"])
-def test_a_translation_has_the_places_of_its_sentence(language: str) -> None:
-    names = re.compile(r"\{\w*\}")
-    wrong = {key: text for key, text in _catalogue(language).items() if set(names.findall(text)) != set(names.findall(key))}
-    assert not wrong
-
-
-def test_both_catalogues_have_the_same_sentences() -> None:
-    assert _catalogue("de").keys() == _catalogue("zh").keys()
+def _of(path: Path) -> Iterator[Said]:
+    at = str(path.relative_to(ROOT))
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Sentence":
+            values = [arg.value if isinstance(arg, ast.Constant) else None for arg in node.args]
+            assert len(values) == 2 and all(isinstance(each, str) for each in values), f"{at}:{node.lineno}: code and template"
+            params = frozenset(f"{{{keyword.arg}}}" for keyword in node.keywords)
+            yield Said(str(values[0]), str(values[1]), params, f"{at}:{node.lineno}")
 
 
 def _catalogue(language: str) -> dict[str, str]:
@@ -92,70 +69,36 @@ def _catalogue(language: str) -> dict[str, str]:
     return catalogue
 
 
-def _template(key: str) -> str:
-    return re.sub(r"\{\w+\}", PLACE, key)
+def test_a_code_stands_for_one_sentence() -> None:
+    templates = defaultdict(set)
+    for each in _said():
+        templates[each.code].add(each.template)
+    assert not {code: found for code, found in templates.items() if len(found) > 1}
+    assert not [code for code in templates if not CODE.fullmatch(code)]
 
 
-def _forms(key: str) -> set[str]:
-    """Returns the forms of a sentence in the sources: without its subject, a reason in brackets, or its full stop."""
-    text = _template(key)
-    bare = re.sub(rf"^{PLACE} ?", "", text)
-    found = {form for each in (text, bare) for form in (each, each.removesuffix("."), each.partition(f" ({PLACE})")[0])}
-    return {form for form in found if _says_enough(form)}
+def test_a_sentence_has_the_parameters_of_its_template() -> None:
+    wrong = [each.at for each in _said() if not each.params <= {*PLACES.findall(each.template), "{type}"}]
+    assert not wrong, "parameters that the sentence does not say"
 
 
-def _fits(template: str, text: str) -> bool:
-    """Whether a text matches a template."""
-    at, parts = 0, template.split(PLACE)
-    if len(parts) == 1:
-        return template == text
-    if not text.startswith(parts[0]) or not text.endswith(parts[-1]) or len(text) < len(parts[0]) + len(parts[-1]):
-        return False
-    at = len(parts[0])
-    for part in parts[1:-1]:
-        found = text.find(part, at)
-        if found < 0:
-            return False
-        at = found + len(part)
-    return at <= len(text) - len(parts[-1])
+def test_every_sentence_that_is_shown_is_translated() -> None:
+    known = _catalogue("de")
+    left = {each.code: each.at for each in _said() if each.at.startswith(SHOWN) and each.code not in known}
+    assert not left, "not in service.de.json and service.zh.json"
 
 
-def _says_enough(text: str) -> bool:
-    return len(re.sub(r"[^A-Za-z]", "", text)) >= LEAST
+def test_nothing_is_translated_that_nobody_says() -> None:
+    assert not _catalogue("de").keys() - {each.code for each in _said()}
 
 
-@cache
-def _said() -> frozenset[str]:
-    """Returns all messages in the sources, as a whole, by sentence, and by part."""
-    found: set[str] = set()
-    for path in _files(SPEAKERS):
-        for text in _texts(path):
-            for sentence in {text, *BETWEEN.split(text)}:
-                for half in {sentence, *sentence.split("; ")}:
-                    for piece in {half, half.partition(": ")[2]}:
-                        found |= {piece, piece.removesuffix(".")}
-    return frozenset(each for each in found if _says_enough(each))
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_a_translation_has_the_places_of_its_sentence(language: str) -> None:
+    templates = {each.code: each.template for each in _said()}
+    catalogue = _catalogue(language)
+    assert not [code for code, text in catalogue.items() if {*PLACES.findall(text)} != {*PLACES.findall(templates[code])}]
 
 
-def _files(names: tuple[str, ...]) -> Iterator[Path]:
-    for name in names:
-        path = ROOT / name
-        yield from [path] if path.is_file() else sorted(path.rglob("*.py"))
-
-
-@cache
-def _texts(path: Path) -> tuple[str, ...]:
-    """Returns a module's strings except docstrings, with PLACE for values."""
-    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
-    inner = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
-    inner |= {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
-    found = (_text(node) for node in nodes if id(node) not in inner)
-    return tuple(text for text in found if text is not None)
-
-
-def _text(node: ast.AST) -> str | None:
-    if isinstance(node, ast.Constant):
-        return re.sub(r"\{\w*\}", PLACE, node.value) if isinstance(node.value, str) else None
-    if isinstance(node, ast.JoinedStr):
-        return "".join(str(part.value) if isinstance(part, ast.Constant) else PLACE for part in node.values)
-    return None
+def test_both_catalogues_have_the_same_sentences_in_order() -> None:
+    german, chinese = _catalogue("de"), _catalogue("zh")
+    assert list(german) == list(chinese) == sorted(german)

@@ -26,6 +26,7 @@ from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP, RENDER_JOINTLY, JointBatch
 from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from renderer.errors import RayfarmError
+from renderer.sentences import Sentence
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
 from worker.exchange.retry import patiently
@@ -90,7 +91,11 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
     with at_work(worker, work, task.request.id) as do:
         deaths = deaths_of(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
-            sentence = f"the worker process died {DEATHS_ALLOWED} times while it rendered this batch"
+            sentence = Sentence(
+                "worker-process-died-times-while",
+                "the worker process died {deaths_allowed} times while it rendered this batch",
+                deaths_allowed=DEATHS_ALLOWED,
+            )
             worker.results.send(failure(worker, work, sentence))
             return
         if deaths:
@@ -139,7 +144,14 @@ def _prepare(task: Any, scene: str) -> None:
     with InHand(worker, {"scene": scene}):
         try:
             if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
-                send("prepare-failed", error=f"The worker process died {DEATHS_ALLOWED} times while it prepared this scene.")
+                send(
+                    "prepare-failed",
+                    error=Sentence(
+                        "worker-process-died-times-while-prepared-scene",
+                        "The worker process died {deaths_allowed} times while it prepared this scene.",
+                        deaths_allowed=DEATHS_ALLOWED,
+                    ),
+                )
                 return
             send("prepare-started")
             manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
@@ -151,14 +163,34 @@ def _prepare(task: Any, scene: str) -> None:
         except MachineError as error:
             send("prepare-returned", error=str(error), unfit=True, passing=True)
         except Trouble as error:
-            send("prepare-returned", error=f"{worker.name} hands the scene back: {error}")
+            send(
+                "prepare-returned",
+                error=Sentence("hands-scene-back", "{name} hands the scene back: {error}", name=worker.name, error=error),
+            )
         except UnfitError as error:
             send("prepare-returned", error=str(error), unfit=True)
         except RefusedError as error:
-            send("prepare-failed", error=f"{worker.name} could not exchange the scene's files with the service: {error}")
+            send(
+                "prepare-failed",
+                error=Sentence(
+                    "could-not-exchange-scene-files",
+                    "{name} could not exchange the scene's files with the service: {error}",
+                    name=worker.name,
+                    error=error,
+                ),
+            )
         except Exception as error:
             log.exception("preparing %s failed", scene)
-            send("prepare-failed", error=f"{worker.name} could not prepare the scene ({type(error).__name__}: {error}).")
+            send(
+                "prepare-failed",
+                error=Sentence(
+                    "could-not-prepare-scene",
+                    "{name} could not prepare the scene ({name2}: {error}).",
+                    name=worker.name,
+                    name2=type(error).__name__,
+                    error=error,
+                ),
+            )
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
@@ -172,12 +204,24 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
     try:
         work = PrepareFrames.from_json(frames)
     except ValueError as error:
-        send("frames-returned", error=f"{worker.name} does not understand which frames to prepare ({error}).")
+        send(
+            "frames-returned",
+            error=Sentence(
+                "not-understand-frames-prepare",
+                "{name} does not understand which frames to prepare ({error}).",
+                name=worker.name,
+                error=error,
+            ),
+        )
         return
     with InHand(worker, {"scene": work.scene, "work": work.work}):
         try:
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-                sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
+                sentence = Sentence(
+                    "worker-process-died-times-while-prepared",
+                    "The worker process died {deaths_allowed} times while it prepared this frame.",
+                    deaths_allowed=DEATHS_ALLOWED,
+                )
                 send("frame-failed", frame=work.frames[0], error=sentence)
                 send("frames-returned", error=sentence)
                 return
@@ -186,13 +230,22 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         except MachineError as error:
             send("frames-returned", error=str(error), unfit=True, passing=True)
         except Trouble as error:
-            send("frames-returned", error=f"{worker.name} hands frames back: {error}")
+            send(
+                "frames-returned",
+                error=Sentence("hands-frames-back", "{name} hands frames back: {error}", name=worker.name, error=error),
+            )
         except UnfitError as error:
             send("frames-returned", error=str(error), unfit=True)
         except Exception as error:
             log.exception("preparing frames of %s failed", work.scene)
             for frame in work.frames:
-                why = f"{worker.name} could not prepare it ({type(error).__name__}: {error})."
+                why = Sentence(
+                    "could-not-prepare",
+                    "{name} could not prepare it ({name2}: {error}).",
+                    name=worker.name,
+                    name2=type(error).__name__,
+                    error=error,
+                )
                 send("frame-failed", frame=frame, error=why)
 
 
@@ -206,7 +259,11 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
         return
     with InHand(worker, {"view": work.watch, "message": work.message}) as hand:
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
-            sentence = f"The worker process died {DEATHS_ALLOWED} times while it rendered this view."
+            sentence = Sentence(
+                "worker-process-died-times-while-rendered",
+                "The worker process died {deaths_allowed} times while it rendered this view.",
+                deaths_allowed=DEATHS_ALLOWED,
+            )
             Answering(worker, work).send("failed", error=sentence)
         else:
             hand.speed = render_view(worker, work, hand.compiling)
@@ -222,7 +279,11 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
         return
     with InHand(worker, {"view": work.watch, "message": work.message}):
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
-            sentence = f"The worker process died {DEATHS_ALLOWED} times while it prepared this frame."
+            sentence = Sentence(
+                "worker-process-died-times-while-prepared",
+                "The worker process died {deaths_allowed} times while it prepared this frame.",
+                deaths_allowed=DEATHS_ALLOWED,
+            )
             Answering(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
@@ -234,7 +295,12 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
     try:
         work = ExplainPixel.from_json(pixel)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
-        sentence = f"{worker.name} does not understand the question ({error}). Run the same release of Rayfarm on all machines."
+        sentence = Sentence(
+            "not-understand-question",
+            "{name} does not understand the question ({error}). Run the same release of Rayfarm on all machines.",
+            name=worker.name,
+            error=error,
+        )
         say(worker, str(pixel.get("message")), "failed", error=sentence)
         return
     with InHand(worker, {"explain": work.job, "message": work.message}) as hand:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from renderer.blender.program import Blender
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = ["SUFFIX", "convert"]
 
@@ -57,17 +58,29 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
         try:
             ended = _run(blender, folder, room, job, memory_bytes + OWN_MEMORY, seconds)
         except _SlowError:
-            raise SceneError(f"{main}: took longer than {seconds:.0f} seconds in Blender. Make it smaller.") from None
+            raise SceneError(
+                Sentence(
+                    "took-longer-than-seconds-blender",
+                    "{file}: took longer than {seconds} seconds in Blender. Make it smaller.",
+                    file=main,
+                    seconds=f"{seconds:.0f}",
+                )
+            ) from None
         try:
             report = json.loads((work / "report.json").read_text())
             if not isinstance(report, dict):
                 raise ValueError("no report")
         except (OSError, ValueError, RecursionError):
             raise SceneError(
-                f"{main}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it."
+                Sentence(
+                    "damaged-need-more-memory-than",
+                    "{file}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it.",
+                    file=main,
+                    ended=ended,
+                )
             ) from None
         if "error" in report:
-            raise SceneError(f"{main}: {report['error']}.")
+            raise SceneError(Sentence("blender-says", "{file}: {error}.", file=main, error=report["error"]))
         for path in sorted(found for each in WRITTEN for found in work.glob(each)):
             if path.is_file() and not path.is_symlink():
                 shutil.move(path, out / path.name)

@@ -11,12 +11,15 @@ from renderer.blender.convert import convert
 from renderer.blender.program import BlenderError, find
 from renderer.errors import SceneError
 from renderer.formats import WITHOUT_BLENDER
+from renderer.sentences import Sentence
 
 __all__ = ["calls_of_reader", "open_in_blender"]
 
-MISSING = (
-    "is opened by Blender, and there is none here. Install it so that `blender` is on the PATH, or set RAYFARM_BLENDER to its "
-    "program; `rayfarm worker --blender` fetches one for a worker"
+MISSING = Sentence(
+    "opened-by-blender",
+    "is opened by Blender, and there is none here. Install it so that `blender` is on the "
+    "PATH, or set RAYFARM_BLENDER to its program; `rayfarm worker --blender` fetches one for "
+    "a worker",
 )
 SECONDS = 540.0
 
@@ -29,9 +32,11 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
     try:
         blender = find()
     except BlenderError as error:
-        raise SceneError(f"{name}: {error}") from None
+        raise SceneError(Sentence("fault-of-file", "{file}: {fault}", file=name, fault=error)) from None
     if blender is None:
-        raise SceneError(f"{name}: {MISSING}. Or {WITHOUT_BLENDER}.")
+        raise SceneError(
+            Sentence("no-blender", "{file}: {missing}. Or {otherwise}.", file=name, missing=MISSING, otherwise=WITHOUT_BLENDER)
+        )
     return convert(blender, root, name, out, _memory(), SECONDS)
 
 
@@ -44,7 +49,7 @@ def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
     def blender(name: str, out: str) -> str:
         path, folder = (scene / name).resolve(), Path(out).resolve()
         if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(room.resolve()):
-            raise SceneError(f"{name}: is not among the scene's files")
+            raise SceneError(Sentence("not-among-scene-files", "{name}: is not among the scene's files", name=name))
         return open_in_blender(scene, name, folder)
 
     return {"blender": blender}

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from renderer.cache_folders import private_folder
+from renderer.sentences import Sentence
 
 __all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "look_at"]
 
@@ -69,24 +70,46 @@ def look_at(path: str) -> Blender:
     place = Path(path).expanduser()
     program = str(place) if place.exists() else shutil.which(path)
     if program is None:
-        raise BlenderError(f"There is no Blender at {path}. Give the path of its program, or of a Python that has bpy.")
+        raise BlenderError(
+            Sentence(
+                "no-blender-give",
+                "There is no Blender at {path}. Give the path of its program, or of a Python that has bpy.",
+                path=path,
+            )
+        )
     is_module = Path(program).name.startswith("python")
     command = [program, "-I", "-c", _MODULE] if is_module else [program, "--background", "--factory-startup", "--version"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise BlenderError(f"{program} does not start ({error}).") from None
+        raise BlenderError(Sentence("not-start", "{program} does not start ({error}).", program=program, error=error)) from None
     lines = done.stdout.strip().splitlines()
     if done.returncode != 0 or not lines:
-        what = "has no module bpy" if is_module else "is no Blender"
-        raise BlenderError(f"{program} {what}. Give the path of Blender's program, or of a Python that has bpy.")
+        what = Sentence("no-module-bpy", "has no module bpy") if is_module else "is no Blender"
+        raise BlenderError(
+            Sentence(
+                "give-path-blender-program",
+                "{program} {what}. Give the path of Blender's program, or of a Python that has bpy.",
+                program=program,
+                what=what,
+            )
+        )
     if is_module:
         version, folders = lines[0], tuple(lines[1:])
     else:
         said = next((line for line in lines if line.startswith("Blender ")), "")
         version, folders = said.removeprefix("Blender ").split(" ")[0], (str(Path(program).resolve().parent),)
     if _numbers(version) < LEAST:
-        raise BlenderError(f"{program} is Blender {version or '?'}; .blend files are opened by {LEAST[0]}.{LEAST[1]} and later.")
+        raise BlenderError(
+            Sentence(
+                "blender-blend-files-opened-by",
+                "{program} is Blender {version}; .blend files are opened by {least}.{least2} and later.",
+                program=program,
+                version=version or "?",
+                least=LEAST[0],
+                least2=LEAST[1],
+            )
+        )
     return Blender(program, version, is_module, folders)
 
 

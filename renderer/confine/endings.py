@@ -10,6 +10,7 @@ from typing import Any
 
 from renderer.confine.limits import amount, callers_limit
 from renderer.errors import MachineError, RayfarmError, SceneError
+from renderer.sentences import Sentence, joined
 
 __all__ = ["Bounds", "TooLargeError", "error_of", "how_it_ended", "too_slow"]
 
@@ -30,8 +31,8 @@ class Bounds:
     seconds: float
     subject: str = "The file"
     granted: str = "that this machine has free"
-    longer: str = "Make it smaller, or split it into several."
-    smaller: str = "Simplify it."
+    longer: str = Sentence("make-smaller-split", "Make it smaller, or split it into several.")
+    smaller: str = Sentence("simplify", "Simplify it.")
 
 
 class TooLargeError(MachineError):
@@ -40,19 +41,25 @@ class TooLargeError(MachineError):
 
 def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
     """Returns the exception for a reader's `error` message."""
-    sentence = str(message["error"])
+    sentence: str = str(message["error"])
     if message.get("machine"):
         return MachineError(sentence)
     if sentence == "memory":
         return _out_of_memory(bounds)
     if sentence == "size":
         limit = callers_limit("-f")
-        what = f"{limit} is too small. Raise it." if limit else "its temporary files are too large for it."
-        return MachineError(f"{bounds.subject} cannot be read on this machine: {what}")
+        what = (
+            Sentence("too-small", "{limit} is too small. Raise it.", limit=limit)
+            if limit
+            else Sentence("its-temporary-files-too-large", "its temporary files are too large for it.")
+        )
+        return MachineError(
+            Sentence("cannot-read-machine", "{subject} cannot be read on this machine: {what}", subject=bounds.subject, what=what)
+        )
     if "trace" in message:
         log.warning("%s: %s", bounds.subject, message["trace"])
     if message.get("rest"):
-        return SceneError(f"{bounds.subject} {sentence}")
+        return SceneError(joined(bounds.subject, sentence))
     return _kinds().get(str(message.get("kind")), SceneError)(sentence)
 
 
@@ -69,9 +76,23 @@ def _kinds() -> dict[str, type[RayfarmError]]:
 
 def _out_of_memory(bounds: Bounds) -> MachineError:
     if (limit := callers_limit("-v")) is not None:
-        return MachineError(f"{bounds.subject} cannot be read on this machine: {limit} is too small. Raise it.")
+        return MachineError(
+            Sentence(
+                "cannot-read-machine-too",
+                "{subject} cannot be read on this machine: {limit} is too small. Raise it.",
+                subject=bounds.subject,
+                limit=limit,
+            )
+        )
     return TooLargeError(
-        f"{bounds.subject} needs more than the {bounds.memory_bytes / 2**30:.1f} GiB {bounds.granted}. {bounds.smaller}"
+        Sentence(
+            "needs-more-than-gib",
+            "{subject} needs more than the {memory_bytes} GiB {granted}. {smaller}",
+            subject=bounds.subject,
+            memory_bytes=f"{bounds.memory_bytes / 2**30:.1f}",
+            granted=bounds.granted,
+            smaller=bounds.smaller,
+        )
     )
 
 
@@ -83,29 +104,67 @@ def how_it_ended(status: int, bounds: Bounds, room: int | None = None, needed: i
     """
     subject = bounds.subject
     if not os.WIFSIGNALED(status):
-        return SceneError(f"{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.")
+        return SceneError(
+            Sentence(
+                "cannot-read-importer-ended-without",
+                "{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.",
+                subject=subject,
+            )
+        )
     number = os.WTERMSIG(status)
     if number == signal.SIGXCPU:
         if (limit := callers_limit("-t")) is not None:
-            return MachineError(f"{subject} cannot be read on this machine: {limit} is too small. Raise it.")
+            return MachineError(
+                Sentence(
+                    "cannot-read-machine-too",
+                    "{subject} cannot be read on this machine: {limit} is too small. Raise it.",
+                    subject=subject,
+                    limit=limit,
+                )
+            )
         return too_slow(bounds)
     if number == signal.SIGKILL:
         return MachineError(
-            f"{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out."
+            Sentence(
+                "cannot-read-machine-reader",
+                "{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out.",
+                subject=subject,
+            )
         )
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
     if number in _OF_ALLOCATION and room is not None and room < needed:
         limit = callers_limit("-v")
         return MachineError(
-            f"{subject} cannot be read on this machine: its importer crashed (signal {number}, {name}) "
-            f"with {amount(room)} of memory, and may need {amount(needed)}. {f'Raise {limit}.' if limit else bounds.smaller}"
+            Sentence(
+                "cannot-read-machine-importer",
+                "{subject} cannot be read on this machine: its importer crashed (signal {number}, "
+                "{name}) with {amount} of memory, and may need {amount2}. {advice}",
+                subject=subject,
+                number=number,
+                name=name,
+                amount=amount(room),
+                amount2=amount(needed),
+                advice=Sentence("raise-limit", "Raise {limit}.", limit=limit) if limit else bounds.smaller,
+            )
         )
     return SceneError(
-        f"{subject} cannot be read: its importer crashed (signal {number}{', ' if name else ''}{name}). "
-        "It may be damaged; export it anew."
+        Sentence(
+            "cannot-read-importer-crashed",
+            "{subject} cannot be read: its importer crashed (signal {number}). It may be damaged; export it anew.",
+            subject=subject,
+            number=f"{number}, {name}" if name else number,
+        )
     )
 
 
 def too_slow(bounds: Bounds) -> SceneError:
     """Returns the error for a reader that exceeded its time limit."""
-    return SceneError(f"{bounds.subject} took longer than {bounds.seconds:.0f} seconds. {bounds.longer}")
+    return SceneError(
+        Sentence(
+            "took-longer-than-seconds",
+            "{subject} took longer than {seconds} seconds. {longer}",
+            subject=bounds.subject,
+            seconds=f"{bounds.seconds:.0f}",
+            longer=bounds.longer,
+        )
+    )

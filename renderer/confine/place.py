@@ -11,6 +11,7 @@ from pathlib import Path
 
 from renderer.confine.limits import available_memory
 from renderer.errors import MachineError
+from renderer.sentences import Sentence
 
 __all__ = ["temporary_folder"]
 
@@ -40,7 +41,11 @@ def _made(prefix: str, where: Path | None) -> Path:
         except OSError as error:
             tried.append(f"{parent or os.environ.get('TMPDIR') or 'the default folder'}: {error.strerror}")
     raise MachineError(
-        f"this machine has no folder for temporary files that can be written ({'; '.join(tried)}). Set TMPDIR to one."
+        Sentence(
+            "machine-no-folder-for-temporary",
+            "this machine has no folder for temporary files that can be written ({tried}). Set TMPDIR to one.",
+            tried="; ".join(tried),
+        )
     )
 
 

@@ -30,6 +30,7 @@ from typing import Any, NoReturn
 from renderer.confine import faults, rules
 from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
+from renderer.sentences import Sentence, decoded, encoded
 
 __all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "live", "told"]
 
@@ -76,7 +77,7 @@ class Link:
 
     def send(self, message: dict[str, Any]) -> None:
         """Sends a message that can be written as JSON."""
-        data = memoryview(json.dumps(message).encode() + b"\n")
+        data = memoryview(json.dumps(encoded(message)).encode() + b"\n")
         while data:
             data = data[os.write(self._said, data) :]
 
@@ -93,7 +94,7 @@ class Link:
         Raises SceneError with the caller's sentence.
         """
         self.send({"call": name, **arguments})
-        reply = json.loads(self._line(None) or b"{}")
+        reply = decoded(json.loads(self._line(None) or b"{}"))
         if "error" in reply:
             raise SceneError(reply["error"])
         return reply["reply"]
@@ -200,14 +201,33 @@ def told(error: BaseException) -> dict[str, Any]:
             where = os.fsdecode(where)
         if error.errno == errno.EFBIG:
             return {"error": "size"}
-        return {"error": f"this machine cannot use its files ({error.strerror}: {where})", "machine": True}
+        return {
+            "error": Sentence(
+                "machine-cannot-use-its-files",
+                "this machine cannot use its files ({error}: {where})",
+                error=error.strerror,
+                where=where,
+            ),
+            "machine": True,
+        }
     if isinstance(error, RuntimeError) and faults.is_of_machine(error):
-        return {"error": "this machine cannot start another thread (see ulimit -u and -v)", "machine": True}
+        return {
+            "error": Sentence("machine-cannot-start-thread", "this machine cannot start another thread (see ulimit -u and -v)"),
+            "machine": True,
+        }
     if isinstance(error, RecursionError):
-        return {"error": "is nested too deeply. Flatten its hierarchy.", "rest": True}
+        return {
+            "error": Sentence("nested-too-deeply", "is nested too deeply. Flatten its hierarchy."),
+            "rest": True,
+        }
     trace = traceback.format_exc()[-_MOST_TRACE:]
     return {
-        "error": f"cannot be read ({type(error).__name__}: {error}). It may be damaged; export it anew.",
+        "error": Sentence(
+            "cannot-read-damaged",
+            "cannot be read ({name}: {error}). It may be damaged; export it anew.",
+            name=type(error).__name__,
+            error=error,
+        ),
         "rest": True,
         "trace": trace,
     }

@@ -29,6 +29,7 @@ from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
 from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
+from renderer.sentences import Sentence, decoded, encoded
 
 __all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "how_it_ended", "run"]
 
@@ -52,7 +53,11 @@ class _Launcher:
         try:
             self.socket, theirs = socket.socketpair(socket.AF_UNIX, kind)
         except OSError as error:
-            raise MachineError(f"this machine has no file left to open ({error.strerror})") from error
+            raise MachineError(
+                Sentence(
+                    "machine-no-file-left-open", "this machine has no file left to open ({strerror})", strerror=error.strerror
+                )
+            ) from error
         self._words = _words_file()
         command = [sys.executable, "-I", "-X", "utf8", "-c", _START, json.dumps(_import_path())]
         with theirs:
@@ -69,7 +74,13 @@ class _Launcher:
                 )
             except OSError as error:
                 self.socket.close()
-                raise MachineError(f"this machine cannot start another process ({error.strerror})") from error
+                raise MachineError(
+                    Sentence(
+                        "machine-cannot-start-another-process",
+                        "this machine cannot start another process ({strerror})",
+                        strerror=error.strerror,
+                    )
+                ) from error
         # Not waited for: it ends with its callers, and is often the child of another one than the last of them.
         self._process.returncode = 0
 
@@ -238,7 +249,13 @@ class Reader:
                 return
             buffer += data
             if len(buffer) > _MOST_MESSAGE:
-                raise SceneError(f"{self.bounds.subject} cannot be read: its reader sends more than it should.")
+                raise SceneError(
+                    Sentence(
+                        "cannot-read-reader-sends",
+                        "{subject} cannot be read: its reader sends more than it should.",
+                        subject=self.bounds.subject,
+                    )
+                )
             if b"\n" not in data:
                 continue
             *lines, rest = bytes(buffer).split(b"\n")
@@ -246,7 +263,14 @@ class Reader:
             for line in lines:
                 message = json.loads(line)
                 if not isinstance(message, dict):
-                    raise SceneError(f"{self.bounds.subject} cannot be read: its reader sends what is no message.")
+                    raise SceneError(
+                        Sentence(
+                            "cannot-read-reader",
+                            "{subject} cannot be read: its reader sends what is no message.",
+                            subject=self.bounds.subject,
+                        )
+                    )
+                message = decoded(message)
                 if "error" in message:
                     raise error_of(message, self.bounds)
                 if "started" in message and not self._is_started:  # the first is sent before the job, so it can be trusted
@@ -261,7 +285,7 @@ class Reader:
         try:
             reply = {"reply": call(**message)} if call is not None else {"error": "cannot be done while a scene is read"}
         except SceneError as error:
-            reply = {"error": str(error)}
+            reply = encoded({"error": str(error)})
         with contextlib.suppress(BrokenPipeError):
             self._write(json.dumps(reply).encode() + b"\n")
 
@@ -275,7 +299,15 @@ class Reader:
         if "failed" in ended:
             limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
             more = f" It has {' and '.join(limits)}: raise it." if limits else ""
-            return MachineError(f"{bounds.subject} cannot be read on this machine: {ended['failed']}.{more}")
+            return MachineError(
+                Sentence(
+                    "cannot-read-machine-2",
+                    "{subject} cannot be read on this machine: {failed}.{more}",
+                    subject=bounds.subject,
+                    failed=ended["failed"],
+                    more=more,
+                )
+            )
         if "status" not in ended:
             _give_up(self._launcher)
             return _no_launcher(self._launcher, "it has ended")
@@ -335,7 +367,14 @@ def _largest_file(paths: Sequence[Path]) -> int:
 def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
     limits = [limit for option in ("-v", "-t") if (limit := callers_limit(option)) is not None]
     more = f" Raise {' and '.join(limits)}." if limits else ""
-    return MachineError(f"this machine cannot run the process that reads scenes ({launcher.why() or why}).{more}")
+    return MachineError(
+        Sentence(
+            "machine-cannot-run-process-reads",
+            "this machine cannot run the process that reads scenes ({why}).{more}",
+            why=launcher.why() or why,
+            more=more,
+        )
+    )
 
 
 def _readable(descriptor: int, seconds: float) -> bool:

@@ -19,6 +19,7 @@ from PIL import Image
 
 from renderer.errors import SettingsError
 from renderer.image import tonemap
+from renderer.sentences import Sentence
 
 __all__ = ["FORMATS", "RGB", "encode", "encode_shown", "format_of", "write", "write_bands"]
 
@@ -35,7 +36,14 @@ def format_of(path: str | Path) -> str:
     suffix = Path(path).suffix.lower().lstrip(".")
     suffix = {"jpeg": "jpg"}.get(suffix, suffix)
     if suffix not in FORMATS:
-        raise SettingsError(f"{Path(path).name}: pictures are written as .{', .'.join(FORMATS)}; end the name with one of these")
+        raise SettingsError(
+            Sentence(
+                "pictures-written",
+                "{name}: pictures are written as .{formats}; end the name with one of these",
+                name=Path(path).name,
+                formats=", .".join(FORMATS),
+            )
+        )
     return suffix
 
 
@@ -59,7 +67,9 @@ def encode(
         return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr")
     if format == "hdr":
         return _through_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
-    raise SettingsError(f"picture format is {format!r}; known are {', '.join(FORMATS)}")
+    raise SettingsError(
+        Sentence("picture-format", "picture format is {format}; known are {formats}", format=repr(format), formats=[*FORMATS])
+    )
 
 
 def encode_shown(shown: npt.NDArray[np.uint8], format: str) -> bytes:

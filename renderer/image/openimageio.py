@@ -14,6 +14,7 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 from renderer.errors import SceneError
 from renderer.image.channels import Colour, colour_of
 from renderer.image.unread import of_header, of_primaries, of_profile
+from renderer.sentences import Sentence
 
 __all__ = ["Decoded", "Limits", "straightened", "through_openimageio"]
 
@@ -43,7 +44,16 @@ class Limits(NamedTuple):
     def factor(self, name: str, width: int, height: int) -> int:
         """Returns by how much each side is divided to scale the image down. Raises SceneError if it is too large or empty."""
         if width < 1 or height < 1 or width * height > self.most:
-            raise SceneError(f"{name}: is {width} x {height} pixels; at most {self.most >> 20} million fit. Give a smaller image")
+            raise SceneError(
+                Sentence(
+                    "x-pixels",
+                    "{name}: is {width} x {height} pixels; at most {most} million fit. Give a smaller image",
+                    name=name,
+                    width=width,
+                    height=height,
+                    most=self.most >> 20,
+                )
+            )
         factor = 1
         while -(-width // factor) * -(-height // factor) > self.kept:
             factor += 1
@@ -60,7 +70,14 @@ def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, str
         wish.attribute("oiio:UnassociatedAlpha", 1)
         source = oiio.ImageInput.open(str(path), wish)
         if source is None:
-            raise SceneError(f"{name}: the image is damaged or not what its name says ({_error(oiio, path)}); export it again")
+            raise SceneError(
+                Sentence(
+                    "image-damaged-not-name-says",
+                    "{name}: the image is damaged or not what its name says ({error}); export it again",
+                    name=name,
+                    error=_error(oiio, path),
+                )
+            )
         try:
             return _read(source, data, name, suffix, limits, straight, path)
         finally:
@@ -73,7 +90,13 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     if colour.others:
         others = ", ".join(sorted({f'"{other}"' for other in colour.others}))[:200]
         notes.append(
-            f'{name}: holds several layers; "{colour.layer}" is shown, not {others}. Name one of them Combined, or drop them'
+            Sentence(
+                "holds-several-layers",
+                '{name}: holds several layers; "{layer}" is shown, not {others}. Name one of them Combined, or drop them',
+                name=name,
+                layer=colour.layer,
+                others=others,
+            )
         )
     width, height = spec.width, spec.height
     factor = limits.factor(name, width, height)
@@ -84,11 +107,27 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     kind = oiio.FLOAT if spec.format.basetype in _FLOATS else oiio.UINT8 if spec.format.size() == 1 else oiio.UINT16
     pixels = _pixels(source, colour.part, spec, (first, last), kind, factor)
     if pixels is None:
-        raise SceneError(f"{name}: the image is damaged ({_error(source, path)}); export it again")
+        raise SceneError(
+            Sentence(
+                "image-damaged",
+                "{name}: the image is damaged ({error}); export it again",
+                name=name,
+                error=_error(source, path),
+            )
+        )
     if factor > 1:
         notes.append(
-            f"{name}: its {width} x {height} pixels are averaged to {pixels.shape[1]} x {pixels.shape[0]}, "
-            f"as at most {limits.kept >> 20} million are kept; give it in that size to save time"
+            Sentence(
+                "x-pixels-averaged-x",
+                "{name}: its {width} x {height} pixels are averaged to {shape} x {shape2}, as at most "
+                "{kept} million are kept; give it in that size to save time",
+                name=name,
+                width=width,
+                height=height,
+                shape=pixels.shape[1],
+                shape2=pixels.shape[0],
+                kept=limits.kept >> 20,
+            )
         )
     planes = {key: pixels[..., number - first] for key, number in colour.channels.items() if first <= number < last}
     rgba = _rgba(planes, colour, suffix)
@@ -100,7 +139,14 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     notes += of_primaries(spec.getattribute("chromaticities"), name) + of_profile(spec.getattribute("ICCProfile"), name)
     if rgba.dtype == np.float32:
         if odd := int((~np.isfinite(rgba)).any(axis=-1).sum()):
-            notes.append(f"{name}: {odd} of its pixels are not finite; they are black, or as bright as can be")
+            notes.append(
+                Sentence(
+                    "pixels-not-finite",
+                    "{name}: {odd} of its pixels are not finite; they are black, or as bright as can be",
+                    name=name,
+                    odd=odd,
+                )
+            )
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MOST, neginf=0.0)
     is_associated = suffix == ".exr" or (suffix in (".tif", ".tiff") and not spec.getattribute("oiio:UnassociatedAlpha"))
     if str(spec.getattribute("compression")) in ("DXT2", "DXT4"):
@@ -116,7 +162,14 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
         spec = source.spec()
         count += spec.nchannels
         if spec.nchannels < 1 or count > _MOST_CHANNELS or spec.depth > 1:
-            raise SceneError(f"{name}: has {count} channels; give a plain RGB, RGBA or grey image")
+            raise SceneError(
+                Sentence(
+                    "channels-give-plain-rgb",
+                    "{name}: has {count} channels; give a plain RGB, RGBA or grey image",
+                    name=name,
+                    count=count,
+                )
+            )
         title = str(spec.getattribute("name") or spec.getattribute("oiio:subimagename") or "") if suffix == ".exr" else ""
         parts.append((title, ["deep"] * spec.nchannels if spec.deep else list(spec.channelnames)))
         if suffix != ".exr":
@@ -125,7 +178,14 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
     if colour is None or all(name == "deep" for name in parts[colour.part][1]):
         if not parts or suffix == ".exr":
             listed = ", ".join(channel for _, channels in parts for channel in channels)[:200]
-            raise SceneError(f"{name}: none of its channels ({listed}) is named R, G, B or Y; export it with these names")
+            raise SceneError(
+                Sentence(
+                    "none-channels-named-r",
+                    "{name}: none of its channels ({listed}) is named R, G, B or Y; export it with these names",
+                    name=name,
+                    listed=listed,
+                )
+            )
         colour = Colour(0, "", *_by_place(len(parts[0][1])), [])
     source.seek_subimage(colour.part, 0)
     return colour, source.spec()

@@ -15,6 +15,7 @@ from renderer.errors import SceneError
 from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
 from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
 from renderer.image.unread import of_pillow
+from renderer.sentences import Sentence
 
 __all__ = ["IMAGE_SUFFIXES", "MAX_PIXELS", "Decoded", "decode", "read"]
 
@@ -38,7 +39,14 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     """
     suffix = suffix_of(data)
     if suffix is None:
-        raise SceneError(f"{name}: is no image of a known format; give one of {', '.join(IMAGE_SUFFIXES)}")
+        raise SceneError(
+            Sentence(
+                "no-image-known-format",
+                "{name}: is no image of a known format; give one of {image_suffixes}",
+                name=name,
+                image_suffixes=[*IMAGE_SUFFIXES],
+            )
+        )
     limits = Limits(MAX_PIXELS * _LARGER if is_environment else MAX_PIXELS, MAX_PIXELS)
     try:
         if suffix == KTX2:
@@ -49,9 +57,23 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     except (SceneError, MemoryError):
         raise
     except Image.DecompressionBombError as error:  # Pillow's own limit is above ours, and is checked first
-        raise SceneError(f"{name}: has too many pixels; at most {MAX_PIXELS >> 20} million fit. Give a smaller image") from error
+        raise SceneError(
+            Sentence(
+                "too-many-pixels",
+                "{name}: has too many pixels; at most {max_pixels} million fit. Give a smaller image",
+                name=name,
+                max_pixels=MAX_PIXELS >> 20,
+            )
+        ) from error
     except Exception as error:  # the decoders raise nearly every type on damaged data
-        raise SceneError(f"{name}: the image is damaged or not what its name says ({error}); export it again") from error
+        raise SceneError(
+            Sentence(
+                "image-damaged-not-name-says",
+                "{name}: the image is damaged or not what its name says ({error}); export it again",
+                name=name,
+                error=error,
+            )
+        ) from error
     pixels = found.pixels
     if is_environment and pixels.dtype == np.float32:
         pixels = np.ascontiguousarray(pixels[..., :3])
@@ -77,8 +99,17 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
             if factor > 1:
                 image = image.convert("RGBA").reduce(factor)
                 notes.append(
-                    f"{name}: its {source.width} x {source.height} pixels are averaged to {image.width} x {image.height}, "
-                    f"as at most {limits.kept >> 20} million are kept; give it in that size to save time"
+                    Sentence(
+                        "x-pixels-averaged-x-most",
+                        "{name}: its {width} x {height} pixels are averaged to {width2} x {height2}, as at most "
+                        "{kept} million are kept; give it in that size to save time",
+                        name=name,
+                        width=source.width,
+                        height=source.height,
+                        width2=image.width,
+                        height2=image.height,
+                        kept=limits.kept >> 20,
+                    )
                 )
             pixels = np.array(image.convert("RGBA"))
     if suffix == ".tga":
@@ -95,9 +126,15 @@ def _through_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
     try:
         basisu = import_module("opengl_basisu")  # an extra
     except ImportError as error:
-        raise SceneError(f"{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG") from error
+        raise SceneError(
+            Sentence(
+                "ktx2-image",
+                "{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG",
+                name=name,
+            )
+        ) from error
     if len(data) < 80:
-        raise SceneError(f"{name}: the image is cut off; export it again")
+        raise SceneError(Sentence("image-cut-off", "{name}: the image is cut off; export it again", name=name))
     size = int.from_bytes(data[20:24], "little"), max(int.from_bytes(data[24:28], "little"), 1)
     Limits(limits.kept, limits.kept).factor(name, *size)
     image = basisu.open(data).transcode("rgba8", level=0)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from renderer.errors import SettingsError
 from renderer.luminance import REC_709
+from renderer.sentences import Sentence
 
 __all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
 
@@ -120,7 +121,9 @@ def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArra
     exposure: stops; +1 doubles the radiance. NaN and negative values become black. Raises SettingsError for an unknown curve.
     """
     if curve not in _FUNCTIONS:
-        raise SettingsError(f"tone curve is {curve!r}; known are {', '.join(CURVES)}")
+        raise SettingsError(
+            Sentence("tone-curve", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
+        )
     scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
     clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
     display = _FUNCTIONS[curve](np.minimum(clean, np.float32(1e18)))

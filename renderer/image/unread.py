@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageCms
 
+from renderer.sentences import Sentence
+
 __all__ = ["of_header", "of_pillow", "of_primaries", "of_profile"]
 
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -24,18 +26,41 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
     notes = of_profile(source.info.get("icc_profile"), name)
     gamma = source.info.get("gamma")
     if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
-        notes.append(f"{name}: its gamma of {gamma:g} is not taken over; it is read as sRGB, whose gamma is {_SRGB_GAMMA:g}")
+        notes.append(
+            Sentence(
+                "gamma-not-taken-over-read",
+                "{name}: its gamma of {gamma} is not taken over; it is read as sRGB, whose gamma is {srgb_gamma}",
+                name=name,
+                gamma=f"{gamma:g}",
+                srgb_gamma=f"{_SRGB_GAMMA:g}",
+            )
+        )
     if source.mode == "CMYK":
-        notes.append(f"{name}: its inks (CMYK) are read as red, green and blue without a colour profile; give it in RGB")
+        notes.append(
+            Sentence(
+                "inks-cmyk-read-red",
+                "{name}: its inks (CMYK) are read as red, green and blue without a colour profile; give it in RGB",
+                name=name,
+            )
+        )
     try:
         frames, turned = getattr(source, "n_frames", 1), source.getexif().get(_ORIENTATION, 1)
     except Exception:  # on damaged metadata Pillow raises nearly every type; the pixels may be whole
         frames, turned = 1, 1
-        notes.append(f"{name}: its metadata is damaged, and not read")
+        notes.append(Sentence("metadata-damaged", "{name}: its metadata is damaged, and not read", name=name))
     if frames > 1:
-        notes.append(f"{name}: has {frames} frames, of which the first is shown")
+        notes.append(
+            Sentence("frames-first-shown", "{name}: has {frames} frames, of which the first is shown", name=name, frames=frames)
+        )
     if turned not in (0, 1):
-        notes.append(f"{name}: says that it is to be turned (Exif orientation {turned}), which is not taken over; save it turned")
+        notes.append(
+            Sentence(
+                "says-turned-exif-orientation",
+                "{name}: says that it is to be turned (Exif orientation {turned}), which is not taken over; save it turned",
+                name=name,
+                turned=turned,
+            )
+        )
     return notes
 
 
@@ -50,7 +75,14 @@ def of_profile(profile: Any, name: str) -> list[str]:
         title = "damaged"
     if "srgb" in title.lower().replace(" ", ""):
         return []
-    return [f'{name}: its colour profile "{title[:80]}" is not taken over; its colours are read as sRGB. Convert it to sRGB']
+    return [
+        Sentence(
+            "colour-profile-not-taken-over",
+            '{name}: its colour profile "{title}" is not taken over; its colours are read as sRGB. Convert it to sRGB',
+            name=name,
+            title=title[:80],
+        )
+    ]
 
 
 def of_primaries(chromaticities: Any, name: str) -> list[str]:
@@ -79,7 +111,15 @@ def of_header(data: bytes, name: str) -> list[str]:
             factor = factor * values if len(values) in (1, 3) else factor
         if not np.allclose(factor, 1, rtol=1e-3):
             listed = " ".join(f"{value:g}" for value in (factor[:1] if len({*factor}) == 1 else factor))
-            notes.append(f"{name}: its values are {listed} times the radiance ({key}); they are read as they are")
+            notes.append(
+                Sentence(
+                    "values-times-radiance",
+                    "{name}: its values are {listed} times the radiance ({key}); they are read as they are",
+                    name=name,
+                    listed=listed,
+                    key=key,
+                )
+            )
     if said["PRIMARIES"]:
         notes += of_primaries(_numbers(said["PRIMARIES"][-1]), name)
     return notes

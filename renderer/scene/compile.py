@@ -35,6 +35,7 @@ from renderer.scene.placed_bodies import Stood, stand
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import grow
 from renderer.scene.studio import STUDIO_TOO, light_studio
+from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
 
@@ -43,7 +44,6 @@ __all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "own_cameras", "summa
 AUTO_CAMERA = "auto"
 
 Progress = Callable[[str, float], None]
-NO_AREA = "Triangles that emit and have no area give no light: {n}."
 
 
 def compile_scene(
@@ -70,15 +70,15 @@ def compile_scene(
 
 
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:
-    say("placing meshes", 0.0)
+    say(Sentence("placing-meshes", "placing meshes"), 0.0)
     origin = origin_of(description, kept)
     whole, description = description, rebased(description, origin, kept)
     stood = stand(description, team, kept)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
-    say("packing textures", 0.25)
+    say(Sentence("packing-textures", "packing textures"), 0.25)
     packed = stood.packed
-    say("listing lights", 0.4)
+    say(Sentence("listing-lights", "listing lights"), 0.4)
     maps = maps_of(description.lights)
     emission = kept.recall("emission", lambda: maps, lambda: tabulate_emission(maps))
     punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
@@ -86,7 +86,9 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     all_emitters = emitting_triangles(packed, geometry)
     emitters = with_area(all_emitters, geometry)
     if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
-        description.warnings.append(NO_AREA.format(n=left_out))
+        description.warnings.append(
+            Sentence("emitting-triangles-without-area", "Triangles that emit and have no area give no light: {n}.", n=left_out)
+        )
     sphere_keys = motion_keys.sphere_keys(description, stood.spheres[stood.still_spheres :])
     even = sends_evenly(packed, geometry)
     of_spheres = sphere, stood.sphere_material
@@ -101,7 +103,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         lambda: _environment(whole),
     )
     chance = choose_environment(environment, lights.power, stood.bounds)
-    say("building the BVH", 0.5)
+    say(Sentence("building-bvh", "building the BVH"), 0.5)
     keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)

@@ -20,6 +20,7 @@ import numpy as np
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested, seal
 from renderer.errors import SceneError
 from renderer.scene.compiled_parts import MANIFEST_STARTS, Find, load_parts
+from renderer.sentences import Sentence
 
 __all__ = ["CompiledScene", "load", "save", "seal"]
 
@@ -68,32 +69,53 @@ def load(path: Path, find: Find | None = None) -> CompiledScene:
             file.seek(0)
             return _of_parts(path, file.read(), find)
         if size < 8:
-            raise SceneError(f"{path.name} is no compiled scene: it has only {size} bytes")
+            raise SceneError(
+                Sentence(
+                    "no-compiled-scene",
+                    "{name} is no compiled scene: it has only {size} bytes",
+                    name=path.name,
+                    size=size,
+                )
+            )
         mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     try:
         return nested(_views(mapped, size))
     except SceneError as error:
-        raise SceneError(f"{path.name} is damaged or no compiled scene: {error}. Prepare the scene again") from error
+        raise SceneError(
+            Sentence(
+                "damaged-no-compiled-scene",
+                "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
+                name=path.name,
+                error=error,
+            )
+        ) from error
 
 
 def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
     try:
         return load_parts(manifest, find or (lambda sha256, size: path.parent / sha256))
     except SceneError as error:
-        raise SceneError(f"{path.name} is damaged or no compiled scene: {error}. Prepare the scene again") from error
+        raise SceneError(
+            Sentence(
+                "damaged-no-compiled-scene",
+                "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
+                name=path.name,
+                error=error,
+            )
+        ) from error
 
 
 def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
     """Returns the arrays by name, checked against the layout."""
     length = int.from_bytes(mapped[:8], "little")
     if not 2 <= length <= min(_MAX_HEADER, size - 8):
-        raise SceneError("its header's length is wrong")
+        raise SceneError(Sentence("header-length-wrong", "its header's length is wrong"))
     try:
         header = json.loads(mapped[8 : 8 + length])
         if header.pop("__metadata__") != _FORMAT:
-            raise SceneError("it was written by another version")
+            raise SceneError(Sentence("written-by-another-version", "it was written by another version"))
         if list(header) != list(LAYOUT):
-            raise SceneError("its list of arrays is not the expected one")
+            raise SceneError(Sentence("list-arrays-not-expected-one", "its list of arrays is not the expected one"))
         arrays = {}
         end = 0
         for name, (dtype, _) in LAYOUT.items():
@@ -107,14 +129,14 @@ def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
                 or min(shape) < 0
                 or stop - start != count * np.dtype(dtype).itemsize
             ):
-                raise SceneError(f"the entry of {name} is wrong")
+                raise SceneError(Sentence("entry-wrong", "the entry of {name} is wrong", name=name))
             end = stop
             if 8 + length + stop > size:
-                raise SceneError(f"it ends before {name} does")
+                raise SceneError(Sentence("ends-before", "it ends before {name} does", name=name))
             arrays[name] = np.frombuffer(mapped, dtype, count, 8 + length + start).reshape(shape)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SceneError("its header cannot be read") from error
+        raise SceneError(Sentence("header-cannot-read", "its header cannot be read")) from error
     if 8 + length + end != size:
-        raise SceneError("it is longer than its arrays")
+        raise SceneError(Sentence("longer-than-arrays", "it is longer than its arrays"))
     check(arrays)
     return arrays

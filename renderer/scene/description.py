@@ -16,6 +16,7 @@ import numpy.typing as npt
 from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.material import AlphaMode, Material
 from renderer.scene.parameters import MaterialKind, choice, flag, number, parameters_of
+from renderer.sentences import Sentence
 from renderer.settings import Vec3, View
 
 __all__ = [
@@ -264,8 +265,8 @@ class Camera:
     keys: tuple[View, ...] = ()
 
 
-class SurfaceNote(str):
-    """A warning about a surface's look, dropped if another material replaces the surface's."""
+class SurfaceNote(Sentence):
+    """A warning of how a surface looks, which is idle where another material replaces it."""
 
     __slots__ = ()
 

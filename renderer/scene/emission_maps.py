@@ -12,6 +12,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.kernel.light.emission_map import SCREEN, SPHERE, WINDOW
 from renderer.scene.description import F32, I32, EmissionMap, Light, Vec3
+from renderer.sentences import Sentence
 
 __all__ = ["NO_EMISSION", "EmissionTables", "emission_frames", "flux_of", "maps_of", "tabulate_emission"]
 
@@ -51,7 +52,12 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
         return NO_EMISSION
     sizes = [each.values.shape[0] * each.values.shape[1] for each in maps]
     if sum(sizes) > _MOST_TEXELS:
-        raise SceneError("The pictures and profiles of the scene's lights are too large together; make them smaller")
+        raise SceneError(
+            Sentence(
+                "pictures-profiles-scene-lights-too",
+                "The pictures and profiles of the scene's lights are too large together; make them smaller",
+            )
+        )
     first = np.cumsum([0, *sizes])
     rows = [(start, *each.values.shape[1::-1], _KINDS[each.kind]) for start, each in zip(first, maps, strict=False)]
     return EmissionTables(

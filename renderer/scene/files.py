@@ -22,6 +22,7 @@ from renderer.confine.faults import is_of_machine
 from renderer.errors import SceneError
 from renderer.frames import frame_name, numbers_of
 from renderer.scene.text_encoding import is_readable, readings
+from renderer.sentences import Sentence
 
 __all__ = ["MAX_FILE_BYTES", "SceneFiles", "data_uri", "folded"]
 
@@ -42,7 +43,13 @@ class SceneFiles:
 
     def __init__(self, folder: Path, environment: str | None = None) -> None:
         if not folder.is_dir():
-            raise SceneError(f"{folder.name}: is no folder; give the folder that holds the scene's files")
+            raise SceneError(
+                Sentence(
+                    "no-folder",
+                    "{name}: is no folder; give the folder that holds the scene's files",
+                    name=folder.name,
+                )
+            )
         self._root = folder.resolve()
         self._environment = environment
         self._made: dict[Hashable, Any] = {}
@@ -88,12 +95,28 @@ class SceneFiles:
         """Returns a file's path, for libraries that open it themselves. Raises SceneError as `read` does."""
         path = self._inside(name)
         if path is None:
-            raise SceneError(f"{name[:200]}: leads out of the scene's folder; put the file beside the scene and name it so")
+            raise SceneError(
+                Sentence(
+                    "leads-out-scene-folder",
+                    "{name}: leads out of the scene's folder; put the file beside the scene and name it so",
+                    name=name[:200],
+                )
+            )
         if not self._is_file(name):
-            raise SceneError(f"{name[:200]}: is not among the scene's files; add it")
+            raise SceneError(
+                Sentence("not-among-scene-files-add", "{name}: is not among the scene's files; add it", name=name[:200])
+            )
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
-            raise SceneError(f"{name}: is {size / 2**30:.1f} GiB; a file of a scene has at most {MAX_FILE_BYTES >> 30} GiB")
+            raise SceneError(
+                Sentence(
+                    "gib-file-scene-most-gib",
+                    "{name}: is {size} GiB; a file of a scene has at most {max_file_bytes} GiB",
+                    name=name,
+                    size=f"{size / 2**30:.1f}",
+                    max_file_bytes=MAX_FILE_BYTES >> 30,
+                )
+            )
         return path
 
     def read(self, name: str) -> bytes:
@@ -107,7 +130,9 @@ class SceneFiles:
         except OSError as error:
             if is_of_machine(error):
                 raise
-            raise SceneError(f"{name}: could not be read ({error.strerror})") from error
+            raise SceneError(
+                Sentence("could-not-read-3", "{name}: could not be read ({strerror})", name=name, strerror=error.strerror)
+            ) from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
         """Returns the file name of a pattern at a frame, with the frame number in place of #; unchanged if a file has that very
@@ -274,12 +299,26 @@ def data_uri(uri: str, where: str) -> bytes:
     """Returns the bytes of a data: URI. Raises SceneError if it is damaged or too large; `where` is for error messages."""
     header, comma, body = uri.partition(",")
     if not comma:
-        raise SceneError(f"{where}: its data URI has no data; export the file again")
+        raise SceneError(Sentence("data-uri-no-data", "{where}: its data URI has no data; export the file again", where=where))
     if len(body) > MAX_DATA_URI_BYTES:
-        raise SceneError(f"{where}: its data URI is {len(body) >> 20} MiB; keep such data in a file beside the scene")
+        raise SceneError(
+            Sentence(
+                "data-uri-mib",
+                "{where}: its data URI is {n} MiB; keep such data in a file beside the scene",
+                where=where,
+                n=len(body) >> 20,
+            )
+        )
     if not header.lower().endswith(";base64"):
         return unquote_to_bytes(body)
     try:
         return base64.b64decode(unquote(body) if "%" in body else body, validate=False)
     except (binascii.Error, ValueError) as error:
-        raise SceneError(f"{where}: its data URI is damaged ({error}); export the file again") from error
+        raise SceneError(
+            Sentence(
+                "data-uri-damaged",
+                "{where}: its data URI is damaged ({error}); export the file again",
+                where=where,
+                error=error,
+            )
+        ) from error

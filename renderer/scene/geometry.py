@@ -20,6 +20,7 @@ from renderer.scene.mesh_batch import MOST_VERTICES, placed_together
 from renderer.scene.object_ids import number_objects
 from renderer.scene.placed_mesh import Placed, placed, with_keys
 from renderer.scene.tangents import needs_tangents
+from renderer.sentences import Sentence
 from renderer.threads import PART, Team, parts_of
 
 __all__ = [
@@ -182,8 +183,15 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
     ):
         if total > limit:
             raise SceneError(
-                f"{description.name}: has {total / 1e6:.0f} million {what}, repeated meshes counted once; at most "
-                f"{limit // 10**6} million fit. Simplify its meshes"
+                Sentence(
+                    "million-repeated-meshes-counted-once",
+                    "{name}: has {total} million {what}, repeated meshes counted once; at most {limit} "
+                    "million fit. Simplify its meshes",
+                    name=description.name,
+                    total=f"{total / 1000000.0:.0f}",
+                    what=what,
+                    limit=limit // 10**6,
+                )
             )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any
@@ -21,6 +22,7 @@ from renderer.scene.readers.polygon_meshes import filled, of_triangles
 from renderer.scene.shutter_merge import between_files, while_open
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence, both, reason_of
 from renderer.settings import chosen
 
 __all__ = ["Shot", "light_with", "read"]
@@ -71,7 +73,13 @@ class Shot:
             if id(mesh.positions) not in known and not np.isfinite(mesh.positions).all():
                 title = f"{main}: mesh {mesh.name}"
                 if mesh.deforms or mesh.keys or not len(mesh.triangles):
-                    raise SceneError(f"{title} holds positions that are not finite numbers; export the file again")
+                    raise SceneError(
+                        Sentence(
+                            "holds-positions-not-finite-numbers",
+                            "{title} holds positions that are not finite numbers; export the file again",
+                            title=title,
+                        )
+                    )
                 corners, shelf = mesh.triangles.reshape(-1), TextureShelf(description, self._files)
                 whole = filled(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
                 mesh = description.meshes[i] = of_triangles(mesh, whole)
@@ -157,11 +165,21 @@ def light_with(files: SceneFiles, name: str, description: SceneDescription) -> N
     shelf = TextureShelf(description, files)
     found = files.find(name, ".")
     if found is None:
-        raise SceneError(f"{name}: the environment is not among the scene's files; add it")
+        raise SceneError(
+            Sentence(
+                "environment-not-among-scene-files", "{name}: the environment is not among the scene's files; add it", name=name
+            )
+        )
     image = shelf.environment_file(found)
     if image is None:
-        reason = description.warnings[-1].partition(";")[0] if description.warnings else name
-        raise SceneError(f"The environment cannot be read: {reason}; give an .exr or .hdr image in equirectangular projection")
+        reason = reason_of(description.warnings[-1]) if description.warnings else name
+        raise SceneError(
+            Sentence(
+                "environment-cannot-read",
+                "The environment cannot be read: {reason}; give an .exr or .hdr image in equirectangular projection",
+                reason=reason,
+            )
+        )
     description.environment = Environment(image=image)
 
 
@@ -171,11 +189,21 @@ def _check(main: str, description: SceneDescription) -> None:
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
     if shown:
         return
-    what = "shows no surface at this frame; a picture needs one, however far away"
+    what = Sentence("shows-no-surface-frame", "shows no surface at this frame; a picture needs one, however far away")
     if not description.moves:
-        what = "shows no surface: no triangles and no spheres. Export it with its meshes"
+        what = Sentence("shows-no-surface", "shows no surface: no triangles and no spheres. Export it with its meshes")
     reasons = [warning.rstrip(".") for warning in description.warnings[:_REASONS]]
-    raise SceneError(f"{main}: {what}{'. What was left out: ' if reasons else ''}{'; '.join(reasons)}")
+    if not reasons:
+        raise SceneError(Sentence("fault-of-file", "{file}: {fault}", file=main, fault=what))
+    raise SceneError(
+        Sentence(
+            "fault-of-file-with-reasons",
+            "{file}: {fault}. What was left out: {reasons}",
+            file=main,
+            fault=what,
+            reasons=reduce(both, reasons),
+        )
+    )
 
 
 def _emits(description: SceneDescription) -> bool:

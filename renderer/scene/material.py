@@ -24,6 +24,7 @@ from renderer.scene.parameters import (
     texture,
     values,
 )
+from renderer.sentences import Sentence
 from renderer.settings import Vec3
 
 __all__ = ["ALL_REFLECTING_IOR", "MOST_DENSE", "MOST_FORWARD", "PARAMETERS", "AlphaMode", "Distribution", "Material", "check"]
@@ -205,4 +206,12 @@ def check(material: Material) -> None:
         value = getattr(material, parameter.name)
         fault = None if value is parameter.default else parameter.fault(value)
         if fault is not None:
-            raise SceneError(f"Material {material.name}: its {parameter.in_file} {fault}. Mend it in the file")
+            raise SceneError(
+                Sentence(
+                    "material-mend-file",
+                    "Material {name}: its {in_file} {fault}. Mend it in the file",
+                    name=material.name,
+                    in_file=parameter.in_file,
+                    fault=fault,
+                )
+            )

@@ -14,6 +14,7 @@ from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.material import PARAMETERS, check
 from renderer.scene.media import absorption, list_media
 from renderer.scene.texels import MAX_EMISSION, Texels
+from renderer.sentences import Sentence
 
 __all__ = ["Packed", "conductor_reflectance", "pack"]
 
@@ -66,7 +67,12 @@ def pack(description: SceneDescription) -> Packed:
                 continue
             if not parameter.layered and description.textures[index].layers:
                 raise SceneError(
-                    f"Material {m.name}: its {parameter.name} has layers, which that slot does not take; give it one texture"
+                    Sentence(
+                        "material-layers",
+                        "Material {name}: its {name2} has layers, which that slot does not take; give it one texture",
+                        name=m.name,
+                        name2=parameter.name,
+                    )
                 )
             textures[i, parameter.slot] = texels.add(index)[0]
         emission = np.array(m.emission if m.kind != "interface" else (0.0, 0.0, 0.0), np.float64)

@@ -10,6 +10,7 @@ from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Medium, SceneDescription
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
+from renderer.sentences import Sentence
 
 __all__ = ["Media", "absorption", "list_media"]
 
@@ -54,7 +55,12 @@ def list_media(description: SceneDescription) -> Media:
         of_material[i] = known[key]
     if len(found) >= rows.MOST_MEDIA:
         raise SceneError(
-            f"The scene has {len(found)} different media; {rows.MOST_MEDIA - 1} are the most. Let materials share theirs"
+            Sentence(
+                "scene-different-media",
+                "The scene has {n} different media; {most_media} are the most. Let materials share theirs",
+                n=len(found),
+                most_media=rows.MOST_MEDIA - 1,
+            )
         )
     return Media(np.array(found, np.float32), of_material)
 
@@ -62,9 +68,25 @@ def list_media(description: SceneDescription) -> Media:
 def _check(world: Medium) -> None:
     for name, values in (("sigma_a", world.sigma_a), ("sigma_s", world.sigma_s)):
         if len(values) != 3 or not all(0 <= value <= MOST_DENSE for value in values):
-            raise SceneError(f"The world's medium: its {name} is {values}; it takes three numbers from 0 to {MOST_DENSE:g}")
+            raise SceneError(
+                Sentence(
+                    "world-medium-takes",
+                    "The world's medium: its {name} is {values}; it takes three numbers from 0 to {most_dense}",
+                    name=name,
+                    values=values,
+                    most_dense=f"{MOST_DENSE:g}",
+                )
+            )
     if not abs(world.g) <= MOST_FORWARD:
-        raise SceneError(f"The world's medium: its g is {world.g:g}; it takes numbers from {-MOST_FORWARD:g} to {MOST_FORWARD:g}")
+        raise SceneError(
+            Sentence(
+                "world-medium",
+                "The world's medium: its g is {g}; it takes numbers from {most_forward} to {most_forward2}",
+                g=f"{world.g:g}",
+                most_forward=f"{-MOST_FORWARD:g}",
+                most_forward2=f"{MOST_FORWARD:g}",
+            )
+        )
 
 
 def absorption(materials: list[Material]) -> np.ndarray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import PurePosixPath
 
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.text_encoding import is_readable, readable, title
+from renderer.sentences import Sentence
 
 __all__ = ["make_readable"]
 
@@ -40,9 +42,24 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
     description.cameras[:] = [
         camera if is_readable(camera.name) else replace(camera, name=text(camera.name)) for camera in description.cameras
     ]
-    description.warnings[:] = [w if is_readable(w) else type(w)(readable(w, encoding)) for w in description.warnings]
+    description.warnings[:] = [
+        w
+        if is_readable(w)
+        else w.mapped(partial(readable, encoding=encoding))
+        if isinstance(w, Sentence)
+        else readable(w, encoding)
+        for w in description.warnings
+    ]
     found = common[0][1] if common else 0
     if changed or found:
         count = max(len(changed), found)
         how = f"{title(encoding)}, in which {found} files are found" if encoding else "Latin-1, which is a guess"
-        description.warnings.append(f"{PurePosixPath(main).name}: {count} names are not in UTF-8; they are read as {how}.")
+        description.warnings.append(
+            Sentence(
+                "names-not-utf-8",
+                "{name}: {count} names are not in UTF-8; they are read as {how}.",
+                name=PurePosixPath(main).name,
+                count=count,
+                how=how,
+            )
+        )

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 from renderer.arrays.rows import KINDS
+from renderer.sentences import Sentence
 
 __all__ = [
     "EVERY_KIND",
@@ -77,15 +78,19 @@ class Parameter:
         if self.form == "flag":
             return None if isinstance(value, bool) else f"is {value!r}; it is true or false"
         if self.form == "choice":
-            return None if value in self.choices else f"is {value!r}; known are {', '.join(self.choices)}"
+            return (
+                None
+                if value in self.choices
+                else Sentence("known-2", "is {value}; known are {choices}", value=repr(value), choices=[*self.choices])
+            )
         count = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}.get(self.form)
         numbers = [value] if count is None else list(value)
         if count is not None and len(numbers) != count:
-            return f"has {len(numbers)} numbers; it takes {count}"
+            return Sentence("numbers-takes", "has {n} numbers; it takes {count}", n=len(numbers), count=count)
         for number in numbers:
             if not self.low <= number <= self.high or (self.above and number == self.low):
                 bound = f"above {self.low:g}" if self.above else f"from {self.low:g} to {self.high:g}"
-                return f"is {number:g}; it takes numbers {bound}"
+                return Sentence("takes-numbers-2", "is {number}; it takes numbers {bound}", number=f"{number:g}", bound=bound)
         return None
 
 

@@ -26,6 +26,7 @@ from renderer.scene.material_packing import Packed, pack
 from renderer.scene.object_ids import number_objects
 from renderer.scene.placed_mesh import MAX_COORDINATE
 from renderer.scene.tangents import needs_tangents, tangent_uv_set
+from renderer.sentences import Sentence
 from renderer.threads import Team
 
 __all__ = ["Stood", "stand"]
@@ -137,7 +138,13 @@ def _spheres(description: SceneDescription, order: list[int]) -> F32:
     spheres = [description.spheres[n] for n in order]
     found = np.array([(*s.center, s.radius) for s in spheres], np.float64).reshape(-1, 4)
     if not (np.abs(found) < MAX_COORDINATE).all():
-        raise SceneError(f"{description.name}: a sphere's place or size is beyond what numbers hold; give it a sane one")
+        raise SceneError(
+            Sentence(
+                "sphere-place-size-beyond-numbers",
+                "{name}: a sphere's place or size is beyond what numbers hold; give it a sane one",
+                name=description.name,
+            )
+        )
     return found.astype(np.float32)
 
 
@@ -149,8 +156,20 @@ def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Pl
     if len(sphere):
         corners += [sphere[:, :3] - sphere[:, 3:], sphere[:, :3] + sphere[:, 3:]]
     if not corners:
-        raise SceneError(f"{name}: has no triangle with an area and no sphere; export it with its meshes")
+        raise SceneError(
+            Sentence(
+                "no-triangle-with-area-no",
+                "{name}: has no triangle with an area and no sphere; export it with its meshes",
+                name=name,
+            )
+        )
     bounds = np.array([np.min([c.min(axis=0) for c in corners], axis=0), np.max([c.max(axis=0) for c in corners], axis=0)])
     if not np.abs(bounds).max() < MAX_COORDINATE:
-        raise SceneError(f"{name}: an instance's place is beyond what numbers hold; give it a sane transform")
+        raise SceneError(
+            Sentence(
+                "instance-place-beyond-numbers-hold",
+                "{name}: an instance's place is beyond what numbers hold; give it a sane transform",
+                name=name,
+            )
+        )
     return bounds.astype(np.float32)

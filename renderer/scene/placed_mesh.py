@@ -17,6 +17,7 @@ from renderer.scene.kernel_arguments import read_only
 from renderer.scene.matrices import product
 from renderer.scene.normals import cofactors, face_normals
 from renderer.scene.tangents import needs_tangents, split_mirrored, tangent_uv_set, vertex_tangents
+from renderer.sentences import Sentence
 from renderer.threads import PART, Team, parts_of
 
 __all__ = ["MAX_COORDINATE", "Placed", "finite", "placed", "with_keys"]
@@ -138,7 +139,13 @@ def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -
     placed = np.empty((len(point), 3), np.float32)
     largest = team.each(lambda part: place_points(point, transform, *part, placed), parts_of(0, len(point), PART))
     if not all(each <= MAX_COORDINATE for each in largest):
-        raise SceneError(f"Mesh {mesh.name}: its place in the world is beyond what numbers hold; give it a sane transform")
+        raise SceneError(
+            Sentence(
+                "mesh-place-world-beyond-numbers",
+                "Mesh {name}: its place in the world is beyond what numbers hold; give it a sane transform",
+                name=mesh.name,
+            )
+        )
     return read_only(placed)
 
 

@@ -14,6 +14,7 @@ from renderer.errors import SceneError
 from renderer.presets import PRESETS
 from renderer.scene.description import F32, Environment, Image, SceneDescription, Sky
 from renderer.scene.sky import PREFIX, parse_sky
+from renderer.sentences import Sentence
 
 __all__ = ["is_named", "light_by_name", "preset_image"]
 
@@ -45,7 +46,14 @@ def light_by_name(name: str, description: SceneDescription) -> None:
         description.environment = parse_sky(name)
         return
     if name not in PRESETS:
-        raise SceneError(f"There is no light called {name[:60]!r}; there are {', '.join(PRESETS)}")
+        raise SceneError(
+            Sentence(
+                "no-light-called",
+                "There is no light called {name}; there are {presets}",
+                name=repr(name[:60]),
+                presets=[*PRESETS],
+            )
+        )
     sky = PRESETS[name].sky
     if sky is not None:
         description.environment = Environment(sky=Sky(*sky))

@@ -23,6 +23,7 @@ from renderer.luminance import REC_709
 from renderer.scene.description import F32, I32, EmissionMap, Light
 from renderer.scene.emission_maps import NO_EMISSION, EmissionTables, emission_frames
 from renderer.scene.light_tree import LightBounds
+from renderer.sentences import Sentence
 
 __all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
 
@@ -98,28 +99,97 @@ def light_rows(lights: Sequence[Light]) -> F32:
 
 def _check(light: Light) -> bool:
     if light.kind not in _KINDS:
-        raise SceneError(f"The light {light.name!r} is of kind {light.kind!r}; known are {', '.join(_KINDS)}")
+        raise SceneError(
+            Sentence(
+                "light-kind",
+                "The light {name} is of kind {kind}; known are {kinds}",
+                name=repr(light.name),
+                kind=repr(light.kind),
+                kinds=[*_KINDS],
+            )
+        )
     numbers = (*light.intensity, *light.position, *light.direction, light.radius, light.angle)
     if not np.isfinite(numbers).all():
-        raise SceneError(f"The light {light.name!r} has a number that is infinite or none; give it a sane one")
+        raise SceneError(
+            Sentence(
+                "light-number-infinite-none",
+                "The light {name} has a number that is infinite or none; give it a sane one",
+                name=repr(light.name),
+            )
+        )
     if not all(0 <= c <= _MAX_INTENSITY for c in light.intensity):
-        raise SceneError(f"The light {light.name!r} has the intensity {light.intensity}; it lies between 0 and 1e15")
+        raise SceneError(
+            Sentence(
+                "light-intensity",
+                "The light {name} has the intensity {intensity}; it lies between 0 and 1e15",
+                name=repr(light.name),
+                intensity=light.intensity,
+            )
+        )
     if light.emission is not None and light.kind == "directional":
-        raise SceneError(f"The light {light.name!r} is far away and has a picture or a profile; only points and spots have one")
+        raise SceneError(
+            Sentence(
+                "light-far-away-picture-profile",
+                "The light {name} is far away and has a picture or a profile; only points and spots have one",
+                name=repr(light.name),
+            )
+        )
     if (light.kind != "point" or light.emission is not None) and not any(light.direction):
-        raise SceneError(f"The light {light.name!r} has no direction; give it the one in which it shines")
+        raise SceneError(
+            Sentence(
+                "light-no-direction",
+                "The light {name} has no direction; give it the one in which it shines",
+                name=repr(light.name),
+            )
+        )
     if not 0 <= light.radius <= 1e15:
-        raise SceneError(f"The light {light.name!r} has the radius {light.radius:g}; it lies between 0 and 1e15")
+        raise SceneError(
+            Sentence(
+                "light-radius",
+                "The light {name} has the radius {radius}; it lies between 0 and 1e15",
+                name=repr(light.name),
+                radius=f"{light.radius:g}",
+            )
+        )
     if not 0 <= light.angle <= 180:
-        raise SceneError(f"The light {light.name!r} spans {light.angle:g} degrees; that lies between 0 and 180")
+        raise SceneError(
+            Sentence(
+                "light-spans-degrees",
+                "The light {name} spans {angle} degrees; that lies between 0 and 180",
+                name=repr(light.name),
+                angle=f"{light.angle:g}",
+            )
+        )
     if light.seen not in _SUNS:
-        raise SceneError(f"The light {light.name!r} is seen {light.seen!r}; known are {', '.join(_SUNS)}")
+        raise SceneError(
+            Sentence(
+                "light-seen",
+                "The light {name} is seen {seen}; known are {suns}",
+                name=repr(light.name),
+                seen=repr(light.seen),
+                suns=[*_SUNS],
+            )
+        )
     if light.falloff not in _SPOTS:
-        raise SceneError(f"The light {light.name!r} has the falloff {light.falloff!r}; known are {', '.join(_SPOTS)}")
+        raise SceneError(
+            Sentence(
+                "light-falloff",
+                "The light {name} has the falloff {falloff}; known are {spots}",
+                name=repr(light.name),
+                falloff=repr(light.falloff),
+                spots=[*_SPOTS],
+            )
+        )
     if light.kind == "spot" and not 0 <= light.inner_cone <= light.outer_cone <= 180:
         raise SceneError(
-            f"The spot {light.name!r} has cones of {light.inner_cone:g} and {light.outer_cone:g} degrees; "
-            "the inner one lies between 0 and the outer one, and that between it and 180"
+            Sentence(
+                "spot-cones-degrees",
+                "The spot {name} has cones of {inner_cone} and {outer_cone} degrees; the inner one lies "
+                "between 0 and the outer one, and that between it and 180",
+                name=repr(light.name),
+                inner_cone=f"{light.inner_cone:g}",
+                outer_cone=f"{light.outer_cone:g}",
+            )
         )
     return True
 

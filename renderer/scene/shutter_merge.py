@@ -21,6 +21,7 @@ from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescr
 from renderer.scene.instances import goes_straight
 from renderer.scene.scene_equality import same
 from renderer.scene.texture_motion import slid
+from renderer.sentences import Sentence
 from renderer.settings import MOST_KEYS
 
 __all__ = ["between_files", "while_open"]
@@ -82,10 +83,10 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
     )
     if any(thing.keys for thing in things):
         moving.keys = len(found)
-    still = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
-    still += ["textures, but for how they lie"] * changes + changed
+    still: list[str] = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
+    still += [Sentence("still-textures", "textures, but for how they lie")] * changes + changed
     if still:
-        moving.warnings.append(_NOT_BLURRED.format(", ".join(still)))
+        moving.warnings.append(_not_blurred(still))
     return moving
 
 
@@ -102,7 +103,7 @@ def between_files(
         if all(same(other.positions, mesh.positions) for other in beside):
             continue
         if not all(_is_cut_alike(mesh, other) for other in beside):
-            moving.warnings.append(_NOT_BLURRED.format(_CHANGES.format(mesh.name)))
+            moving.warnings.append(_not_blurred([_changes(mesh)]))
             continue
         moving.keys = moving.keys or shutter.keys or _FIRST_KEYS
         shares = [i / (moving.keys - 1) for i in range(moving.keys)]
@@ -127,12 +128,18 @@ def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarra
     return near * mesh.positions + part * other.positions, normals
 
 
-_NOT_BLURRED = "Shown as in the middle of the shutter, not blurred: {}."
-_CHANGES = "the mesh {}, whose triangles change"
-_STILL = {
-    "materials": ("materials",),
-    "pictures": ("images",),
-    "the environment": ("environment", "medium"),
+def _not_blurred(things: list[str]) -> str:
+    return Sentence("not-blurred", "Shown as in the middle of the shutter, not blurred: {things}.", things=things)
+
+
+def _changes(mesh: Mesh) -> str:
+    return Sentence("mesh-whose-triangles-change", "the mesh {name}, whose triangles change", name=mesh.name)
+
+
+_STILL: dict[str, tuple[str, ...]] = {
+    Sentence("still-materials", "materials"): ("materials",),
+    Sentence("still-pictures", "pictures"): ("images",),
+    Sentence("still-environment", "the environment"): ("environment", "medium"),
 }
 
 
@@ -155,7 +162,7 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
                 shapes = _keys([(other.positions, other.normals) for other in others], (mesh.positions, mesh.normals))
                 meshes[instance.mesh] = replace(mesh, keys=shapes, deforms=mesh.deforms or len(shapes) > 0)
             else:
-                changed.append(_CHANGES.format(mesh.name))
+                changed.append(_changes(mesh))
     return instances, meshes, changed
 
 

@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.luminance import luminance
 from renderer.scene.atmosphere import Air, mie_phase, rayleigh_phase, scattered, transmitted
 from renderer.scene.description import F32, Environment, Sky
+from renderer.sentences import Sentence
 
 __all__ = ["PREFIX", "Sun", "image_of_sky", "parse_sky", "sun_of_sky"]
 
@@ -44,7 +45,13 @@ def parse_sky(text: str) -> Environment:
     except ValueError:
         numbers = []
     if not text.startswith(PREFIX) or not 1 <= len(numbers) <= 2:
-        raise SceneError(f"The sky is {text[:60]!r}; give the sun's elevation and, if you like, its azimuth, as sky:30,120")
+        raise SceneError(
+            Sentence(
+                "sky-give-sun-elevation",
+                "The sky is {text}; give the sun's elevation and, if you like, its azimuth, as sky:30,120",
+                text=repr(text[:60]),
+            )
+        )
     sky = Sky(numbers[0], numbers[1] if len(numbers) == 2 else 0.0)
     _check(sky)
     return Environment(sky=sky)
@@ -133,6 +140,21 @@ def _check(sky: Sky) -> None:
     for name, (least, most) in _RANGES.items():
         value = getattr(sky, name)
         if not least <= value <= most:
-            raise SceneError(f"The sky's {name} is {value:g}; it lies between {least:g} and {most:g}")
+            raise SceneError(
+                Sentence(
+                    "sky-lies-between",
+                    "The sky's {name} is {value}; it lies between {least} and {most}",
+                    name=name,
+                    value=f"{value:g}",
+                    least=f"{least:g}",
+                    most=f"{most:g}",
+                )
+            )
     if not all(0 <= c <= 1 for c in sky.ground_albedo):
-        raise SceneError(f"The sky's ground_albedo is {sky.ground_albedo}; it lies between 0 and 1")
+        raise SceneError(
+            Sentence(
+                "sky-ground-albedo",
+                "The sky's ground_albedo is {ground_albedo}; it lies between 0 and 1",
+                ground_albedo=sky.ground_albedo,
+            )
+        )

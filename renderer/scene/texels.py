@@ -28,6 +28,7 @@ from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import CLAMP, MIRROR, REPEAT
 from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, Image, SceneDescription, Texture, UvTransform
+from renderer.sentences import Sentence
 
 __all__ = ["MAX_EMISSION", "Texels"]
 
@@ -151,7 +152,11 @@ class Texels:
             if pixels.dtype != np.uint8:
                 pixels = _in_16_bits(image, scale, _encoding(image, scaled))
             if self._count + pixels.size // 4 > _MAX_TEXELS:
-                raise SceneError("The scene's textures hold more than 2 billion texels; make them smaller")
+                raise SceneError(
+                    Sentence(
+                        "scene-textures-hold-more-than", "The scene's textures hold more than 2 billion texels; make them smaller"
+                    )
+                )
             self._images[index, scaled] = (self._count, len(self._blocks), scale)
             self._blocks.append(np.ascontiguousarray(pixels).reshape(-1, 4))
             self._count += len(self._blocks[-1])

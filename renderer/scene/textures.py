@@ -15,6 +15,7 @@ from renderer.scene.description import Image, SceneDescription, SurfaceNote, Tex
 from renderer.scene.files import SceneFiles
 from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
 from renderer.scene.warning_list import Warned
+from renderer.sentences import Sentence, stopped
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
 
@@ -35,7 +36,7 @@ class TextureShelf:
 
     def warn_of_surface(self, sentence: str) -> None:
         """Adds a warning about a surface's look, once."""
-        self.warn(SurfaceNote(sentence))
+        self.warn(SurfaceNote.of(sentence))
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, once."""
@@ -49,7 +50,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, self._pixels(name, name, lambda: self._files.read(name)), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(f"{error}; rendered without it.")
+                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
         return self._images[key]
 
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
@@ -64,7 +65,9 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, pixels))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(f"{error}; the light from all around is left out.")
+                self.warn_of_surface(
+                    Sentence("light-from-around-left-out", "{error}; the light from all around is left out.", error=error)
+                )
         return self._images[key]
 
     def image_bytes(self, name: str, data: bytes, srgb: bool = True) -> int | None:
@@ -79,7 +82,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, self._pixels(f"\0{name}", name, data), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(f"{error}; rendered without it.")
+                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
         return self._images[key]
 
     @property
@@ -90,7 +93,7 @@ class TextureShelf:
     def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
         decoded: read.Decoded = self._files.recall(("pixels", key), lambda: read.decode(data(), name, is_environment))
         for note in decoded.notes:
-            self.warn_of_surface(f"{note}.")
+            self.warn_of_surface(stopped(note))
         return decoded.pixels
 
     def texture(
@@ -195,14 +198,19 @@ class TextureShelf:
                 self._images[key] = self.add(Image(reference, pixels, srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(f"{error}; rendered without it.")
+                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
         return self._images[key], placed(tiles)
 
     def missing(self, reference: str, user: str) -> None:
         """Warns about a texture that is not among the files."""
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
         self.warn_of_surface(
-            f"{user}: its texture {wanted[:120]} is not among the files; add it. Rendered in the base colour meanwhile."
+            Sentence(
+                "texture-not-among-files",
+                "{user}: its texture {wanted} is not among the files; add it. Rendered in the base colour meanwhile.",
+                user=user,
+                wanted=wanted[:120],
+            )
         )
 
     def add(self, image: Image) -> int:
@@ -210,7 +218,12 @@ class TextureShelf:
         self._bytes += image.pixels.nbytes
         if self._bytes > MAX_IMAGE_BYTES:
             raise SceneError(
-                f"{image.name}: with it the scene's images need more than {MAX_IMAGE_BYTES >> 30} GiB; make them smaller"
+                Sentence(
+                    "with-scene-images-need-more",
+                    "{name}: with it the scene's images need more than {max_image_bytes} GiB; make them smaller",
+                    name=image.name,
+                    max_image_bytes=MAX_IMAGE_BYTES >> 30,
+                )
             )
         self._description.images.append(image)
         return len(self._description.images) - 1

@@ -13,6 +13,7 @@ from typing import Any, Literal, cast
 from sqlalchemy import ColumnElement, CursorResult, Select, delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.access.roles import OWNER, Caller, Role
 from service.access.secrets import fingerprint, new_secret
 from service.errors import FarmError, NotFound
@@ -54,7 +55,9 @@ class Keys:
         row.expires = None if lasts_s is None else now + lasts_s
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
-                raise NotFound(f"There is no user {user[:64]!r} any more.")  # else the key would admit a later user of this name
+                raise NotFound(
+                    Sentence("no-user-any-more", "There is no user {user} any more.", user=repr(user[:64]))
+                )  # else the key would admit a later user of this name
             session.execute(delete(Key).where(Key.expires < now - KEPT_S))
             session.add(row)
         return secret, row
@@ -122,7 +125,7 @@ class Keys:
         with self._sessions.begin() as session:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
-                raise NotFound(f"There is no such {kind}; it may have been withdrawn already.")
+                raise NotFound(Sentence("no-such", "There is no such {kind}; it may have been withdrawn already.", kind=kind))
             session.delete(row)
         self.forget()
         return row

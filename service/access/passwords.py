@@ -9,6 +9,7 @@ import threading
 from functools import cache
 from typing import TYPE_CHECKING
 
+from renderer.sentences import Sentence
 from service.errors import Invalid
 
 if TYPE_CHECKING:
@@ -36,11 +37,29 @@ def _of_nobody() -> str:
 def check_strength(password: str, name: str) -> None:
     """Raises Invalid if a password is too short, too long or easily guessed. name: the user's name."""
     if len(password) < SHORTEST:
-        raise Invalid(f"The password has {len(password)} characters. Take at least {SHORTEST}: a few words are best.")
+        raise Invalid(
+            Sentence(
+                "password-characters",
+                "The password has {n} characters. Take at least {shortest}: a few words are best.",
+                n=len(password),
+                shortest=SHORTEST,
+            )
+        )
     if len(password) > LONGEST:
-        raise Invalid(f"The password is longer than {LONGEST} characters. Take a shorter one.")
+        raise Invalid(
+            Sentence(
+                "password-longer-than-characters",
+                "The password is longer than {longest} characters. Take a shorter one.",
+                longest=LONGEST,
+            )
+        )
     if len(set(password)) < 4 or name.lower() in password.lower():
-        raise Invalid("The password is too easily guessed. Take a few words that have nothing to do with the name.")
+        raise Invalid(
+            Sentence(
+                "password-too-easily-guessed",
+                "The password is too easily guessed. Take a few words that have nothing to do with the name.",
+            )
+        )
 
 
 def hashed(password: str) -> str:

@@ -17,6 +17,7 @@ from sqlalchemy import ColumnElement, delete, func, select, true
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.access.roles import Caller
 from service.access.users import NAME
 from service.errors import Conflict, Invalid, NotAllowed, NotFound
@@ -129,12 +130,20 @@ class Projects:
     def add(self, name: str) -> Summary:
         """Creates a project without members. Raises Invalid for an invalid name, Conflict if it exists."""
         if not NAME.fullmatch(name):
-            raise Invalid(f"{name[:64]!r} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).")
+            raise Invalid(
+                Sentence(
+                    "cannot-project-name",
+                    "{name} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).",
+                    name=repr(name[:64]),
+                )
+            )
         try:
             with self._sessions.begin() as session:
                 session.add(Project(name=name, created=time.time()))
         except IntegrityError:
-            raise Conflict(f"There is a project {name!r} already. Take another name.") from None
+            raise Conflict(
+                Sentence("project-already", "There is a project {name} already. Take another name.", name=repr(name))
+            ) from None
         return self.find(name)
 
     def named(self, sight: Sight) -> list[str]:
@@ -189,7 +198,7 @@ class Projects:
             if session.get(Project, name) is None:
                 raise no_project(name)
             if session.get(User, user) is None:
-                raise NotFound(f"There is no user {user[:64]!r}. GET /api/users lists them.")
+                raise NotFound(Sentence("no-user", "There is no user {user}. GET /api/users lists them.", user=repr(user[:64])))
             session.merge(Member(project=name, user=user, role=role))
         self.forget()
         return self.find(name)
@@ -209,7 +218,14 @@ class Projects:
             counts = {kind: _count(row, name, session) for kind, row in ROWS.items()}
             left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items() if count]
             if left:
-                raise Conflict(f"The project {name!r} still has {', '.join(left)}. Delete them first.")
+                raise Conflict(
+                    Sentence(
+                        "project-still",
+                        "The project {name} still has {left}. Delete them first.",
+                        name=repr(name),
+                        left=[*left],
+                    )
+                )
             session.execute(delete(Member).where(Member.project == name))
             session.execute(delete(ShareTerms).where(ShareTerms.name == f"project:{name}"))
             session.execute(delete(Project).where(Project.name == name))
@@ -234,9 +250,21 @@ def _count(row: Any, project: str, session: Session) -> int:
 
 def no_project(name: str) -> NotFound:
     """Returns the error for a project that does not exist or is not visible."""
-    return NotFound(f"There is no project {name[:64]!r}, or you are none of its members. GET /api/projects lists yours.")
+    return NotFound(
+        Sentence(
+            "no-project",
+            "There is no project {name}, or you are none of its members. GET /api/projects lists yours.",
+            name=repr(name[:64]),
+        )
+    )
 
 
 def only_looks(name: str) -> NotAllowed:
     """Returns the error for a change in a read-only project."""
-    return NotAllowed(f"In the project {name!r} you may look and change nothing. Ask who runs the farm.")
+    return NotAllowed(
+        Sentence(
+            "project-look-change-nothing",
+            "In the project {name} you may look and change nothing. Ask who runs the farm.",
+            name=repr(name),
+        )
+    )

@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 from sqlalchemy import Float, Select, case, cast, delete, func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from renderer.sentences import Sentence
 from service.access.roles import Caller
 from service.errors import NoRoom, NotFound, OverQuota
 from service.store.database import Sessions
@@ -98,7 +99,14 @@ class Quotas:
         with self._sessions.begin() as session:
             row = session.get(User if kind == "user" else Key, name)
             if row is None or (isinstance(row, Key) and row.kind != "token"):
-                raise NotFound(f"There is no {kind} {name[:64]!r}. GET /api/{kind}s lists those that are there.")
+                raise NotFound(
+                    Sentence(
+                        "no-get-api-s-lists",
+                        "There is no {kind} {name}. GET /api/{kind}s lists those that are there.",
+                        kind=kind,
+                        name=repr(name[:64]),
+                    )
+                )
             session.execute(delete(Quota).where(Quota.whose == whose))
             if limits is not None:
                 session.add(Quota(whose=whose, **{each.name: getattr(limits, each.name) for each in fields(Limits)}))
@@ -112,8 +120,24 @@ class Quotas:
                 used = self._bytes_of(*_parts(whose), session)
                 if used + more > limits.bytes or used >= limits.bytes:
                     raise NoRoom(
-                        f"{_whose(whose)} uploads and films take {_in_mb(used)} of the {_in_mb(limits.bytes)} that they may"
-                        f"{f', and this would be {_in_mb(more)} more' if more else ''}. Delete jobs or scenes, {OTHERS}."
+                        Sentence(
+                            "quota-of-bytes-exceeded",
+                            "{whose} uploads and films take {used} of the {limit} that they may, and this would be {more} more. "
+                            "Delete jobs or scenes, or ask who runs the farm for more.",
+                            whose=_whose(whose),
+                            used=_in_mb(used),
+                            limit=_in_mb(limits.bytes),
+                            more=_in_mb(more),
+                        )
+                        if more
+                        else Sentence(
+                            "quota-of-bytes-full",
+                            "{whose} uploads and films take {used} of the {limit} that they may. Delete jobs or scenes, or ask "
+                            "who runs the farm for more.",
+                            whose=_whose(whose),
+                            used=_in_mb(used),
+                            limit=_in_mb(limits.bytes),
+                        )
                     )
 
     def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
@@ -126,17 +150,38 @@ class Quotas:
             kind, name = _parts(whose)
             if is_new and limits.jobs is not None and (count := _jobs(kind, session, [name])[name]) >= limits.jobs:
                 raise OverQuota(
-                    f"{_whose(whose)} unfinished jobs are {count}, and {limits.jobs} may be at a time. "
-                    f"Wait until one is finished, cancel one, {OTHERS}.",
+                    Sentence(
+                        "quota-of-jobs-full",
+                        "{whose} unfinished jobs are {count}, and {limit} may be at a time. Wait until one is finished, cancel "
+                        "one, or ask who runs the farm for more.",
+                        whose=_whose(whose),
+                        count=count,
+                        limit=limits.jobs,
+                    ),
                     SOON_S,
                 )
             if limits.samples_day is not None:
                 used = _samples(kind, session, [name])[name]
                 if used >= limits.samples_day or used + samples > limits.samples_day:
                     raise OverQuota(
-                        f"{_whose(whose)} jobs of the last 24 hours come to {used:,} samples, and {limits.samples_day:,} a day "
-                        f"may be rendered{f'; this asks for {samples:,} more' if samples else ''}. Ask for fewer, wait, "
-                        f"{OTHERS}.",
+                        Sentence(
+                            "quota-of-samples-exceeded",
+                            "{whose} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered; this "
+                            "asks for {more} more. Ask for fewer, wait, or ask who runs the farm for more.",
+                            whose=_whose(whose),
+                            used=f"{used:,}",
+                            limit=f"{limits.samples_day:,}",
+                            more=f"{samples:,}",
+                        )
+                        if samples
+                        else Sentence(
+                            "quota-of-samples-full",
+                            "{whose} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered. Ask "
+                            "for fewer, wait, or ask who runs the farm for more.",
+                            whose=_whose(whose),
+                            used=f"{used:,}",
+                            limit=f"{limits.samples_day:,}",
+                        ),
                         self._frees_after(whose, session),
                     )
             if limits.bytes is not None and not self._had_room(kind, name, limits.bytes):
@@ -247,7 +292,9 @@ def _parts(whose: str) -> tuple[Kind, str]:
 
 
 def _whose(whose: str) -> str:
-    return "Your" if whose.startswith("user:") else "This token's"
+    if whose.startswith("user:"):
+        return Sentence("whose-yours", "Your")
+    return Sentence("whose-of-this-token", "This token's")
 
 
 def _in_mb(size: int) -> str:

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 import redis
 from redis.exceptions import NoPermissionError
 
+from renderer.sentences import Sentence
 from service.access.keys import Keys
 from service.access.redis_care import RedisCare, is_busy
 from service.access.secrets import fingerprint
@@ -97,11 +98,19 @@ class RedisUsers:
                 self._set(name)
         except redis.ResponseError as error:
             if not (isinstance(error, NoPermissionError) or "unknown command" in str(error).lower()):
-                raise Unavailable(f"Redis makes no user for this worker ({error}). It is tried again.") from None
+                raise Unavailable(
+                    Sentence(
+                        "redis-makes-no-user-for",
+                        "Redis makes no user for this worker ({error}). It is tried again.",
+                        error=error,
+                    )
+                ) from None
             self._say(error)
             return url
         except (redis.RedisError, OSError) as error:
-            raise Unavailable(f"Redis does not answer ({error}). It is tried again.") from None
+            raise Unavailable(
+                Sentence("redis-not-answer", "Redis does not answer ({error}). It is tried again.", error=error)
+            ) from None
         parts = urlsplit(url)
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()
 

@@ -7,6 +7,7 @@ import time
 
 from sqlalchemy import delete, select
 
+from renderer.sentences import Sentence
 from service.access.keys import Keys
 from service.access.passwords import check_strength, hashed, is_right
 from service.access.roles import OPEN, OWNER, Role
@@ -31,13 +32,24 @@ class Users:
         """Creates a user. Raises Invalid for an invalid name or password, Conflict if the name exists."""
         if not NAME.fullmatch(name) or name in TAKEN:
             raise Invalid(
-                f"{name[:64]!r} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {OWNER!r}."
+                Sentence(
+                    "cannot-user-name",
+                    "{name} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {owner}.",
+                    name=repr(name[:64]),
+                    owner=repr(OWNER),
+                )
             )
         kept = None if password is None else _checked(password, name)
         user = User(name=name, role=role.word, password=kept, created=time.time())
         with self._sessions.begin() as session:
             if session.get(User, name) is not None:
-                raise Conflict(f"There is a user {name!r} already. Change its role or password, or take another name.")
+                raise Conflict(
+                    Sentence(
+                        "user-already",
+                        "There is a user {name} already. Change its role or password, or take another name.",
+                        name=repr(name),
+                    )
+                )
             session.add(user)
         return user
 
@@ -105,4 +117,4 @@ def _checked(password: str, name: str) -> str:
 
 
 def _no_user(name: str) -> NotFound:
-    return NotFound(f"There is no user {name[:64]!r}. GET /api/users lists them.")
+    return NotFound(Sentence("no-user-get", "There is no user {name}. GET /api/users lists them.", name=repr(name[:64])))

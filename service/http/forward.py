@@ -18,6 +18,7 @@ from starlette.types import Receive, Scope, Send
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.http.client_address import PASSED_ON, signed_origin
 from service.http.hosts import is_here
@@ -31,8 +32,9 @@ CONNECT_S = 3.0
 GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
 NO_CODE = (None, 1005, 1006)
 T = TypeVar("T")
-NO_PATH = Problem(400, "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
-AWAY = "The service that works as the farm does not answer"
+NO_PATH = Problem(
+    400, Sentence("asked-for-no-path", "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
+)
 # Fields of one connection only (RFC 9110, 7.6.1), and those that the next server sets.
 HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
 SERVERS = {"date", "server"}  # also set by this server
@@ -78,9 +80,9 @@ class Forward:
         try:
             answer = await _until(over, self._client().send(request, stream=True))
         except httpx.HTTPError as error:
-            raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
+            raise _away(type(error).__name__) from error
         if answer is None:
-            raise Unavailable(f"{AWAY}.", 1.0)
+            raise _away("no answer")
         leaving = asyncio.create_task(_until_gone(receive))
         try:
             await _until(over, _pass_back(answer, send), leaving)
@@ -115,7 +117,7 @@ class Forward:
             told = error.response
             await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
-            raise Unavailable(f"{AWAY} ({type(error).__name__}).", 1.0) from error
+            raise _away(type(error).__name__) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
         """Returns the header fields for the owner, with the client's origin, unless that is a loopback address."""
@@ -207,3 +209,9 @@ async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: as
     finally:
         for each in (task, ending):
             each.cancel()
+
+
+def _away(why: str) -> Unavailable:
+    return Unavailable(
+        Sentence("owner-does-not-answer", "The service that works as the farm does not answer ({error}).", error=why), 1.0
+    )

@@ -17,6 +17,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection, cookie_parser
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from renderer.sentences import Sentence
 from service.access.access import Access
 from service.access.projects import EVERYTHING, Kind, Sight, only_looks
 from service.access.roles import OPEN, Caller, Role
@@ -32,16 +33,21 @@ from service.jobs.lookup import no_thing
 
 __all__ = ["LOG_IN", "Gate", "cookie_name"]
 
-LOG_IN = (
-    "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` prints; "
-    "a program shows a token: Authorization: Bearer TOKEN."
+LOG_IN = Sentence(
+    "log-first",
+    "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` "
+    "prints; a program shows a token: Authorization: Bearer TOKEN.",
 )
-OWNERS = (
-    "This says who else is let in, so it wants to know who asks: show the token that lies in owner-token in the data folder "
-    "(Authorization: Bearer TOKEN). `rayfarm user` and `rayfarm token` do so if RAYFARM_DATA names that folder."
+OWNERS = Sentence(
+    "says-else-let",
+    "This says who else is let in, so it wants to know who asks: show the token that lies in "
+    "owner-token in the data folder (Authorization: Bearer TOKEN). `rayfarm user` and "
+    "`rayfarm token` do so if RAYFARM_DATA names that folder.",
 )
-WORKERS = "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it."
-ROLE = "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm."
+WORKERS = Sentence(
+    "workers-show-farm-token-one",
+    "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
+)
 log = logging.getLogger(__name__)
 
 STAYS_OPEN = ("/api/events", "/api/jobs/{id}/frames.zip")
@@ -50,7 +56,7 @@ AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
 LONGEST_REASON = 120
-CLOSED_SINCE = "It is no longer yours to see: you are no member of its project any more."
+CLOSED_SINCE = Sentence("no-longer-yours", "It is no longer yours to see: you are no member of its project any more.")
 
 
 class Gate:
@@ -202,7 +208,17 @@ def _judge(need: Need, caller: Caller | None) -> Problem | None:
     if not caller.is_known:
         return Problem(401, OWNERS, challenge)
     has = "worker" if caller.is_worker else caller.role.word
-    return Problem(403, ROLE.format(needed=need.role.word, name=caller.name, has=has), {"Connection": "close"})
+    return Problem(
+        403,
+        Sentence(
+            "role-needed",
+            "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm.",
+            needed=need.role.word,
+            name=caller.name,
+            has=has,
+        ),
+        {"Connection": "close"},
+    )
 
 
 async def _write_down(access: Access, caller: Caller, address: str, what: str, path: str, status: int) -> None:
@@ -254,7 +270,10 @@ class _Lasting:
         self._looks = visit.caller is not None and visit.caller.is_known
         self._looked = time.monotonic()
         self._is_over = False
-        self._why = LOG_IN_AGAIN, "You are logged out. Log in again."  # close code and reason of a WebSocket
+        self._why = (
+            LOG_IN_AGAIN,
+            Sentence("logged-out", "You are logged out. Log in again."),
+        )  # close code and reason of a WebSocket
 
     async def receive(self) -> Message:
         """Returns the next message; a disconnection once the caller is no longer authorized."""

@@ -6,6 +6,7 @@ import http
 import logging
 import math
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -14,6 +15,7 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from renderer.sentences import Sentence, both, stopped
 from service.errors import (
     Conflict,
     Failed,
@@ -56,12 +58,26 @@ STATUS: dict[type[FarmError], int] = {
 RETRY_AFTER_S = 2
 MOST_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
 MOST_TEXT = 300  # characters echoed per error
+STANDARD = (400, 404, 405)  # statuses that Starlette and FastAPI answer with their own words
 FASTAPI_BAD_BODY = "There was an error parsing the body"
-SENTENCES = {
-    404: "There is nothing at {path}. The API is described at /docs.",
-    400: "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
-    405: "{method} is not possible at {path}. The API is described at /docs.",
-}
+
+
+def _standard(status: int, path: str, method: str) -> Sentence:
+    match status:
+        case 400:
+            return Sentence(
+                "body-cannot-read",
+                "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
+            )
+        case 405:
+            return Sentence(
+                "method-not-possible",
+                "{method} is not possible at {path}. The API is described at /docs.",
+                method=method,
+                path=path,
+            )
+        case _:
+            return Sentence("nothing-at-path", "There is nothing at {path}. The API is described at /docs.", path=path)
 
 
 class ProblemResponse(JSONResponse):
@@ -93,11 +109,18 @@ ProblemBody: dict[str, Any] = {
                     "title": {"type": "string"},
                     "status": {"type": "integer"},
                     "detail": {"type": "string"},
+                    "code": {"type": "string"},
+                    "params": {"type": "object"},
                     "errors": {
                         "type": "array",
                         "items": {
                             "type": "object",
-                            "properties": {"field": {"type": "string"}, "message": {"type": "string"}},
+                            "properties": {
+                                "field": {"type": "string"},
+                                "message": {"type": "string"},
+                                "code": {"type": "string"},
+                                "params": {"type": "object"},
+                            },
                         },
                     },
                 },
@@ -111,8 +134,17 @@ def response(status: int, detail: str, headers: Mapping[str, str] | None = None,
     """Returns the response for a status and a sentence."""
     if status == 503:
         headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
-    body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail, **more}
+    body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail}
+    body |= {**_coded(detail), **more}
     return ProblemResponse(body, status, headers=dict(headers or {}))
+
+
+def _error(field: str, message: str) -> dict[str, Any]:
+    return {"field": field, "message": message, **_coded(message)}
+
+
+def _coded(text: str) -> dict[str, Any]:
+    return text.coded if isinstance(text, Sentence) and text.code else {}
 
 
 def install(app: FastAPI) -> None:
@@ -130,7 +162,7 @@ def install(app: FastAPI) -> None:
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
         more: dict[str, Any] = {}
         if isinstance(error, Invalid) and error.field is not None:
-            more["errors"] = [{"field": error.field, "message": str(error).removesuffix(".")}]
+            more["errors"] = [_error(error.field, str(error).removesuffix("."))]
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers, **more)
 
     @app.exception_handler(HTTPException)
@@ -144,18 +176,15 @@ def install(app: FastAPI) -> None:
             status, detail = 405, http.HTTPStatus.METHOD_NOT_ALLOWED.phrase
         elif status == 405:
             status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
-        if status in SENTENCES and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
-            detail = SENTENCES[status].format(path=_short(request.url.path), method=request.method)
+        if status in STANDARD and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
+            detail = _standard(status, _short(request.url.path), request.method)
         return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
-        errors = [
-            {"field": "" if e["type"] == "json_invalid" else _field(e["loc"]), "message": _message(e)}
-            for e in error.errors()[:MOST_ERRORS]
-        ]
-        detail = "; ".join(f"{e['field']}: {e['message']}" if e["field"] else e["message"] for e in errors[:5])
-        return response(422, f"{detail}.", errors=errors)
+        faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MOST_ERRORS]]
+        detail = reduce(both, (_of_field(*each) for each in faults[:5]))
+        return response(422, stopped(detail), errors=[_error(*each) for each in faults])
 
     @app.exception_handler(ClientDisconnect)
     async def _gone(request: Request, error: ClientDisconnect) -> Response:
@@ -164,17 +193,26 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(Exception)
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
-        sentence = "The service has a fault and wrote it into its log. Try again; if it stays, report it."
+        sentence = Sentence(
+            "service-fault-wrote-into-log",
+            "The service has a fault and wrote it into its log. Try again; if it stays, report it.",
+        )
         return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 
 
-JSON_OBJECT = "the body is not a JSON object; send one, with the header Content-Type: application/json"
+JSON_OBJECT = Sentence(
+    "body-not-json-object", "the body is not a JSON object; send one, with the header Content-Type: application/json"
+)
 
 
 def told(error: Mapping[str, Any]) -> str:
     """Returns a validation error of a request as text: the field and its fault."""
     field, message = _field(error["loc"]), _message(error)
-    return f"{field}: {message}" if field else message
+    return _of_field(field, message)
+
+
+def _of_field(field: str, message: str) -> str:
+    return Sentence("field-fault", "{field}: {fault}", field=field, fault=message) if field else message
 
 
 def _field(location: Sequence[Any]) -> str:
@@ -187,13 +225,18 @@ def _field(location: Sequence[Any]) -> str:
 
 def _message(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
-        return f"the body is not JSON ({error.get('ctx', {}).get('error', 'cannot be read')})"
+        why = error.get("ctx", {}).get("error", "cannot be read")
+        return Sentence("body-not-json", "the body is not JSON ({error})", error=why)
     if error["type"] == "extra_forbidden":
-        return "there is no such field"
+        return Sentence("no-such-field", "there is no such field")
     if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
-        return JSON_OBJECT if tuple(error["loc"]) == ("body",) else "input should be an object"
+        return JSON_OBJECT if tuple(error["loc"]) == ("body",) else Sentence("not-an-object", "input should be an object")
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, ValueError) and isinstance(sentence := str(cause).removesuffix("."), Sentence):
+        return sentence
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
-    return _short(message[:1].lower() + message[1:])
+    short = _short(message[:1].lower() + message[1:])
+    return Sentence("invalid-value", "{message}", message=short, type=error["type"])
 
 
 def _short(text: str) -> str:

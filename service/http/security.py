@@ -13,6 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from renderer.sentences import Sentence
 from service.http.head_requests import as_get
 from service.http.hosts import Hosts, name_of
 from service.http.problems import Problem, response
@@ -33,11 +34,10 @@ HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
 }
 HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
-UNKNOWN_NAME = (
-    "The service does not answer to the name {name}. Open it as localhost or by its address; "
-    "to let it answer to this name too, start it with --allow-host {name} (RAYFARM_ALLOWED_HOSTS='[\"{name}\"]')."
+FOREIGN = Sentence(
+    "request-of-another-origin",
+    "The request comes from a page of another origin. Use the service's own page, or a program.",
 )
-FOREIGN = "The request comes from a page of another origin. Use the service's own page, or a program."
 OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
 SAFE_METHODS = {"GET", "HEAD", "OPTIONS"}
 MAX_BODY = 1 << 20  # bytes; uploads have separate limits
@@ -69,11 +69,28 @@ class Door:
         hosts = headers.getlist("host")
         name = name_of(hosts[0]) if len(hosts) == 1 else None
         if name is None:
-            return Problem(400, "The header Host is not the name or address of a machine. Send it once, like localhost:8000.")
+            return Problem(
+                400,
+                Sentence(
+                    "header-host-not-name-address",
+                    "The header Host is not the name or address of a machine. Send it once, like localhost:8000.",
+                ),
+            )
         if not self._hosts.know(name):
-            return Problem(421, UNKNOWN_NAME.format(name=name[:80]))
+            return Problem(
+                421,
+                Sentence(
+                    "host-name-not-allowed",
+                    "The service does not answer to the name {name}. Open it as localhost or by its address; "
+                    "to let it answer to this name too, start it with --allow-host {name} "
+                    "(RAYFARM_ALLOWED_HOSTS='[\"{name}\"]').",
+                    name=name[:80],
+                ),
+            )
         if "\0" in scope["path"]:
-            return Problem(404, "There is nothing there: no name has the character 0 in it.")
+            return Problem(
+                404, Sentence("nothing-no-name-character-0", "There is nothing there: no name has the character 0 in it.")
+            )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
             return Problem(403, FOREIGN)
@@ -163,4 +180,8 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
 
 
 def _too_large() -> Problem:
-    return Problem(413, f"The body is larger than {MAX_BODY} bytes.", headers={"Connection": "close"})
+    return Problem(
+        413,
+        Sentence("body-larger-than-bytes", "The body is larger than {max_body} bytes.", max_body=MAX_BODY),
+        headers={"Connection": "close"},
+    )

@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 
+from renderer.sentences import Sentence
 from service.access.visit import Visit
 from service.errors import Invalid
 from service.farm import Farm
@@ -37,11 +38,19 @@ UPLOAD_FORM = {
 }
 
 
-def check_length(request: Request, farm: Farm, what: str, way_out: str = "Make it smaller") -> None:
+def check_length(
+    request: Request, farm: Farm, what: str, way_out: str = Sentence("way-out-make-smaller", "Make it smaller")
+) -> None:
     """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
     limit = farm.settings.max_upload_bytes
     if is_beyond(request.headers.get("content-length", ""), limit):
-        sentence = f"The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm."
+        sentence = Sentence(
+            "larger-than-bytes-taken",
+            "The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm.",
+            what=what,
+            limit=limit,
+            way_out=way_out,
+        )
         raise Problem(413, sentence, headers={"Connection": "close"})
 
 
@@ -65,10 +74,24 @@ async def read_one(request: Request, farm: Farm, what: str) -> Form:
 def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
     """Returns the base name and the bytes of the only file in a form. what: a clause on the expected content. Raises Invalid."""
     if len(form.files) != 1 or form.files[0][1].size == 0:
-        raise Invalid(f"The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.")
+        raise Invalid(
+            Sentence(
+                "upload-empty-send",
+                "The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.",
+                address=address,
+            )
+        )
     name, writer = form.files[0]
     plain = PurePosixPath(safe_name(name)).name
     if PurePosixPath(plain).suffix.lower() not in suffixes:
-        raise Invalid(f"{plain} is {what}; give one of {', '.join(suffixes)}, best an .exr or .hdr.")
+        raise Invalid(
+            Sentence(
+                "give-one",
+                "{plain} is {what}; give one of {suffixes}, best an .exr or .hdr.",
+                plain=plain,
+                what=what,
+                suffixes=[*suffixes],
+            )
+        )
     stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix
     return stem[: LONGEST - len(suffix)] + suffix, writer

@@ -6,6 +6,7 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from renderer.sentences import Sentence, joined
 from service.errors import NotOwner, Unavailable
 from service.http.client_address import PASSED_ON
 from service.http.forward import Forward
@@ -50,7 +51,7 @@ class StandingBy:
             if not life.stands_by and scope["type"] == "http" and scope["method"] in SAFE_METHODS:
                 await self._app(scope, receive, send)  # this service has become the owner meanwhile
             else:
-                await refuse(Problem(503, f"{life.why} {error}", AGAIN), scope, receive, send)
+                await refuse(Problem(503, joined(life.why, str(error)), AGAIN), scope, receive, send)
 
     async def _answer(self, life: Life, scope: Scope, receive: Receive, send: Send) -> None:
         path = scope["path"] if scope["type"] == "http" else ""
@@ -63,7 +64,7 @@ class StandingBy:
             await refuse(Problem(503, life.why, AGAIN), scope, receive, send)
         elif path == "/readyz":
             if not await self._forward.is_ready(owner, life.taken):
-                raise Unavailable("That one is not ready.")
+                raise Unavailable(Sentence("one-not-ready", "That one is not ready."))
             await JSONResponse({"status": "stands by"})(scope, receive, send)
         elif scope["type"] == "http":
             await self._forward.request(owner, life.taken, scope, receive, send)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, BinaryIO, cast
 
 from renderer.formats import is_junk
+from renderer.sentences import Sentence
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 from service.errors import Invalid, TooLarge
@@ -22,7 +23,7 @@ __all__ = ["expand"]
 RATIO_FREE_BYTES = 16 << 20  # smaller files may have any compression ratio
 DIRECTORY_BYTES_A_FILE = 512  # average size of a file's entry in the zip's directory
 
-UNPACKED = "If it is none, unpack it and upload the folder."
+UNPACKED = Sentence("none-unpack-upload-folder", "If it is none, unpack it and upload the folder.")
 
 
 def expand(
@@ -73,7 +74,12 @@ class _Archive:
     def __init__(self, file: BinaryIO, name: str, max_files: int) -> None:
         self._file = file
         self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
-        self._refusal = f"The archive {name} has a directory of far more files than the {max_files} that are taken."
+        self._refusal = Sentence(
+            "archive-directory-far-more-files",
+            "The archive {name} has a directory of far more files than the {max_files} that are taken.",
+            name=name,
+            max_files=max_files,
+        )
 
     def read(self, size: int = -1) -> bytes:
         """Reads up to `size` bytes. Raises TooLarge if `size` exceeds the limit."""
@@ -86,24 +92,68 @@ class _Archive:
 
 
 def _damaged(name: str, error: Exception) -> Invalid:
-    return Invalid(f"The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip.")
+    return Invalid(
+        Sentence(
+            "archive-damaged-unknown-kind",
+            "The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip.",
+            name=name,
+            error=error,
+        )
+    )
 
 
 def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
     """Raises TooLarge or Invalid for what the archive's directory reveals, before anything is written."""
     if len(entries) > max_files:
-        raise TooLarge(f"The archive {name} has {len(entries)} files; at most {max_files} are taken.")
+        raise TooLarge(
+            Sentence(
+                "archive-files",
+                "The archive {name} has {n} files; at most {max_files} are taken.",
+                name=name,
+                n=len(entries),
+                max_files=max_files,
+            )
+        )
     for entry in entries:
         if stat.S_ISLNK(entry.external_attr >> 16):
-            raise Invalid(f"The entry {entry.filename} of {name} is a symbolic link. Pack the file that it points to.")
+            raise Invalid(
+                Sentence(
+                    "entry-symbolic-link",
+                    "The entry {filename} of {name} is a symbolic link. Pack the file that it points to.",
+                    filename=entry.filename,
+                    name=name,
+                )
+            )
         if entry.flag_bits & 0x1:
-            raise Invalid(f"The archive {name} is encrypted. Pack it again without a password.")
+            raise Invalid(
+                Sentence(
+                    "archive-encrypted",
+                    "The archive {name} is encrypted. Pack it again without a password.",
+                    name=name,
+                )
+            )
     total = sum(entry.file_size for entry in entries)
     packed = sum(entry.compress_size for entry in entries)
     if total > max_bytes:
-        raise TooLarge(f"The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.")
+        raise TooLarge(
+            Sentence(
+                "archive-unpacks-bytes",
+                "The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.",
+                name=name,
+                total=total,
+                max_bytes=max_bytes,
+            )
+        )
     if total > RATIO_FREE_BYTES and total > max_ratio * max(packed, 1):
-        raise TooLarge(f"The archive {name} unpacks to {total // max(packed, 1)} times its size, as zip bombs do. {UNPACKED}")
+        raise TooLarge(
+            Sentence(
+                "archive-unpacks-times-size",
+                "The archive {name} unpacks to {total} times its size, as zip bombs do. {unpacked}",
+                name=name,
+                total=total // max(packed, 1),
+                unpacked=UNPACKED,
+            )
+        )
 
 
 def _extract(
@@ -125,11 +175,24 @@ def _extract(
             check_disk(len(piece))
             writer.write(piece)
             if writer.size > left:
-                raise TooLarge(f"The archive {name} unpacks to more than it says, as zip bombs do. {UNPACKED}")
+                raise TooLarge(
+                    Sentence(
+                        "archive-unpacks-more-than-says",
+                        "The archive {name} unpacks to more than it says, as zip bombs do. {unpacked}",
+                        name=name,
+                        unpacked=UNPACKED,
+                    )
+                )
             if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
                 raise TooLarge(
-                    f"The entry {entry.filename} of {name} unpacks to over {max_ratio:g} times its size, as zip bombs do. "
-                    f"{UNPACKED}"
+                    Sentence(
+                        "entry-unpacks-over-times-size",
+                        "The entry {filename} of {name} unpacks to over {max_ratio} times its size, as zip bombs do. {unpacked}",
+                        filename=entry.filename,
+                        name=name,
+                        max_ratio=f"{max_ratio:g}",
+                        unpacked=UNPACKED,
+                    )
                 )
         writer.end()
     except BaseException:

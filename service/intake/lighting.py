@@ -18,6 +18,7 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from protocol.contract import BlobRef
+from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.events import Events, PreparationRequested, RowWritten
 from service.intake.projects import Owner, serves
@@ -168,7 +169,13 @@ class Lighting:
         with self._sessions() as session:
             found = session.get(Scene, id)
         if found is None or found.of is not None:
-            raise NotFound(f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+            raise NotFound(
+                Sentence(
+                    "scene-no-scene",
+                    "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
+                    id=repr(id[:60]),
+                )
+            )
         return found
 
     def _wanted(self, base: Scene, environment: Mapping[str, Any] | None, variant: str | None) -> Upload | None:
@@ -198,7 +205,13 @@ class Lighting:
         with self._sessions() as session:
             found = session.get(Environment, id)
         if found is None or not serves(found.project, project):
-            raise Invalid(f"environment: there is no image {id[:60]!r}. GET /api/environments lists those that are there.")
+            raise Invalid(
+                Sentence(
+                    "environment-no-image",
+                    "environment: there is no image {id}. GET /api/environments lists those that are there.",
+                    id=repr(id[:60]),
+                )
+            )
         ref = BlobRef.from_json(found.file)
         suffix = PurePosixPath(found.name).suffix.lower()
         return BlobRef(f"rayfarm-environment-{id}{suffix}", ref.sha256, ref.size)

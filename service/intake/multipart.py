@@ -10,6 +10,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 
+from renderer.sentences import Sentence
 from service.errors import Invalid, TooLarge, UnknownFormat
 from service.store.blobs import BlobStore
 from service.store.staging import BlobWriter
@@ -49,7 +50,12 @@ async def read_form(
     """
     media, options = parse_options_header(content_type)
     if media != b"multipart/form-data" or not options.get(b"boundary"):
-        raise UnknownFormat("Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes")
+        raise UnknownFormat(
+            Sentence(
+                "send-files-multipart-form-data",
+                "Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes",
+            )
+        )
     reader = _Reader(store, max_files)
     callbacks: Any = {name: getattr(reader, name) for name in dir(reader) if name.startswith("on_")}
     total = 0
@@ -64,14 +70,25 @@ async def read_form(
             total += len(piece)
             if total > max_bytes:
                 raise TooLarge(
-                    f"The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask who runs the farm."
+                    Sentence(
+                        "upload-larger-than-bytes-taken",
+                        "The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask "
+                        "who runs the farm.",
+                        max_bytes=max_bytes,
+                    )
                 )
             await run_in_threadpool(take, piece)
         if not reader.ended:
-            raise Invalid("The upload ended in the middle. Send it again.")
+            raise Invalid(Sentence("upload-ended-middle", "The upload ended in the middle. Send it again."))
     except FormParserError as error:
         reader.discard()
-        raise Invalid(f"The upload is not well-formed multipart/form-data ({str(error).rstrip('.')}). Send it again.") from error
+        raise Invalid(
+            Sentence(
+                "upload-not-well-formed-multipart",
+                "The upload is not well-formed multipart/form-data ({error}). Send it again.",
+                error=str(error).rstrip("."),
+            )
+        ) from error
     except BaseException:
         reader.discard()
         raise
@@ -118,13 +135,23 @@ class _Reader:
             self._field = options.get(b"name", b"").decode()
             filename = _unescape(options[b"filename"].decode()) if b"filename" in options else None
         except UnicodeDecodeError:
-            raise Invalid("A name in the upload is not UTF-8. Rename the file and send it again.") from None
+            raise Invalid(
+                Sentence("name-upload-not-utf-8", "A name in the upload is not UTF-8. Rename the file and send it again.")
+            ) from None
         if filename is None:
             if len(self.form.fields) >= MAX_FIELDS:
-                raise TooLarge(f"The form has more than {MAX_FIELDS} fields.")
+                raise TooLarge(
+                    Sentence("form-more-than-fields", "The form has more than {max_fields} fields.", max_fields=MAX_FIELDS)
+                )
             return
         if len(self.form.files) >= self._max_files:
-            raise TooLarge(f"The upload has more than {self._max_files} files. Pack only what the scene needs.")
+            raise TooLarge(
+                Sentence(
+                    "upload-more-than-files",
+                    "The upload has more than {max_files} files. Pack only what the scene needs.",
+                    max_files=self._max_files,
+                )
+            )
         self._writer = self._store.writer()
         self.form.files.append((filename, self._writer))
 
@@ -132,7 +159,14 @@ class _Reader:
         if self._writer is not None:
             self._writer.write(data[start:end])
         elif len(self._text) + end - start > MAX_FIELD:
-            raise TooLarge(f"The field {self._field[:60]!r} is longer than {MAX_FIELD} bytes.")
+            raise TooLarge(
+                Sentence(
+                    "field-longer-than-bytes",
+                    "The field {field} is longer than {max_field} bytes.",
+                    field=repr(self._field[:60]),
+                    max_field=MAX_FIELD,
+                )
+            )
         else:
             self._text += data[start:end]
 
@@ -143,7 +177,9 @@ class _Reader:
             try:
                 self.form.fields[self._field] = self._text.decode()
             except UnicodeDecodeError:
-                raise Invalid(f"The field {self._field[:60]!r} is not UTF-8. Send it as UTF-8.") from None
+                raise Invalid(
+                    Sentence("field-not-utf-8", "The field {field} is not UTF-8. Send it as UTF-8.", field=repr(self._field[:60]))
+                ) from None
 
     def on_end(self) -> None:
         self.ended = True
@@ -151,7 +187,13 @@ class _Reader:
     @staticmethod
     def _bounded(header: bytes) -> bytes:
         if len(header) > MAX_HEADER:
-            raise TooLarge(f"A header in the upload is longer than {MAX_HEADER} bytes.")
+            raise TooLarge(
+                Sentence(
+                    "header-upload-longer-than-bytes",
+                    "A header in the upload is longer than {max_header} bytes.",
+                    max_header=MAX_HEADER,
+                )
+            )
         return header
 
 

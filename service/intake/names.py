@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from renderer.printable import one_line
+from renderer.sentences import Sentence
 from service.errors import Invalid
 
 __all__ = ["plain_note", "plain_title", "safe_name"]
@@ -18,20 +19,57 @@ def safe_name(name: str) -> str:
     """Returns the name as a normalized relative path with forward slashes. Raises Invalid if it is unsafe, empty or too long."""
     shown = ascii(name if len(name) <= 120 else name[:117] + "...")
     if not name:
-        raise Invalid("A file came without a name. Give every file its name, with its folders if it has any.")
+        raise Invalid(
+            Sentence(
+                "file-came-without-name",
+                "A file came without a name. Give every file its name, with its folders if it has any.",
+            )
+        )
     if "\\" in name:
-        raise Invalid(f"The file name {shown} has a backslash. Use forward slashes between folders.")
+        raise Invalid(
+            Sentence(
+                "file-name-backslash",
+                "The file name {shown} has a backslash. Use forward slashes between folders.",
+                shown=shown,
+            )
+        )
     if name.startswith("/") or DRIVE.match(name):
-        raise Invalid(f"The file name {shown} is an absolute path. Names are relative to the scene's folder.")
+        raise Invalid(
+            Sentence(
+                "file-name-absolute-path",
+                "The file name {shown} is an absolute path. Names are relative to the scene's folder.",
+                shown=shown,
+            )
+        )
     if _has_control(name):
-        raise Invalid(f"The file name {shown} has control characters. Rename the file.")
+        raise Invalid(
+            Sentence(
+                "file-name-control-characters",
+                "The file name {shown} has control characters. Rename the file.",
+                shown=shown,
+            )
+        )
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if ".." in parts:
-        raise Invalid(f"The file name {shown} climbs out of the upload with '..'. Move the file beside the scene.")
+        raise Invalid(
+            Sentence(
+                "file-name-climbs-out-upload",
+                "The file name {shown} climbs out of the upload with '..'. Move the file beside the scene.",
+                shown=shown,
+            )
+        )
     if not parts:
-        raise Invalid(f"The file name {shown} names no file.")
+        raise Invalid(Sentence("file-name-names-no-file", "The file name {shown} names no file.", shown=shown))
     if len(name.encode()) > MAX_NAME or any(len(part.encode()) > MAX_PART for part in parts):
-        raise Invalid(f"The file name {shown} is too long; {MAX_PART} bytes a part and {MAX_NAME} in all are possible.")
+        raise Invalid(
+            Sentence(
+                "file-name-too-long",
+                "The file name {shown} is too long; {max_part} bytes a part and {max_name} in all are possible.",
+                shown=shown,
+                max_part=MAX_PART,
+                max_name=MAX_NAME,
+            )
+        )
     return "/".join(parts)
 
 
@@ -39,7 +77,13 @@ def plain_title(text: str) -> str:
     """Returns the stripped title of a scene or job. Raises Invalid unless it is one line without control characters."""
     text = text.strip()
     if _has_control(text):
-        raise Invalid(f"name: {text[:60]!a} has control characters or line breaks. Give it one line of plain text.")
+        raise Invalid(
+            Sentence(
+                "name-control-characters-line-breaks",
+                "name: {text} has control characters or line breaks. Give it one line of plain text.",
+                text=text[:60],
+            )
+        )
     return text
 
 
@@ -50,7 +94,13 @@ def plain_note(text: str) -> str:
     """
     text = text.replace("\r\n", "\n").strip()
     if _has_control(text.replace("\n", " ").replace("\t", " ")):
-        raise Invalid(f"note: {text[:60]!a} has control characters. Give it lines of plain text.")
+        raise Invalid(
+            Sentence(
+                "note-control-characters",
+                "note: {text} has control characters. Give it lines of plain text.",
+                text=text[:60],
+            )
+        )
     return text
 
 

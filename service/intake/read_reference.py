@@ -11,6 +11,7 @@ from renderer.confine.reader import Link
 from renderer.errors import SceneError
 from renderer.image import rgbe9995
 from renderer.image.read import read
+from renderer.sentences import Sentence
 from service.watching.film_packet import packed_picture
 
 __all__ = ["as_film"]
@@ -29,7 +30,15 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
         pixels = (pixels >> 8).astype(np.uint8)  # reduced to 8 bits, as displayed
     height, width = pixels.shape[:2]
     if max(width, height) > 0xFFFF:
-        raise SceneError(f"{name}: is {width}x{height}; a side has at most 65535 pixels")
+        raise SceneError(
+            Sentence(
+                "x-side-most-65535-pixels",
+                "{name}: is {width}x{height}; a side has at most 65535 pixels",
+                name=name,
+                width=width,
+                height=height,
+            )
+        )
     is_display = pixels.dtype == np.uint8
     words = np.empty((height, width), np.uint32)
     clipped = 0

@@ -13,6 +13,7 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.confine.running import Bounds, TooLargeError, run
 from renderer.errors import MachineError, SceneError
+from renderer.sentences import Sentence, stopped
 from service.access.projects import hold_project
 from service.errors import Failed, Invalid
 from service.intake.projects import NOBODY, Owner, id_in
@@ -89,16 +90,33 @@ def _known(id: str, sessions: Sessions) -> Reference | None:
 
 def _read(image: Path, name: str, film: Path) -> dict[str, object]:
     job = partial(as_film, os.fsencode(image.resolve()), name, os.fsencode(film.resolve()))
-    bounds = Bounds(MEMORY, SECONDS, name, "that reading an image may take", "Make it smaller.", "Make it smaller.")
+    bounds = Bounds(
+        MEMORY,
+        SECONDS,
+        name,
+        "that reading an image may take",
+        Sentence("make-smaller", "Make it smaller."),
+        Sentence("make-smaller", "Make it smaller."),
+    )
     try:
         found = run(job, [image.resolve()], [film.parent.resolve()], bounds, preload=[as_film.__module__])
         sides = int(found["width"]), int(found["height"]), int(found["clipped"])
         if not film.is_file() or film.is_symlink():
-            raise SceneError(f"{name} cannot be read: its importer ended without a result")
+            raise SceneError(
+                Sentence("cannot-read-importer", "{name} cannot be read: its importer ended without a result", name=name)
+            )
     except (SceneError, TooLargeError) as error:
-        raise Invalid(f"{str(error).rstrip('.')}.") from None
+        raise Invalid(stopped(str(error).rstrip("."))) from None
     except MachineError as error:
-        raise Failed(f"{name} could not be read: {str(error).rstrip('.')}.") from error
+        raise Failed(
+            Sentence("could-not-read-2", "{name} could not be read: {error}.", name=name, error=str(error).rstrip("."))
+        ) from error
     except (KeyError, TypeError, ValueError) as error:
-        raise Invalid(f"{name} cannot be read: its importer ended without a result.") from error
+        raise Invalid(
+            Sentence(
+                "cannot-read-importer-ended",
+                "{name} cannot be read: its importer ended without a result.",
+                name=name,
+            )
+        ) from error
     return {"width": sides[0], "height": sides[1], "is_display": bool(found.get("is_display")), "clipped": sides[2]}

@@ -7,6 +7,7 @@ from typing import Any
 
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
 from service.intake.picture import picture_of
@@ -43,14 +44,27 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
         refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
     width, height = _size(request, defaults)
     if width * height > max_pixels:
-        raise SettingsError(f"width x height is {width * height} pixels; at most {max_pixels} are rendered")
+        raise SettingsError(
+            Sentence(
+                "width-x-height-pixels",
+                "width x height is {width} pixels; at most {max_pixels} are rendered",
+                width=width * height,
+                max_pixels=max_pixels,
+            )
+        )
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
     if tiles > MOST_TILES:
         raise SettingsError(
-            f"tile_size is {job.tile_size}, which makes {tiles} tiles of a frame; at most {MOST_TILES} are kept in mind"
+            Sentence(
+                "tile-size",
+                "tile_size is {tile_size}, which makes {tiles} tiles of a frame; at most {most_tiles} are kept in mind",
+                tile_size=job.tile_size,
+                tiles=tiles,
+                most_tiles=MOST_TILES,
+            )
         )
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: moving objects are compiled with their keyframes
@@ -72,8 +86,13 @@ def refusal(warnings: Sequence[str]) -> str:
     """Returns the error of a strict scene or job with these warnings, without the final full stop."""
     listed = " ".join(warnings).rstrip(".")
     if len(warnings) == 1:
-        return f"strict makes the scene's 1 warning an error: {listed}"
-    return f"strict makes the scene's {len(warnings)} warnings errors: {listed}"
+        return Sentence("strict-makes-scene-1-warning", "strict makes the scene's 1 warning an error: {listed}", listed=listed)
+    return Sentence(
+        "strict-makes-scene-warnings-errors",
+        "strict makes the scene's {n} warnings errors: {listed}",
+        n=len(warnings),
+        listed=listed,
+    )
 
 
 def frame_settings(

@@ -17,6 +17,7 @@ from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
+from renderer.sentences import Sentence
 from service.errors import Invalid, TooLarge
 from service.intake.archives import expand
 from service.intake.multipart import Form, read_form
@@ -127,7 +128,7 @@ def keep(
         sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
-                raise Invalid(f"The file {name} is there twice. Send it once.")
+                raise Invalid(Sentence("file-twice", "The file {name} is there twice. Send it once.", name=name))
             files[name] = writer
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
@@ -162,13 +163,25 @@ def _added(
     find: returns the scene; raises if it was deleted. asked: the form's main file; empty: unchanged.
     """
     if not asked and all(writer.size == 0 for writer in files.values()):
-        raise Invalid("The upload is empty. Choose the files that are to be added.")
+        raise Invalid(Sentence("upload-empty", "The upload is empty. Choose the files that are to be added."))
     scene = find()
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
     if len(kept) + len(files) > settings.max_upload_files:
-        raise TooLarge(f"With these the scene has more than {settings.max_upload_files} files.")
+        raise TooLarge(
+            Sentence(
+                "with-these-scene-more-than",
+                "With these the scene has more than {max_upload_files} files.",
+                max_upload_files=settings.max_upload_files,
+            )
+        )
     if sum(ref.size for ref in kept) + sum(writer.size for writer in files.values()) > settings.max_upload_bytes:
-        raise TooLarge(f"With these the scene is larger than the {settings.max_upload_bytes} bytes that are taken.")
+        raise TooLarge(
+            Sentence(
+                "with-these-scene-larger-than",
+                "With these the scene is larger than the {max_upload_bytes} bytes that are taken.",
+                max_upload_bytes=settings.max_upload_bytes,
+            )
+        )
     _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
     hashes = [writer.sha256 for writer in files.values()]
     with full_disk(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
@@ -188,7 +201,9 @@ def _flag(name: str, form: Form) -> bool | None:
     """Returns a boolean field of a form, or None if it is absent. Raises Invalid for other values."""
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
-        raise Invalid(f"{name} is {text[:60]!r}; true and false are possible.")
+        raise Invalid(
+            Sentence("true-false-possible", "{name} is {text}; true and false are possible.", name=name, text=repr(text[:60]))
+        )
     return text in ("true", "1") if text else None
 
 
@@ -211,7 +226,7 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
     main, notes = (None, []) if known is None else pick_main(names, known)
     if main is None or main != known:
-        raise Invalid(f"main: the scene has no scene file {asked[:200]}.")
+        raise Invalid(Sentence("main-scene-no-scene-file", "main: the scene has no scene file {asked}.", asked=asked[:200]))
     return main, notes
 
 
@@ -246,14 +261,30 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
         name = names[int(asked)]
         return name if names.index(name) == int(asked) else asked
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
-    sentence = f"its variants are {listed}" if names else "it has none, as most files have"
-    raise Invalid(f"variant: the scene has no variant {asked[:60]!r}; {sentence}.")
+    sentence = (
+        Sentence("variants", "its variants are {listed}", listed=listed)
+        if names
+        else Sentence("none-most-files", "it has none, as most files have")
+    )
+    raise Invalid(
+        Sentence(
+            "variant-scene-no-variant",
+            "variant: the scene has no variant {asked}; {sentence}.",
+            asked=repr(asked[:60]),
+            sentence=sentence,
+        )
+    )
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
     """Returns a sky in the notation of renderer.scene.sky, equal for equal skies. elevation, azimuth: degrees. Raises Invalid."""
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
-        raise Invalid("environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.")
+        raise Invalid(
+            Sentence(
+                "environment-sun-elevation-lies-between",
+                "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.",
+            )
+        )
     return f"{SKY}{elevation:g},{azimuth % 360.0:g}"
 
 
@@ -267,7 +298,13 @@ def _sky_of(text: str) -> str:
     try:
         elevation, azimuth = (float(part) for part in (text.removeprefix(SKY) + ",0").split(",")[:2])
     except ValueError:
-        raise Invalid(f"environment: {text[:60]!r} is no sky; give the sun's elevation and azimuth as sky:30,120.") from None
+        raise Invalid(
+            Sentence(
+                "environment-no-sky",
+                "environment: {text} is no sky; give the sun's elevation and azimuth as sky:30,120.",
+                text=repr(text[:60]),
+            )
+        ) from None
     return sky_text(elevation, azimuth)
 
 
@@ -282,7 +319,14 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
     for name in known:
         for folder in PurePosixPath(name).parents:
             if str(folder) in known:
-                raise Invalid(f"The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.")
+                raise Invalid(
+                    Sentence(
+                        "upload-file",
+                        "The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.",
+                        folder=folder,
+                        name=name,
+                    )
+                )
 
 
 def _expanded(
@@ -317,19 +361,29 @@ def _expanded(
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """Returns the main file, and the environment: an image among the files, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
-        raise Invalid("The upload is empty. Choose a scene file, and the textures that it needs.")
+        raise Invalid(
+            Sentence("upload-empty-choose", "The upload is empty. Choose a scene file, and the textures that it needs.")
+        )
     main = form.fields.get("main", "").strip()
     if main:
         main = safe_name(main)
         numbered = [frame_name(main, number) for number in numbers_of(main, files)]  # a sequence smoke.####.obj
         if main not in files and not numbered:
-            raise Invalid(f"main: there is no file {main} in the upload{', nor one with a number for #' if '#' in main else ''}.")
+            raise Invalid(
+                Sentence(
+                    "main-not-in-upload-nor-numbered",
+                    "main: there is no file {file} in the upload, nor one with a number for #.",
+                    file=main,
+                )
+                if "#" in main
+                else Sentence("main-not-in-upload", "main: there is no file {file} in the upload.", file=main)
+            )
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
         raise Invalid(str(error)) from None
     if picked in files and files[picked].size == 0:
-        raise Invalid(f"The scene file {picked} is empty.")
+        raise Invalid(Sentence("scene-file-empty", "The scene file {picked} is empty.", picked=picked))
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
@@ -339,7 +393,13 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     elif environment is not None:
         environment = safe_name(environment)
         if environment not in files:
-            raise Invalid(f"environment: there is no file {environment} in the upload.")
+            raise Invalid(
+                Sentence(
+                    "environment-no-file-upload",
+                    "environment: there is no file {environment} in the upload.",
+                    environment=environment,
+                )
+            )
     return picked, environment
 
 

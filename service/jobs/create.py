@@ -13,6 +13,7 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
+from renderer.sentences import Sentence, stopped
 from service.access.visit import Visit
 from service.clock import deadline_of
 from service.errors import Conflict, Invalid, NotFound
@@ -78,7 +79,9 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
     with farm.sessions.begin() as session:
         job = find_job(id, farm)
         if job.state in FINAL:
-            raise Conflict(f"The job is {job.state}; only one that is not over begins anew.")
+            raise Conflict(
+                Sentence("job-only-one-not-over", "The job is {state}; only one that is not over begins anew.", state=job.state)
+            )
         request = _current_request(job)
         set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
     try:
@@ -205,7 +208,13 @@ def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
 
 
 def _no_scene(id: str) -> NotFound:
-    return NotFound(f"scene: there is no scene {id[:60]!r}. Upload it first, by POST /api/scenes.")
+    return NotFound(
+        Sentence(
+            "scene-no-scene",
+            "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
+            id=repr(id[:60]),
+        )
+    )
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
@@ -213,15 +222,21 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
-        raise Conflict(f"The scene cannot be rendered: {scene.error}")
+        raise Conflict(Sentence("scene-cannot-rendered", "The scene cannot be rendered: {error}", error=scene.error))
     job.name, job.project = job.name or scene.name, scene.project
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
         raise Invalid(
-            f"width x height is {width * height} pixels; at most {farm.settings.max_pixels} are rendered.", field="width"
+            Sentence(
+                "width-x-height-pixels-most",
+                "width x height is {width} pixels; at most {max_pixels} are rendered.",
+                width=width * height,
+                max_pixels=farm.settings.max_pixels,
+            ),
+            field="width",
         )
     if scene.status == "ready":
         try:
             resolve(job, scene, farm.settings.max_pixels)
         except SettingsError as error:
-            raise Invalid(f"{error}.", field=str(error).split()[0]) from None
+            raise Invalid(stopped(error), field=str(error).split()[0]) from None

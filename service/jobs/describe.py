@@ -12,6 +12,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from renderer.frames import frame_number, frames_text
+from renderer.sentences import Sentence
 from service.farm import Farm
 from service.jobs.describe_frames import RECORDED, Recorded, bad_samples_of, latest, one_frame, still_numbers
 from service.jobs.lookup import find_job
@@ -32,7 +33,7 @@ from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.shot import Shot
 from service.store.models import ACTIVE, Frame, Job
 
-__all__ = ["UNREADABLE", "describe", "job_out", "jobs_out", "why_nothing_runs"]
+__all__ = ["UNREADABLE_JOB", "UNREADABLE_SCENE", "describe", "job_out", "jobs_out", "why_nothing_runs"]
 
 log = logging.getLogger(__name__)
 
@@ -44,9 +45,15 @@ _AS_THEY_ARE = (
 )
 _as_they_are = attrgetter(*_AS_THEY_ARE)
 MOST_NAMED = 500  # jobs in one query
-UNREADABLE = (
-    "The record of this {what} cannot be read: it is damaged, or another release of Rayfarm wrote it. "
-    "Delete it, or go back to that release."
+UNREADABLE_JOB = Sentence(
+    "record-of-job-unreadable",
+    "The record of this job cannot be read: it is damaged, or another release of Rayfarm wrote it. "
+    "Delete it, or go back to that release.",
+)
+UNREADABLE_SCENE = Sentence(
+    "record-of-scene-unreadable",
+    "The record of this scene cannot be read: it is damaged, or another release of Rayfarm wrote it. "
+    "Delete it, or go back to that release.",
 )
 
 
@@ -100,9 +107,7 @@ def _one_out(job: Job, recorded: Recorded, sums: ShotSums | None, engine: Engine
     except Exception as error:
         log.warning("job %s cannot be described: %r", job.id, error)
         known = ("id", "scene", "name", "priority", "created", "started", "finished", "active_s", "project", "user")
-        plain = Job(
-            **{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE.format(what="job"), request={}
-        )
+        plain = Job(**{name: getattr(job, name) for name in known}, state="failed", error=UNREADABLE_JOB, request={})
         return _job_out(plain, recorded, None, view, [])
 
 
@@ -189,26 +194,41 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if why := view.fault or view.waits.get(job.id):
         return why
     if job.settings is None:
-        return "Waits for its scene to be prepared."
+        return Sentence("waits-for-scene-prepared", "Waits for its scene to be prepared.")
     if why := why_nothing_runs(view.roster):
         return why
     if job.needs and (why := _unmet(job, view.roster)):
         return why
     if job.lit in view.preparing:
-        return "Its scene is prepared under its light."
+        return Sentence("scene-prepared-under-light", "Its scene is prepared under its light.")
     if job.shot is not None and view.roster.shooting_kind() is None:
-        return "Waits for a worker of this release: those that are connected prepare no frames of shots."
+        return Sentence(
+            "waits-for-worker-release",
+            "Waits for a worker of this release: those that are connected prepare no frames of shots.",
+        )
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:
-        return "Waits for workers of this release: of those that are connected some blur nothing that moves."
+        return Sentence(
+            "waits-for-workers-release",
+            "Waits for workers of this release: of those that are connected some blur nothing that moves.",
+        )
     if _is_stranded(job, view.roster):
-        return f"Waits for a worker of the kind {job.kind}, with which it began. Start one, or cancel the job and begin anew."
+        return Sentence(
+            "waits-for-worker-kind",
+            "Waits for a worker of the kind {kind}, with which it began. Start one, or cancel the job and begin anew.",
+            kind=job.kind,
+        )
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
-        return "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two."
+        return Sentence(
+            "workers-compile-kernel-for-scene",
+            "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two.",
+        )
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
-        return f"{numbers.handed_back.rstrip('.')}. It is tried again."
+        return Sentence("tried-again", "{handed_back}. It is tried again.", handed_back=numbers.handed_back.rstrip("."))
     if ahead := view.ahead.get(job.id):
-        return f"Waits for {ahead} job{'s'[: ahead > 1]} of a higher priority."
+        if ahead == 1:
+            return Sentence("waits-for-one-job-before", "Waits for 1 job of a higher priority.")
+        return Sentence("waits-for-jobs-before", "Waits for {ahead} jobs of a higher priority.", ahead=ahead)
     return None
 
 
@@ -228,8 +248,12 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
     """Returns a sentence about the frames that a finished job lacks; None if there are none."""
     if shot is None or not shot.failed or job.state != "finished":
         return None
-    which = f"frame {shot.failed}" if shot.states.get("failed") == 1 else f"the frames {shot.failed[:200]}"
-    return f"Finished without {which}. Set the job to running to try again."
+    which = (
+        Sentence("frame", "frame {failed}", failed=shot.failed)
+        if shot.states.get("failed") == 1
+        else Sentence("frames", "the frames {failed}", failed=shot.failed[:200])
+    )
+    return Sentence("finished-without", "Finished without {which}. Set the job to running to try again.", which=which)
 
 
 def why_nothing_runs(roster: Roster) -> str | None:
@@ -237,8 +261,15 @@ def why_nothing_runs(roster: Roster) -> str | None:
     if roster.ready():
         return None
     if not roster.reports:
-        return "Waits for a worker: none is connected."
+        return Sentence("waits-for-worker-none", "Waits for a worker: none is connected.")
     if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
         rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
-        return "Waits: all workers rest or are paused." if rest else "Waits: all workers are paused."
-    return "Waits for the workers to load their kernels; the first time that takes half a minute or more."
+        return (
+            Sentence("waits-workers-rest-paused", "Waits: all workers rest or are paused.")
+            if rest
+            else Sentence("waits-workers-paused", "Waits: all workers are paused.")
+        )
+    return Sentence(
+        "waits-for-workers-load-kernels",
+        "Waits for the workers to load their kernels; the first time that takes half a minute or more.",
+    )

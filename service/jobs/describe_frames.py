@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from protocol.reproduce import sample_command
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number
+from renderer.sentences import codes_of
 from renderer.settings import RenderSettings
 from service.errors import FarmError
 from service.jobs.shot_sums import live_numbers
@@ -105,6 +106,7 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
             "progress": n.progress,
             "noise": n.noise,
             "error": n.error,
+            "codes": codes_of({"error": n.error}),
         }
         for key, n in found
     ]

@@ -9,6 +9,7 @@ import hashlib
 
 from sqlalchemy import select
 
+from renderer.sentences import Sentence
 from service.access.projects import Sight
 from service.errors import Conflict
 from service.farm import Farm
@@ -39,6 +40,11 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
 def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: Sight) -> JobOut:
     """Returns the current answer for the job of the first request. Raises Conflict if the key was used for another request."""
     if found.request != asked or not sight.sees(found.project):
-        raise Conflict("This Idempotency-Key was used for another request. Take a new key for a new job.")
+        raise Conflict(
+            Sentence(
+                "idempotency-key-used-for-another",
+                "This Idempotency-Key was used for another request. Take a new key for a new job.",
+            )
+        )
     with farm.sessions() as session:
         return job_out(found, session, farm.engine)

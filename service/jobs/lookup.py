@@ -6,6 +6,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from renderer.frames import frame_key, frame_text
+from renderer.sentences import Sentence
 from service.access.projects import Kind
 from service.errors import Conflict, NotFound
 from service.farm import Farm
@@ -59,7 +60,13 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
         raise no_frame(n)
     film = farm.film(job, frame_key(n))
     if film is None:
-        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+        raise Conflict(
+            Sentence(
+                "job-no-picture-yet",
+                "The job has no picture yet: {error}",
+                error=job.error or Sentence("its-scene-is-being-prepared", "its scene is still being prepared."),
+            )
+        )
     return film
 
 
@@ -77,38 +84,63 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
     with farm.sessions() as session:
         recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
     if n is not None and error:
-        return Conflict(f"The frame has no picture. {error}")
+        return Conflict(Sentence("frame-no-picture", "The frame has no picture. {error}", error=error))
     if job.state == "finished" or (job.state in FINAL and recorded):
-        return Conflict("The film of this job is gone. Set the job to running: its picture is then rendered again.")
+        return Conflict(
+            Sentence(
+                "film-job-gone",
+                "The film of this job is gone. Set the job to running: its picture is then rendered again.",
+            )
+        )
     if job.state in FINAL:
-        why = job.error or "It was cancelled before."
-        return Conflict(f"The job ended without a picture. {why.rstrip('.')}.")
-    return Conflict("The picture has no samples yet. Try again when its first tiles are there.")
+        why = job.error or Sentence("cancelled-before", "It was cancelled before.")
+        return Conflict(Sentence("job-ended-without-picture", "The job ended without a picture. {why}.", why=why.rstrip(".")))
+    return Conflict(
+        Sentence("picture-no-samples-yet", "The picture has no samples yet. Try again when its first tiles are there.")
+    )
 
 
 def no_job(id: str) -> NotFound:
     """Returns the error for a missing job."""
-    return NotFound(f"There is no job {id[:60]!r}. GET /api/jobs lists those that are there.")
+    return NotFound(Sentence("no-job", "There is no job {id}. GET /api/jobs lists those that are there.", id=repr(id[:60])))
 
 
 def no_frame(frame: float) -> NotFound:
     """Returns the error for a missing frame."""
-    return NotFound(f"The job has no frame {frame_text(frame)}. Its own are listed at /api/jobs/{{id}}/frames.")
+    return NotFound(
+        Sentence(
+            "job-no-frame",
+            "The job has no frame {frame_text}. Its own are listed at /api/jobs/{id}/frames.",
+            frame_text=frame_text(frame),
+        )
+    )
 
 
 def no_scene(id: str) -> NotFound:
     """Returns the error for a missing scene."""
-    return NotFound(f"There is no scene {id[:60]!r}. GET /api/scenes lists those that are there.")
+    return NotFound(Sentence("no-scene", "There is no scene {id}. GET /api/scenes lists those that are there.", id=repr(id[:60])))
 
 
 def no_environment(id: str) -> NotFound:
     """Returns the error for a missing environment."""
-    return NotFound(f"There is no environment {id[:60]!r}. GET /api/environments lists those that are there.")
+    return NotFound(
+        Sentence(
+            "no-environment",
+            "There is no environment {id}. GET /api/environments lists those that are there.",
+            id=repr(id[:60]),
+        )
+    )
 
 
 def no_reference(id: str) -> NotFound:
     """Returns the error for a missing reference picture."""
-    return NotFound(f"There is no reference picture {id[:60]!r}. GET /api/references lists those that are there.")
+    return NotFound(
+        Sentence(
+            "no-reference-picture",
+            "There is no reference picture {id}. GET /api/references lists those that are there.",
+            id=repr(id[:60]),
+        )
+    )
 
 
 def no_thing(kind: Kind, id: str) -> NotFound:

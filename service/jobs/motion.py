@@ -11,6 +11,7 @@ from anyio.to_thread import run_sync
 
 from protocol.contract import FrameVectors
 from renderer.frames import frame_key
+from renderer.sentences import Sentence
 from service.errors import Conflict
 from service.farm import Farm
 from service.shot import Shot
@@ -36,7 +37,9 @@ def _wish(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:
     with farm.sessions() as session:
         scene = session.get(Scene, job.scene)
     if scene is None or not scene.info:
-        raise Conflict("The job's scene is still being prepared. Try again when it is.")
+        raise Conflict(
+            Sentence("job-scene-still-being-prepared", "The job's scene is still being prepared. Try again when it is.")
+        )
     shot = Shot.of(job.shot) or Shot()
     return FrameVectors(
         work="",

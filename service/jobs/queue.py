@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound
 from service.intake.projects import serves
 from service.models.queue import WaitOut
@@ -18,6 +19,7 @@ __all__ = ["needs_of", "wait_for", "wait_for_fewer", "waits_of", "waits_sentence
 
 MOST_NAMED = 500  # jobs in one query
 SHOWN = 3
+DAY_S, HOUR_S, MINUTE_S = 86400.0, 3600.0, 60.0
 
 
 def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
@@ -31,9 +33,14 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
     if job.deadline is None or job.late is None or job.state not in ACTIVE:
         return None
     if now > job.deadline:
-        return f"Its deadline passed {_roughly(now - job.deadline)} ago."
-    by = f"{_roughly(expected - job.deadline)} " if expected is not None and expected > job.deadline else ""
-    return f"By the forecast it is ready {by}after its deadline."
+        return Sentence("deadline-passed-ago", "Its deadline passed {time} ago.", time=_roughly(now - job.deadline))
+    if expected is None or expected <= job.deadline:
+        return Sentence("forecast-after-deadline", "By the forecast it is ready after its deadline.")
+    return Sentence(
+        "forecast-after-deadline-by",
+        "By the forecast it is ready {time} after its deadline.",
+        time=_roughly(expected - job.deadline),
+    )
 
 
 def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
@@ -44,11 +51,25 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
         if other is None or not serves(other.project, job.project):
-            raise NotFound(f"after: there is no job {id[:60]!r}. A job can come after those that are there.")
+            raise NotFound(
+                Sentence(
+                    "after-no-job",
+                    "after: there is no job {id}. A job can come after those that are there.",
+                    id=repr(id[:60]),
+                )
+            )
         if other.state in ACTIVE:
             session.add(Wait(job=job.id, other=id))
         elif other.state != "finished":
-            raise Conflict(f"after: the job {id} ({other.name}) has {_ended(other.state)}. Nothing can come after it.")
+            raise Conflict(
+                Sentence(
+                    "after-job",
+                    "after: the job {id} ({name}) has {ended}. Nothing can come after it.",
+                    id=id,
+                    name=other.name,
+                    ended=_ended(other.state),
+                )
+            )
 
 
 def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
@@ -56,7 +77,13 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
     waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
     unknown = [other for other in after if other not in waits]
     if unknown:  # a new dependency on an existing job could create a cycle
-        raise Conflict(f"after: the job does not wait for {unknown[0][:60]!r}. One that is there can only wait for fewer.")
+        raise Conflict(
+            Sentence(
+                "after-job-not-wait-for",
+                "after: the job does not wait for {unknown}. One that is there can only wait for fewer.",
+                unknown=repr(unknown[0][:60]),
+            )
+        )
     for other, wait in waits.items():
         if other not in after:
             session.delete(wait)
@@ -78,17 +105,27 @@ def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
     """Returns a sentence about a job's unfinished dependencies; None if there are none."""
     if not waits:
         return None
-    named = ", ".join(f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN])
-    more = f" and {len(waits) - SHOWN} more" if len(waits) > SHOWN else ""
-    return f"Waits until {named}{more} {'is' if len(waits) == 1 else 'are'} finished."
+    named = [f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN]]
+    if len(waits) == 1:
+        return Sentence("waits-for-job", "Waits until {job} is finished.", job=named[0])
+    if len(waits) <= SHOWN:
+        return Sentence("waits-for-jobs", "Waits until {jobs} are finished.", jobs=named)
+    return Sentence("waits-for-jobs-and-more", "Waits until {jobs} and {n} more are finished.", jobs=named, n=len(waits) - SHOWN)
 
 
 def _roughly(seconds: float) -> str:
-    for size, unit in ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute")):
-        if seconds >= 1.5 * size:
-            return f"{seconds / size:.0f} {unit}s"
-    return "a minute" if seconds >= 45 else f"{max(seconds, 1.0):.0f} s"
+    if seconds >= 1.5 * DAY_S:
+        return Sentence("days", "{n} days", n=round(seconds / DAY_S))
+    if seconds >= 1.5 * HOUR_S:
+        return Sentence("hours", "{n} hours", n=round(seconds / HOUR_S))
+    if seconds >= 1.5 * MINUTE_S:
+        return Sentence("minutes", "{n} minutes", n=round(seconds / MINUTE_S))
+    if seconds >= 45:
+        return Sentence("a-minute", "a minute")
+    return Sentence("seconds", "{n} s", n=round(max(seconds, 1.0)))
 
 
 def _ended(state: str) -> str:
-    return "been cancelled" if state == "cancelled" else "failed"
+    if state == "cancelled":
+        return Sentence("has-been-cancelled", "been cancelled")
+    return Sentence("has-failed", "failed")

@@ -28,6 +28,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from renderer import __version__
+from renderer.sentences import Sentence
 from service.errors import FarmError, Invalid, NotFound
 from service.locations import sqlite_url
 from service.maintenance.target import Target
@@ -66,7 +67,11 @@ class Manifest:
             stamps = {str(path): [int(n) for n in stamp] for path, stamp in data["stamps"].items()}
             return cls(str(data["version"]), float(data["made"]), files, stamps)
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise Invalid(f"{MANIFEST} of the backup cannot be read ({error}).") from None
+            raise Invalid(
+                Sentence(
+                    "backup-cannot-read", "{manifest} of the backup cannot be read ({error}).", manifest=MANIFEST, error=error
+                )
+            ) from None
 
     def to_json(self) -> bytes:
         """Returns the content of the manifest file."""
@@ -87,7 +92,14 @@ class Report:
 def back_up(data: Path, target: Target, progress: Progress = lambda done, total, what: None) -> Report:
     """Backs up the farm of a data folder, which may be running. Raises Invalid, NotFound and OSError."""
     if not (data / DATABASE).is_file():
-        raise NotFound(f"{data} holds no farm: there is no {DATABASE} in it. Name a data folder with --data.")
+        raise NotFound(
+            Sentence(
+                "holds-no-farm",
+                "{data} holds no farm: there is no {database} in it. Name a data folder with --data.",
+                data=data,
+                database=DATABASE,
+            )
+        )
     before, manifest = target.manifest(MANIFEST), Manifest(made=time.time())
     known = Manifest.of(before) if before else Manifest()
     run = _Run(data, target, known, manifest, progress)
@@ -179,7 +191,13 @@ class _Run:
             self.report.unchanged += 1
         else:
             if _hash(path)[1] != sha256:
-                raise Invalid(f"the upload or compiled scene {sha256[:12]} is not what was stored: the disk has damaged it")
+                raise Invalid(
+                    Sentence(
+                        "upload-compiled-scene-not-stored",
+                        "the upload or compiled scene {sha256} is not what was stored: the disk has damaged it",
+                        sha256=sha256[:12],
+                    )
+                )
             self.target.put(name, path)
             self.report.bytes += path.stat().st_size
         self.manifest.files[name] = (path.stat().st_size, sha256)

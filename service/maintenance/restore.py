@@ -15,6 +15,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, cast
 
+from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound
 from service.maintenance.backup import MANIFEST, Manifest, Progress
 from service.maintenance.target import ARCHIVES
@@ -40,7 +41,13 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
     Leaves nothing behind after an error.
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
-        raise Conflict(f"{data} is not empty. Name a new folder with --data: a farm is never restored over another.")
+        raise Conflict(
+            Sentence(
+                "not-empty",
+                "{data} is not empty. Name a new folder with --data: a farm is never restored over another.",
+                data=data,
+            )
+        )
     part = data.with_name(f".{data.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     make_private(part)
@@ -48,13 +55,34 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
         with _opened(source) as (total, files):
             hashes, text = _copy(files, part, total, progress)
         if text is None:
-            raise Invalid(f"{source} is no complete backup: it has no {MANIFEST}. Was it cut off? Make it again.")
+            raise Invalid(
+                Sentence(
+                    "no-complete-backup",
+                    "{source} is no complete backup: it has no {manifest}. Was it cut off? Make it again.",
+                    source=source,
+                    manifest=MANIFEST,
+                )
+            )
         manifest = Manifest.of(text)
         for name, (_, sha256) in manifest.files.items():
             if name not in hashes:
-                raise Invalid(f"{source} is damaged: it lacks {name}. Take another backup.")
+                raise Invalid(
+                    Sentence(
+                        "damaged-lacks",
+                        "{source} is damaged: it lacks {name}. Take another backup.",
+                        source=source,
+                        name=name,
+                    )
+                )
             if hashes[name] != sha256:
-                raise Invalid(f"{source} is damaged: {name} is not what was backed up. Take another backup.")
+                raise Invalid(
+                    Sentence(
+                        "damaged-not-backed-up",
+                        "{source} is damaged: {name} is not what was backed up. Take another backup.",
+                        source=source,
+                        name=name,
+                    )
+                )
         for name in hashes.keys() - manifest.files.keys():
             (part / name).unlink()
         _forget_who_was_in(part / "rayfarm.sqlite")
@@ -84,7 +112,13 @@ def _copy(
     done = 0
     for name, size, opened in files:
         if not NAMES.fullmatch(name):
-            raise Invalid(f"The backup has a file {name[:100]!r}, which no backup has. It is not restored.")
+            raise Invalid(
+                Sentence(
+                    "backup-file",
+                    "The backup has a file {name}, which no backup has. It is not restored.",
+                    name=repr(name[:100]),
+                )
+            )
         if name == MANIFEST:
             with opened() as file:
                 manifest = file.read()
@@ -115,20 +149,40 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
         yield sum(path.stat().st_size for path in paths), files
         return
     if not source.is_file():
-        raise NotFound(f"There is no backup {source}.")
+        raise NotFound(Sentence("no-backup", "There is no backup {source}.", source=source))
     if not source.name.endswith(ARCHIVES):
-        raise Invalid(f"{source} is no backup: that is a folder, or a file that ends with {', '.join(ARCHIVES)}.")
+        raise Invalid(
+            Sentence(
+                "no-backup-folder",
+                "{source} is no backup: that is a folder, or a file that ends with {archives}.",
+                source=source,
+                archives=[*ARCHIVES],
+            )
+        )
     try:
         with tarfile.open(source) as tar:
             yield source.stat().st_size, _members(tar)
     except (tarfile.TarError, EOFError) as error:
-        raise Invalid(f"{source} is damaged or was cut off ({error}). Take another backup.") from error
+        raise Invalid(
+            Sentence(
+                "damaged-cut-off",
+                "{source} is damaged or was cut off ({error}). Take another backup.",
+                source=source,
+                error=error,
+            )
+        ) from error
 
 
 def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, Opener]]:
     for member in tar:
         if not member.isfile():
-            raise Invalid(f"The backup has {member.name[:100]!r}, which is no file. It is not restored.")
+            raise Invalid(
+                Sentence(
+                    "backup-no-file",
+                    "The backup has {name}, which is no file. It is not restored.",
+                    name=repr(member.name[:100]),
+                )
+            )
 
         def opened(member: tarfile.TarInfo = member) -> BinaryIO:
             file = tar.extractfile(member)

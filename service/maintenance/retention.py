@@ -21,6 +21,7 @@ from typing import Any, Literal
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.errors import Conflict, FarmError
 from service.events import Events, RowWritten
 from service.store.database import Sessions
@@ -152,7 +153,12 @@ class Retention:
         """Starts a deletion by these rules in a thread. Raises Conflict while an earlier one is in progress."""
         with self._asked_lock:
             if self.latest is not None and self.latest.state == "running":
-                raise Conflict("A deletion by rules is running already. GET /api/retention says how far it is.")
+                raise Conflict(
+                    Sentence(
+                        "deletion-by-rules-running-already",
+                        "A deletion by rules is running already. GET /api/retention says how far it is.",
+                    )
+                )
             run = self.latest = Run()
             self._asked_thread = threading.Thread(target=self._carry_out, args=(run, rules), name="retention run", daemon=True)
             self._asked_thread.start()
@@ -244,7 +250,12 @@ class Retention:
                     return False
                 if job.state == "finished":
                     job.state = "cancelled"
-                    job.error = f"{FILM} was let go ({item.why}). Set the job to running, and it is rendered again."
+                    job.error = Sentence(
+                        "let-go-set",
+                        "{film} was let go ({why}). Set the job to running, and it is rendered again.",
+                        film=FILM,
+                        why=item.why,
+                    )
                 self._films.delete(item.id)  # within the transaction, which blocks a concurrent change to running
             return True
 

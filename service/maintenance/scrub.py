@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from sqlalchemy import select, update
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.settings import RenderSettings
 from service.errors import FarmError, FilmDamaged
 from service.events import Events, FilmSuspected, RowWritten
@@ -45,10 +46,14 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
     if not any(recorded.values()):
         return
     if not films.size(job):
-        raise FilmDamaged(f"{FILM} is missing or was emptied.")
+        raise FilmDamaged(Sentence("missing-emptied", "{film} is missing or was emptied.", film=FILM))
     has = films.verify(job, settings, tile_size)
     if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
-        raise FilmDamaged(f"{FILM} lacks samples of {len(lacking)} of {len(recorded)} frames.")
+        raise FilmDamaged(
+            Sentence(
+                "lacks-samples-frames", "{film} lacks samples of {n} of {n2} frames.", film=FILM, n=len(lacking), n2=len(recorded)
+            )
+        )
 
 
 class Scrubber:
@@ -190,7 +195,11 @@ class Scrubber:
             if row is None or not _is_at_rest(row):
                 return
             if session.get(Scene, row.stage) is None:
-                row.error = f"{FILM} was damaged, and its scene was deleted: what is missing cannot be rendered again."
+                row.error = Sentence(
+                    "damaged-scene-deleted",
+                    "{film} was damaged, and its scene was deleted: what is missing cannot be rendered again.",
+                    film=FILM,
+                )
                 log.warning("%s: %s", row.id, row.error)
             else:
                 set_state(row, "running", is_anew)

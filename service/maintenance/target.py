@@ -13,6 +13,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
+from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.atomic_files import PRIVATE, PRIVATE_FOLDER, make_private, move_whole, write_whole
 
@@ -49,7 +50,13 @@ class FolderTarget:
     def __init__(self, folder: Path, marker: str) -> None:
         """Opens the folder. Raises Invalid for a folder with other content. marker: the file that identifies a backup."""
         if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists() and not (folder / ".part").exists():
-            raise Invalid(f"{folder} holds something else than a backup. Name an empty folder, or a new one.")
+            raise Invalid(
+                Sentence(
+                    "holds-something-else-than-backup",
+                    "{folder} holds something else than a backup. Name an empty folder, or a new one.",
+                    folder=folder,
+                )
+            )
         make_private(folder)
         self._folder = folder
         self._part = folder / ".part"
@@ -102,7 +109,9 @@ class TarTarget:
 
     def __init__(self, path: Path) -> None:
         if path.exists():
-            raise Invalid(f"{path} is there already. Name another file, or remove it.")
+            raise Invalid(
+                Sentence("already-name-another-file", "{path} is there already. Name another file, or remove it.", path=path)
+            )
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._part = path.with_name(f".{path.name}.part")
@@ -149,7 +158,14 @@ def target_at(path: Path, marker: str) -> Target:
     if path.name.endswith(ARCHIVES):
         return TarTarget(path)
     if path.suffix in (".zip", ".gz", ".xz", ".zst", ".7z") or path.is_file():
-        raise Invalid(f"A backup is a folder, or a file that ends with {', '.join(ARCHIVES)}; {path.name} is neither.")
+        raise Invalid(
+            Sentence(
+                "backup-folder",
+                "A backup is a folder, or a file that ends with {archives}; {name} is neither.",
+                archives=[*ARCHIVES],
+                name=path.name,
+            )
+        )
     return FolderTarget(path, marker)
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, Field, model_validator
 
+from service.models.coded import Coded
 from service.models.jobs import JobState
 from service.models.strict import Strict
 
@@ -37,7 +38,7 @@ class WasOut(BaseModel):
     priority: int
 
 
-class RefusedOut(BaseModel):
+class RefusedOut(Coded):
     """A job to which it could not be done."""
 
     id: str

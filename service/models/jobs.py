@@ -10,10 +10,12 @@ from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAME, MAX_FRAMES, parse_frames
 from renderer.presets import PRESETS
+from renderer.sentences import Sentence
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
 from renderer.work import ORDERS, SHOT, WORK
 from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
+from service.models.coded import Coded
 from service.models.declared import with_fields
 from service.models.queue import QueueIn, QueueOut, QueuePatch
 from service.models.strict import Strict
@@ -50,7 +52,14 @@ def _frames_text(value: str | int | float) -> str:
     text = str(value).strip()
     try:
         if len(text) > 10_000:
-            raise SettingsError(f"frames has {len(text)} characters; at most 10000 are read, and {MAX_FRAMES} frames")
+            raise SettingsError(
+                Sentence(
+                    "frames-characters",
+                    "frames has {n} characters; at most 10000 are read, and {max_frames} frames",
+                    n=len(text),
+                    max_frames=MAX_FRAMES,
+                )
+            )
         parse_frames(text)
     except SettingsError as error:
         raise ValueError(str(error)) from None
@@ -244,7 +253,7 @@ class BadSampleOut(BaseModel):
     reproduce: str = Field(description="a command that follows its path and prints it")
 
 
-class FrameOut(BaseModel):
+class FrameOut(Coded):
     """One picture of a job."""
 
     number: int | float

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, Field
 
 from service.clock import deadline_of
+from service.models.coded import Coded
 from service.models.strict import Strict
 from service.scheduling.fleet.needs import Needs
 
@@ -83,7 +84,7 @@ class WaitOut(BaseModel):
     state: str | None
 
 
-class QueueOut(BaseModel):
+class QueueOut(Coded):
     """Of a job."""
 
     after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")

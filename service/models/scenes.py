@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
+from service.models.coded import Coded
+
 __all__ = ["MeasuredOut", "SceneOut", "SceneStatus"]
 
 SceneStatus = Literal["preparing", "ready", "failed"]
@@ -20,7 +22,7 @@ class MeasuredOut(BaseModel):
     )
 
 
-class SceneOut(BaseModel):
+class SceneOut(Coded):
     """An uploaded scene."""
 
     id: str

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from protocol.contract import WorkerReport
 from protocol.hours import Hours
 from renderer.frames import frame_number
+from service.models.coded import Coded
 from service.models.strict import Strict
 from service.scheduling.snapshot import Snapshot
 
@@ -55,7 +56,7 @@ class WorkerPatch(Strict):
         return said
 
 
-class OfferOut(BaseModel):
+class OfferOut(Coded):
     """What a worker offers, by its own word."""
 
     tags: list[str]
@@ -70,7 +71,7 @@ class OfferOut(BaseModel):
     trouble: str | None = Field(description="what was asked of it and it cannot do")
 
 
-class WorkerOut(BaseModel):
+class WorkerOut(Coded):
     """A worker, by its own report."""
 
     name: str

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from sqlalchemy import Engine, select, text
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.errors import FarmError, NotOwner, Unavailable
 from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
@@ -128,7 +129,11 @@ class Ownership:
         if self.is_lost:
             raise NotOwner
         if self.is_doubtful and self._heard:
-            raise Unavailable("The database does not say whether this service still owns the farm.")
+            raise Unavailable(
+                Sentence(
+                    "database-not-say-whether-service", "The database does not say whether this service still owns the farm."
+                )
+            )
 
     def confirm(self) -> None:
         """Reads the row, and answers a candidate's request. Raises Unavailable."""

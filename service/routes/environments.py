@@ -18,6 +18,7 @@ from starlette.concurrency import run_in_threadpool
 
 from protocol.contract import BlobRef, ShowEnvironment
 from renderer.presets import PRESETS
+from renderer.sentences import Sentence
 from service.access.projects import hold_project
 from service.errors import Conflict
 from service.farm import Farm
@@ -91,9 +92,11 @@ async def add_environment(
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
-    form = await read_one(request, farm, "image")
+    form = await read_one(request, farm, Sentence("word-image", "image"))
     try:
-        name, file = only_file(form, SUFFIXES, "/api/environments", "no image that lights a scene")
+        name, file = only_file(
+            form, SUFFIXES, "/api/environments", Sentence("no-image-lights-scene", "no image that lights a scene")
+        )
         await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
         sha256, size = file.sha256, file.size
         id = id_in(project, sha256[:20])
@@ -127,7 +130,9 @@ def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
 def delete_environment(id: _Id, farm: FarmDependency) -> None:
     """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
     if id in PRESETS:
-        raise Conflict("This light is made by a formula and takes no room: it cannot be deleted.")
+        raise Conflict(
+            Sentence("light-made-by-formula-takes", "This light is made by a formula and takes no room: it cannot be deleted.")
+        )
 
     def forget(session: Session) -> set[str]:
         found = session.get(Environment, id, with_for_update=True)
@@ -136,7 +141,13 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
         needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
         if needed:
-            raise Conflict(f"{needed} unfinished job(s) need this environment. Cancel them first.")
+            raise Conflict(
+                Sentence(
+                    "unfinished-job-s-need-environment",
+                    "{needed} unfinished job(s) need this environment. Cancel them first.",
+                    needed=needed,
+                )
+            )
         session.delete(found)
         return found.blobs
 

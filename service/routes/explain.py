@@ -12,6 +12,7 @@ from protocol.explained import ExplainPixel
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
 from renderer.frames import MAX_FRAME, frame_key
+from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid, Unavailable
 from service.events import PreparationRequested
@@ -128,7 +129,16 @@ def explain(
     job = find_job(id, farm)
     film = find_film(id, frame, farm)
     if x >= film.width or y >= film.height:
-        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+        raise Invalid(
+            Sentence(
+                "no-pixel",
+                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
+                x=x,
+                y=y,
+                width=film.width,
+                height=film.height,
+            )
+        )
     scene, row = _rows(job, frame_key(frame), farm)
     kind = _kind(job, scene, farm)
     sums, count = _in_film(film, frame_key(frame), x, y)
@@ -162,7 +172,12 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
     with farm.sessions() as session:
         scene, row = session.get(Scene, job.stage), session.get(Frame, (job.id, key))
     if scene is None or not scene.compiled:
-        raise Conflict("The job's scene is not here any more, so that nothing can be followed through it. Upload it again.")
+        raise Conflict(
+            Sentence(
+                "job-scene-not-any-more",
+                "The job's scene is not here any more, so that nothing can be followed through it. Upload it again.",
+            )
+        )
     return scene, row
 
 
@@ -179,7 +194,10 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
         if kind in scene.compiled:
             return kind
     farm.events.publish(PreparationRequested(scene.id, kinds[0]))
-    raise Unavailable("The scene is prepared for the workers that are here. Ask again in a moment.", 5.0)
+    raise Unavailable(
+        Sentence("scene-prepared-for-workers-ask", "The scene is prepared for the workers that are here. Ask again in a moment."),
+        5.0,
+    )
 
 
 def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
@@ -204,7 +222,12 @@ def _question(
     settings, compiled, moment = job.settings, base, None
     if shot is not None:
         if row is None or row.settings is None:
-            raise Conflict("The frame is not prepared yet, so that nobody knows what its pixels see. Try again when it is.")
+            raise Conflict(
+                Sentence(
+                    "frame-not-prepared-yet",
+                    "The frame is not prepared yet, so that nobody knows what its pixels see. Try again when it is.",
+                )
+            )
         settings = row.settings
         own = (row.compiled or {}).get(kind)
         if own is not None:
@@ -227,5 +250,11 @@ def _question(
     try:
         asked = RenderSettings.from_json(settings or {})
     except SettingsError as error:
-        raise Conflict(f"The picture's paths cannot be followed: {error}. Render it anew.") from None
+        raise Conflict(
+            Sentence(
+                "picture-paths-cannot-followed",
+                "The picture's paths cannot be followed: {error}. Render it anew.",
+                error=error,
+            )
+        ) from None
     return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MOST_SAMPLES), sample, moment)

@@ -17,11 +17,12 @@ from starlette.concurrency import run_in_threadpool
 
 from protocol.blends import written_of
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.visit import VisitDependency
 from service.intake.uploads import gathered
-from service.jobs.describe import UNREADABLE
+from service.jobs.describe import UNREADABLE_SCENE
 from service.jobs.lookup import find_job
 from service.store.bands import bands
 from service.store.blends import blend_of
@@ -56,9 +57,9 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
         blend = blend_of(session, scene) if scene is not None else None
     if scene is None:
-        raise NotFound("There is no such scene; it may have been deleted.")
+        raise NotFound(Sentence("no-such-scene", "There is no such scene; it may have been deleted."))
     if not scene.files:
-        raise Conflict(UNREADABLE.format(what="scene"))
+        raise Conflict(UNREADABLE_SCENE)
     main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
     if (written := written_of({"blend": blend})) is not None:
         main, files = written[0], [*written[1], *(file for file in files if file.path == scene.environment)]
@@ -94,7 +95,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
-        raise NotFound("The job has no such picture yet.")
+        raise NotFound(Sentence("job-no-such-picture-yet", "The job has no such picture yet."))
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
@@ -117,7 +118,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Store a file; its bytes must have the hash it is stored under."""
     if not is_sha256(sha256):
-        raise Invalid("A blob's name is the SHA-256 of its bytes in lower-case hexadecimal.")
+        raise Invalid(Sentence("blob-name-sha-256-bytes", "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal."))
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
 
     def take(piece: bytes) -> None:
@@ -134,9 +135,20 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
             async for piece in gathered(request.stream()):
                 await run_in_threadpool(take, piece)
                 if writer.size > farm.settings.max_blob_bytes:
-                    raise TooLarge(f"A blob may have at most {farm.settings.max_blob_bytes} bytes.")
+                    raise TooLarge(
+                        Sentence(
+                            "blob-most-bytes",
+                            "A blob may have at most {max_blob_bytes} bytes.",
+                            max_blob_bytes=farm.settings.max_blob_bytes,
+                        )
+                    )
             if writer.sha256 != sha256:
-                raise Invalid("The bytes do not have the hash that they are to be stored under. Send them again.")
+                raise Invalid(
+                    Sentence(
+                        "bytes-not-hash-stored-under",
+                        "The bytes do not have the hash that they are to be stored under. Send them again.",
+                    )
+                )
             await run_in_threadpool(keep)
         finally:
             with anyio.CancelScope(shield=True):

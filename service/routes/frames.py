@@ -26,6 +26,7 @@ from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image import tonemap
+from renderer.sentences import Sentence, stopped
 from renderer.settings import Tile
 from service.errors import Invalid
 from service.farm import Farm
@@ -129,10 +130,17 @@ async def image(
     values between which it is drawn.
     """
     if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(
+            Sentence(
+                "tonemap-no-curve-known",
+                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
+                tonemap_curve=repr(tonemap_curve[:60]),
+                curves=[*tonemap.CURVES],
+            )
+        )
     planes, in_layers = _planes(aov)
     if denoise and planes:
-        raise Invalid("denoise: only colour is denoised; leave aov out.")
+        raise Invalid(Sentence("denoise-only-colour-denoised", "denoise: only colour is denoised; leave aov out."))
     PictureWish(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
@@ -194,7 +202,16 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
 def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
     """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid."""
     if x >= film.width or y >= film.height:
-        raise Invalid(f"There is no pixel {x}, {y}: the frame is {film.width} x {film.height}, counted from 0.")
+        raise Invalid(
+            Sentence(
+                "no-pixel",
+                "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
+                x=x,
+                y=y,
+                width=film.width,
+                height=film.height,
+            )
+        )
     return next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
 
 
@@ -250,7 +267,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     try:
         names = aovs.known(name for name in asked if name not in ("color", ""))
     except SettingsError as error:
-        raise Invalid(f"{error}.") from None
+        raise Invalid(stopped(error)) from None
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from sqlalchemy import text
 
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -24,7 +25,7 @@ PATIENCE_S = 2.0  # seconds, timeout of the database check
 async def healthz(farm: FarmDependency) -> dict[str, str]:
     """Whether the process is sane; if not, restart it. It waits for nothing: no thread, no database, no disk."""
     if not farm.engine.is_alive:
-        raise Unavailable("The engine has ended. Restart the service.")
+        raise Unavailable(Sentence("engine-ended", "The engine has ended. Restart the service."))
     return {"status": "ok"}
 
 
@@ -35,7 +36,13 @@ async def readyz(farm: FarmDependency) -> dict[str, str]:
         with anyio.fail_after(PATIENCE_S):
             await anyio.to_thread.run_sync(_ask_database, farm, limiter=farm.readiness, abandon_on_cancel=True)
     except Exception as error:
-        raise Unavailable(f"The database does not answer ({type(error).__name__}). Look at RAYFARM_DATABASE_URL.") from error
+        raise Unavailable(
+            Sentence(
+                "database-not-answer-look",
+                "The database does not answer ({name}). Look at RAYFARM_DATABASE_URL.",
+                name=type(error).__name__,
+            )
+        ) from error
     if (why := farm.engine.snapshot.not_ready) is not None:
         raise Unavailable(why)
     return {"status": "ready"}

@@ -9,6 +9,7 @@ from typing import Any
 from fastapi import APIRouter, Response
 from sqlalchemy import func, select
 
+from renderer.sentences import Sentence
 from service.errors import NotFound, Unavailable
 from service.farm import Farm
 from service.hooks.deliver import UndeliveredError, shown
@@ -31,11 +32,11 @@ def list_hooks(farm: FarmDependency) -> list[dict[str, Any]]:
 def test_hook(number: int, farm: FarmDependency) -> Response:
     """Send a message that says only that messages arrive; 503 with the reason where it does not."""
     if not 0 <= number < len(farm.outbox.hooks):
-        raise NotFound("There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")
+        raise NotFound(Sentence("no-such-hook", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK."))
     try:
         farm.outbox.tell(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", trial(time.time()))
     except UndeliveredError as error:
-        raise Unavailable(f"The message did not arrive. {error}") from None
+        raise Unavailable(Sentence("message-did-not-arrive", "The message did not arrive. {error}", error=error)) from None
     return Response(status_code=204)
 
 

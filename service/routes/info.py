@@ -9,6 +9,7 @@ from fastapi import APIRouter
 from renderer import __version__, aovs
 from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
+from renderer.sentences import codes_of
 from renderer.setting_docs import described
 from service.http.farm import FarmDependency
 
@@ -35,5 +36,6 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         "channels": aovs.described(),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,
         "foreign": FOREIGN,
+        "foreign_codes": codes_of(FOREIGN),
         "formats": [*SCENE_SUFFIXES, *ARCHIVE_SUFFIXES],
     }

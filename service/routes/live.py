@@ -28,6 +28,7 @@ from protocol.live import FROM_CLIENT, Frames, Have, JobState, WatchFrame
 from protocol.pictures import encode_tile
 from protocol.websocket import GONE, NOT_FOUND, Acknowledge, FromClient, read_client
 from renderer.frames import MAX_FRAME, frame_key
+from renderer.sentences import Sentence
 from service.errors import FarmError
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -156,7 +157,7 @@ class _Watcher:
                     await self._note_what_differs(self._film, have)
             now = time.monotonic()
             if self._is_state_due(now) and not await self._send_state(now):
-                await self._socket.close(GONE, "The job was deleted.")
+                await self._socket.close(GONE, Sentence("job-deleted", "The job was deleted."))
                 return
             if self._film is not None and self._listener.tiles and len(self._rounds) < MAX_UNACKNOWLEDGED:
                 try:
@@ -170,7 +171,7 @@ class _Watcher:
                 await asyncio.sleep(self._farm.settings.live_interval)
             else:
                 await self._listener.wait(self._farm.shared.state_every_s if self._listener.changed else 1.0)
-        await self._socket.close(1012, "The service is going down.")
+        await self._socket.close(1012, Sentence("service-going-down", "The service is going down."))
 
     def _is_state_due(self, now: float) -> bool:
         if now - self._spoke > SPEAK_EVERY_S:

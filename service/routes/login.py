@@ -18,6 +18,7 @@ from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse
 
 from renderer.printable import printable
+from renderer.sentences import Sentence
 from service.access.access import SESSION_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Caller, Role
@@ -94,7 +95,11 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
         if name is None:
             access.audit.add("", "login refused", kind="link", address=visit.address, status=401)
             raise Problem(
-                401, "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`."
+                401,
+                Sentence(
+                    "link-used-already",
+                    "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`.",
+                ),
             )
         role = Role.ADMIN if name == OWNER else Role.of(access.users.find(name).role)
         kind = "link"
@@ -131,7 +136,12 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
     access, caller = farm.access, visit.caller
     assert caller is not None
     if caller.kind != "session" or caller.name == OWNER:
-        raise Conflict("Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.")
+        raise Conflict(
+            Sentence(
+                "only-user-logged-page-password",
+                "Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.",
+            )
+        )
     if access.users.find(caller.name).password is not None:
         _by_password(caller.name, asked.old, farm, visit.address)
     access.users.set_password(caller.name, asked.new, stays=caller.key)
@@ -145,13 +155,19 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
         minutes = math.ceil(wait / 60)
         raise Problem(
             429,
-            f"Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
+            Sentence(
+                "too-many-logins-failed",
+                "Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
+                minutes=minutes,
+            ),
             {"Retry-After": str(math.ceil(wait))},
         )
     user = access.users.log_in(name, password)
     if user is None:
         access.audit.add(name, "login refused", kind="password", address=address, status=401)
-        raise Problem(401, "The name or the password is not right. Look at both, and try again.")
+        raise Problem(
+            401, Sentence("name-password-not-right", "The name or the password is not right. Look at both, and try again.")
+        )
     access.attempts.succeeded(address, name)
     return user.name, Role.of(user.role)
 

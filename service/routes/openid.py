@@ -9,6 +9,7 @@ from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 
 from renderer.printable import printable
+from renderer.sentences import Sentence
 from service.access.access import SESSION_S
 from service.access.oidc import WAIT_S, Oidc, Refused
 from service.access.roles import Role
@@ -101,5 +102,10 @@ def _cookies(request: Request) -> dict[str, str]:
 
 def _oidc(farm: Farm) -> Oidc:
     if farm.access.oidc is None:
-        raise NotFound("This farm knows no OpenID provider. Log in with a name and a password, or by a link.")
+        raise NotFound(
+            Sentence(
+                "farm-knows-no-openid-provider",
+                "This farm knows no OpenID provider. Log in with a name and a password, or by a link.",
+            )
+        )
     return farm.access.oidc

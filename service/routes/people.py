@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import select
 
+from renderer.sentences import Sentence
 from service.access.access import LINK_S
 from service.access.passwords import LONGEST
 from service.access.roles import OWNER, Role, RoleName
@@ -112,7 +113,12 @@ def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
 def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None:
     """Remove a user, and all that lets it in. Its scenes and jobs stay."""
     if visit.caller is not None and visit.caller.name == name:
-        raise Conflict("You cannot remove yourself. Another administrator can, or `rayfarm user remove`.")
+        raise Conflict(
+            Sentence(
+                "cannot-remove-yourself",
+                "You cannot remove yourself. Another administrator can, or `rayfarm user remove`.",
+            )
+        )
     farm.access.users.remove(name)
 
 

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
+from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -74,9 +75,11 @@ async def add_reference(
     """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
-    form = await read_one(request, farm, "picture")
+    form = await read_one(request, farm, Sentence("word-picture", "picture"))
     try:
-        name, file = only_file(form, SUFFIXES, "/api/references", "no image that can be compared with")
+        name, file = only_file(
+            form, SUFFIXES, "/api/references", Sentence("no-image-compared-with", "no image that can be compared with")
+        )
         temporary = farm.settings.data / "tmp"
         await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
         owner = Owner(project, visit.user, visit.token)
@@ -119,7 +122,14 @@ async def reference_image(
 ) -> Response:
     """It as it is compared, as a picture file; /file has the one that was uploaded."""
     if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(
+            Sentence(
+                "tonemap-no-curve-known",
+                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
+                tonemap_curve=repr(tonemap_curve[:60]),
+                curves=[*tonemap.CURVES],
+            )
+        )
     row = await run_in_threadpool(_find, id, farm)
     headers = {**KEPT, "Content-Disposition": named(f"{row.name.rpartition('.')[0]}.{extension}")}
     if is_head(request):

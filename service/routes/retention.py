@@ -8,6 +8,7 @@ from typing import Literal
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field
 
+from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.http.farm import FarmDependency
 from service.maintenance.retention import Rules, Run
@@ -71,7 +72,12 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
     """How far the latest deletion is that somebody has asked for."""
     run = farm.retention.latest
     if run is None:
-        raise NotFound("No deletion by rules was asked for since the service started. POST /api/retention begins one.")
+        raise NotFound(
+            Sentence(
+                "no-deletion-by-rules-asked",
+                "No deletion by rules was asked for since the service started. POST /api/retention begins one.",
+            )
+        )
     return _out(run)
 
 

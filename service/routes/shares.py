@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.access.users import NAME
 from service.access.visit import Visit
 from service.errors import Invalid
@@ -89,7 +90,14 @@ def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
 def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
     """Give a share other terms, from the next batch on. What was handed out before comes back first."""
     if not SHARE.fullmatch(share):
-        raise Invalid(f"share: there is no {share[:60]!r}. It is {EVERYBODY}, user:NAME or project:NAME.")
+        raise Invalid(
+            Sentence(
+                "share-no",
+                "share: there is no {share}. It is {everybody}, user:NAME or project:NAME.",
+                share=repr(share[:60]),
+                everybody=EVERYBODY,
+            )
+        )
     with farm.sessions.begin() as session:
         session.merge(ShareTerms(name=share, weight=asked.weight, max_slots=asked.max_slots))
     return _changed(share, farm)

@@ -16,6 +16,7 @@ from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image import tonemap
+from renderer.sentences import Sentence, stopped
 from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -67,7 +68,9 @@ async def frames_zip(
     found = await run_in_threadpool(_chosen, job, frames, farm)
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
-        raise Conflict("No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
+        raise Conflict(
+            Sentence("no-frame-finished-yet", "No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
+        )
     if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
     headers = {"Content-Disposition": named(f"{_title(job, frames)}.{format}.zip", "attachment"), "Cache-Control": "no-store"}
@@ -100,7 +103,7 @@ async def get_movie(
     chosen = await run_in_threadpool(_chosen, job, frames, farm)
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
-        raise Conflict("No frame has samples yet. Try again in a moment.")
+        raise Conflict(Sentence("no-frame-samples-yet", "No frame has samples yet. Try again in a moment."))
     film = await run_in_threadpool(_film, job, farm)
     if await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
@@ -152,7 +155,7 @@ def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
     try:
         planes = aovs.known(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
     except SettingsError as error:
-        raise Invalid(f"{error}.") from None
+        raise Invalid(stopped(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
     wish = PictureWish(format, tuple(planes), bool(planes), exposure, _curve(curve))
     wish.check()
@@ -161,7 +164,14 @@ def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
 
 def _curve(name: str) -> str:
     if name not in tonemap.CURVES:
-        raise Invalid(f"tonemap: {name[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(
+            Sentence(
+                "tonemap-no-curve",
+                "tonemap: {name} is no curve; known are {curves}.",
+                name=repr(name[:60]),
+                curves=[*tonemap.CURVES],
+            )
+        )
     return name
 
 
@@ -170,7 +180,7 @@ def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
-        raise Invalid(f"{error}.") from None
+        raise Invalid(stopped(error)) from None
     with farm.sessions() as session:
         found = frame_numbers(job, session, farm.engine)
     return {key: frame for key, frame in found if keys is None or key in keys}
@@ -179,7 +189,13 @@ def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]
 def _film(job: Job, farm: Farm) -> Film:
     film = farm.film(job)
     if film is None:
-        raise Conflict(f"The job has no picture yet: {job.error or 'its scene is still being prepared.'}")
+        raise Conflict(
+            Sentence(
+                "job-no-picture-yet",
+                "The job has no picture yet: {error}",
+                error=job.error or "its scene is still being prepared.",
+            )
+        )
     return film
 
 

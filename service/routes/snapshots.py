@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
 from renderer.image import tonemap
+from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -80,7 +81,14 @@ async def snapshot_image(
 ) -> Response:
     """One of them as a picture file, true to 0.2 % of the brightest channel."""
     if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(f"tonemap: {tonemap_curve[:60]!r} is no curve; known are {', '.join(tonemap.CURVES)}.")
+        raise Invalid(
+            Sentence(
+                "tonemap-no-curve-known",
+                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
+                tonemap_curve=repr(tonemap_curve[:60]),
+                curves=[*tonemap.CURVES],
+            )
+        )
     job = await run_in_threadpool(find_job, id, farm)
     found = await run_in_threadpool(_find, id, spp, farm)
     headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
@@ -120,4 +128,10 @@ def _etag(id: str, found: FilmSnapshot, form: str) -> str:
 
 
 def _no_snapshot(spp: int) -> NotFound:
-    return NotFound(f"Nothing is kept of this picture at {spp} samples. GET /api/jobs/{{id}}/snapshots lists what is.")
+    return NotFound(
+        Sentence(
+            "nothing-kept-picture-samples",
+            "Nothing is kept of this picture at {spp} samples. GET /api/jobs/{id}/snapshots lists what is.",
+            spp=spp,
+        )
+    )

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
+from renderer.sentences import Sentence
 from service.access.roles import Caller, Role
 from service.errors import Conflict
 from service.http.farm import FarmDependency
@@ -68,7 +69,13 @@ def list_tokens(
     caller = _caller(visit.caller)
     is_admin = caller.role >= Role.ADMIN
     if everybody and not is_admin:
-        raise Problem(403, "Only administrators see others' tokens. Leave `all` out to see your own.")
+        raise Problem(
+            403,
+            Sentence(
+                "only-administrators-see-others-tokens",
+                "Only administrators see others' tokens. Leave `all` out to see your own.",
+            ),
+        )
     query = farm.access.keys.holding(("token", "worker") if is_admin else ("token",), None if everybody else caller.name)
     with farm.sessions() as session:
         _, rows = page.rows(query, session)
@@ -80,17 +87,36 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
     """Make one. A token cannot make tokens: one that fell into wrong hands must end with it."""
     caller = _caller(visit.caller)
     if caller.kind == "token":
-        raise Conflict("A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.")
+        raise Conflict(
+            Sentence(
+                "token-cannot-make-tokens",
+                "A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.",
+            )
+        )
     name = plain_title(asked.name)
     lasts_s = None if asked.days is None else asked.days * DAY_S
     if asked.role == "worker":
         if caller.role < Role.ADMIN:
-            raise Problem(403, "Only administrators let workers in. Ask one of them for a worker's token.")
+            raise Problem(
+                403,
+                Sentence(
+                    "only-administrators-let-workers",
+                    "Only administrators let workers in. Ask one of them for a worker's token.",
+                ),
+            )
         secret, row = farm.access.keys.make("worker", caller.name, Role.NOBODY, name, lasts_s)
     else:
         role = Role.of(asked.role)
         if role > caller.role:
-            raise Problem(403, f"Your role is {caller.role.word}: a token of yours cannot have {asked.role}.")
+            raise Problem(
+                403,
+                Sentence(
+                    "role-token-yours-cannot",
+                    "Your role is {word}: a token of yours cannot have {role}.",
+                    word=caller.role.word,
+                    role=asked.role,
+                ),
+            )
         secret, row = farm.access.keys.make("token", caller.name, role, name, lasts_s)
     return NewToken(**_out(row).model_dump(), secret=secret)
 
@@ -100,7 +126,12 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     """It lets nobody in from now on. Administrators withdraw everybody's and workers'; a token that only looks itself alone."""
     caller = _caller(visit.caller)
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
-        raise Problem(403, "This token may look and change nothing: it can withdraw itself, and no other.")
+        raise Problem(
+            403,
+            Sentence(
+                "token-look-change-nothing", "This token may look and change nothing: it can withdraw itself, and no other."
+            ),
+        )
     is_admin = caller.role >= Role.ADMIN
     if is_admin and farm.access.keys.is_there("worker", id):
         farm.access.keys.withdraw("worker", id)

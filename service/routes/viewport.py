@@ -18,6 +18,7 @@ from starlette.concurrency import run_in_threadpool
 
 from protocol.viewport import FROM_CLIENT, Look, Pause, Pick, Refused, ViewState
 from protocol.websocket import NOT_FOUND, Acknowledge, read_client
+from renderer.sentences import Sentence, stopped
 from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -40,9 +41,11 @@ PREPARING_S = 0.1
 PATIENCE_S = 3.0  # seconds to wait for an environment that is already superseded
 AGAIN_S = 1.0  # seconds between attempts to render a view
 MOST_BYTES = 1 << 16  # of a message
-NOT_UNDERSTOOD = (
-    'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or {"paused": true}, as a JSON object '
-    f"of at most {MOST_BYTES} characters."
+NOT_UNDERSTOOD = Sentence(
+    "message-not-understood",
+    'The message is not understood. Send a view, {"pick": [x, y]}, {"ack": seq} or '
+    '{"paused": true}, as a JSON object of at most {most_bytes} characters.',
+    most_bytes=MOST_BYTES,
 )
 
 
@@ -115,7 +118,7 @@ class _Viewer:
             try:
                 self._hear(text)
             except ValidationError as error:
-                self._refuse(f"{told(error.errors()[0])}.")
+                self._refuse(stopped(told(error.errors()[0])))
             except (ValueError, TypeError, OverflowError, RecursionError):
                 self._refuse(NOT_UNDERSTOOD)
 
@@ -176,7 +179,12 @@ class _Viewer:
         else:
             if view is None:
                 of_light = self._held != self._scene
-                self._notice, self._rests_s = f"The scene is prepared{' for this light' * of_light}.", PREPARING_S
+                self._notice = (
+                    Sentence("scene-is-prepared-for-light", "The scene is prepared for this light.")
+                    if of_light
+                    else Sentence("scene-is-prepared", "The scene is prepared.")
+                )
+                self._rests_s = PREPARING_S
                 return False
             self._farm.views.show(self.session, view)
             self._notice = None
@@ -231,7 +239,7 @@ class _Viewer:
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), WAIT_S)
                 self._changed.clear()
-        await self._socket.close(1012, "The service is going down.")
+        await self._socket.close(1012, Sentence("service-going-down", "The service is going down."))
 
     async def _send_state(self) -> None:
         session, now = self.session, time.monotonic()

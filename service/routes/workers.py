@@ -7,6 +7,7 @@ from typing import Any
 import redis
 from fastapi import APIRouter
 
+from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -49,7 +50,13 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
         raise _no_worker(name)
     if change.terms:
         if name not in roster.offers:
-            raise Conflict(f"The worker {name} is of an older release: it can only be paused. Run this release there.")
+            raise Conflict(
+                Sentence(
+                    "worker-older-release",
+                    "The worker {name} is of an older release: it can only be paused. Run this release there.",
+                    name=name,
+                )
+            )
         _ask(name, change.terms, farm)
     why = roster.orders.get(name)
     if change.state is not None:
@@ -79,9 +86,20 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     except redis.RedisError as error:
         raise away(error) from None
     if lines is None:
-        raise Unavailable("The worker does not tell its log: it is still starting, is of an older release, or hangs.")
+        raise Unavailable(
+            Sentence(
+                "worker-not-tell-log",
+                "The worker does not tell its log: it is still starting, is of an older release, or hangs.",
+            )
+        )
     return lines
 
 
 def _no_worker(name: str) -> NotFound:
-    return NotFound(f"There is no worker {name[:60]!r}. GET /api/workers lists those that are connected.")
+    return NotFound(
+        Sentence(
+            "no-worker-get",
+            "There is no worker {name}. GET /api/workers lists those that are connected.",
+            name=repr(name[:60]),
+        )
+    )

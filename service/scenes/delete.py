@@ -5,6 +5,7 @@ from __future__ import annotations
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
+from renderer.sentences import Sentence
 from service.errors import Conflict
 from service.events import RowWritten
 from service.farm import Farm
@@ -25,7 +26,11 @@ def delete(id: str, farm: Farm) -> None:
         is_needed = or_(Job.scene == id, Job.lit == id)
         needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE)))
         if needed:
-            raise Conflict(f"{needed} unfinished job(s) need this scene. Cancel them first.")
+            raise Conflict(
+                Sentence(
+                    "unfinished-job-s-need-scene", "{needed} unfinished job(s) need this scene. Cancel them first.", needed=needed
+                )
+            )
         blobs = scene.blobs
         for lit in session.scalars(select(Scene).where(Scene.of == id)):
             blobs |= lit.blobs

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from typing import Any, cast
 
-from service.jobs.describe import UNREADABLE, why_nothing_runs
+from renderer.sentences import Sentence
+from service.jobs.describe import UNREADABLE_SCENE, why_nothing_runs
 from service.models.scenes import MeasuredOut, SceneOut, SceneStatus
 from service.scheduling.engine import Engine
 from service.scheduling.snapshot import Snapshot
@@ -25,7 +26,7 @@ def scene_out(scene: Scene, engine: Engine) -> SceneOut:
         plain = Scene(
             **{name: getattr(scene, name) for name in ("id", "name", "created", "main", "bytes", "project")},
             status="failed",
-            error=UNREADABLE.format(what="scene"),
+            error=UNREADABLE_SCENE,
             files=[],
             notes=[],
         )
@@ -69,4 +70,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 def _why_preparing(scene: str, view: Snapshot) -> str:
     """Returns the current step of preparing a scene, or the reason why it waits."""
     progress = view.preparing.get(scene)
-    return view.waits.get(scene) or (progress.step if progress else why_nothing_runs(view.roster) or "Waits for a free worker.")
+    return view.waits.get(scene) or (
+        progress.step
+        if progress
+        else why_nothing_runs(view.roster) or Sentence("waits-for-free-worker", "Waits for a free worker.")
+    )

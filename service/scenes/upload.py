@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from anyio.to_thread import run_sync
 
+from renderer.sentences import Sentence
 from service.access.visit import Visit
 from service.errors import NotFound
 from service.farm import Farm
@@ -68,7 +69,13 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
     owner = _owner(project, visit, farm)
     found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
     if found is None:
-        raise NotFound(f"There is no example {name[:60]!r}. GET /api/examples lists those that are there.")
+        raise NotFound(
+            Sentence(
+                "no-example",
+                "There is no example {name}. GET /api/examples lists those that are there.",
+                name=repr(name[:60]),
+            )
+        )
     with full_disk():
         form = form_of(*found, farm.blobs)
 

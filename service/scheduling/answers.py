@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+from renderer.sentences import Sentence, joined
 from service.events import Events, ItemKind, TilesChanged
 from service.scheduling.artifacts.artifacts import Errands
 from service.scheduling.artifacts.scene_preparation import Progress
@@ -57,7 +58,7 @@ from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 
-REMEDY = "Then let it go on."  # by a worker of another release
+REMEDY = Sentence("let-go", "Then let it go on.")  # by a worker of another release
 UNREAD_EVERY_S = 0.5  # interval of counting unread results
 
 
@@ -239,7 +240,9 @@ class Answers:
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._errands.preparing.unusable(
             message.scene, message.kind
         ):
-            sentence = f"What workers answered about this scene cannot be used ({why})."
+            sentence = Sentence(
+                "workers-answered-about-scene-cannot", "What workers answered about this scene cannot be used ({why}).", why=why
+            )
             self._lifecycle.prepare_failed(message.scene, message.kind, sentence)
 
     def _merge(self, id: str) -> None:
@@ -327,13 +330,15 @@ class Answers:
             self.counts["failed"] += 1
             batch = whole._replace(first=piece.first, count=piece.count)
             sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
-            said = f"What {sender} sent of it cannot be used ({why})."
+            said = Sentence("sent-cannot-used", "What {sender} sent of it cannot be used ({why}).", sender=sender, why=why)
             trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
                 self._give_up(job, batch, trouble)
 
     def _give_up(self, job: ActiveJob, batch: Range, trouble: Trouble) -> None:
-        sentence = f"A batch failed {len(trouble.workers)} times: {trouble.error}"
+        sentence = Sentence(
+            "batch-failed-times", "A batch failed {n} times: {error}", n=len(trouble.workers), error=trouble.error
+        )
         self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
 
     def _note(self, job: ActiveJob, each: Arrived) -> None:
@@ -409,7 +414,7 @@ class Answers:
             return  # not a batch that was handed out
         self._scheduler.returned(job, message.batch, batch, message.worker, message.error)
         if self._scheduler.suspicion.misunderstood(message.worker) >= FAILURES_ALLOWED:
-            self._scheduler.set_aside(message.worker, f"{message.error} {REMEDY}")
+            self._scheduler.set_aside(message.worker, joined(message.error, REMEDY))
             if not job.samples:  # no sample of the job is from that release
                 self._scheduler.withdraw(job)
                 job.kind = None

@@ -19,6 +19,7 @@ import redis
 
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 from protocol.terms import Terms
+from renderer.sentences import Sentence
 from service.errors import FarmError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
@@ -252,7 +253,12 @@ class Engine:
         return None
 
     def _own_fault(self, error: Exception) -> str:
-        sentence = f"The engine has a fault ({type(error).__name__}: {error}); the log says more."
+        sentence = Sentence(
+            "engine-fault",
+            "The engine has a fault ({name}: {error}); the log says more.",
+            name=type(error).__name__,
+            error=error,
+        )
         if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may recur at every step
             self._traced = time.monotonic()
             log.error("a fault in the engine", exc_info=error)

@@ -15,6 +15,7 @@ from typing import Any
 from protocol.contract import SceneInfo
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
+from renderer.sentences import Sentence, stopped
 from service.errors import FarmError
 from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
 from service.intake.resolve import frame_settings, refuse_warnings
@@ -248,7 +249,7 @@ class Lifecycle:
             return  # a still has no separately prepared frames
         found = message.info if isinstance(message, FramePrepared) else None
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
-        name = f"frame {frame_text(frame_number(message.frame))}"
+        name = Sentence("frame-2", "frame {frame_text}", frame_text=frame_text(frame_number(message.frame)))
         if isinstance(message, FrameFailed):
             job.history.log.say(f"{name} could not be prepared by {message.worker}: {message.error}")
             if not frame.is_over:
@@ -261,14 +262,16 @@ class Lifecycle:
                     refuse_warnings(info.warnings, job.request)
                 settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
-                job.fail(frame, f"{error}.")
+                job.fail(frame, stopped(error))
                 return
             job.prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
         self._tell("job", job.id)
 
     def frame_lost(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was lost with its worker too often."""
-        error = "The worker was lost three times while it prepared this frame. It may be too large."
+        error = Sentence(
+            "worker-lost-three-times-while", "The worker was lost three times while it prepared this frame. It may be too large."
+        )
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
 
     def end(self, id: str, verdict: Verdict) -> None:
@@ -329,7 +332,10 @@ class Lifecycle:
 
     def lost_while_preparing(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was lost with its worker too often."""
-        error = "The worker was lost three times while it prepared this scene. It may be too large."
+        error = Sentence(
+            "worker-lost-three-times-while-prepared",
+            "The worker was lost three times while it prepared this scene. It may be too large.",
+        )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def no_machine_for(self, scene: str, kind: str | None, error: str) -> None:

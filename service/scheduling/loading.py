@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from renderer.sentences import Sentence
 from renderer.settings import RenderSettings
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.jobs.active_job import ActiveJob
@@ -95,9 +96,12 @@ class Loading:
         if pending.waits or pending.frames_change:
             return
         if scene is None:
-            self._records.failed(row.id, "The scene of this job was deleted. Upload it again, and make a new job.")
+            self._records.failed(
+                row.id,
+                Sentence("scene-job-deleted", "The scene of this job was deleted. Upload it again, and make a new job."),
+            )
         elif scene.status == "failed":
-            self._records.failed(row.id, scene.error or "The scene cannot be prepared.")
+            self._records.failed(row.id, scene.error or Sentence("scene-cannot-prepared", "The scene cannot be prepared."))
         if scene is None or scene.status != "ready":
             return
         resolved = row if row.settings is not None else self._records.resolve(row.id, scene)

@@ -19,6 +19,7 @@ from protocol.contract import SceneInfo
 from protocol.terms import Terms as WorkerTerms
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
+from renderer.sentences import Sentence, joined, stopped
 from renderer.settings import RenderSettings
 from service.errors import Conflict
 from service.intake.resolve import refusal, resolve
@@ -214,7 +215,12 @@ class Records:
         with self._sessions() as session:
             found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
         if found is None:
-            raise Conflict("The record of a frame of this job is damaged. Have its frames rendered again.")
+            raise Conflict(
+                Sentence(
+                    "record-frame-job-damaged",
+                    "The record of a frame of this job is damaged. Have its frames rendered again.",
+                )
+            )
         return RenderSettings.from_json(found)
 
     def is_to_be_opened(self, scene: Scene) -> bool:
@@ -235,7 +241,7 @@ class Records:
                 try:
                     resolve(job, scene, self._max_pixels)
                 except SettingsError as error:
-                    job.state, job.error, job.finished = "failed", f"{error}.", time.time()
+                    job.state, job.error, job.finished = "failed", stopped(error), time.time()
             return job
 
     def started(self, id: str, kind: str) -> bool:
@@ -300,7 +306,10 @@ class Records:
                 row.late = None if row.finished <= row.deadline else row.late or row.finished
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
-                row.state, row.error = "failed", f"No frame can be rendered. {first.error}"
+                row.state, row.error = (
+                    "failed",
+                    joined(Sentence("no-frame-can-be-rendered", "No frame can be rendered."), first.error or ""),
+                )
             else:  # removed here, since the job may be deleted soon
                 session.execute(delete(Wait).where(Wait.other == job.id))
             return True
@@ -340,7 +349,7 @@ class Records:
             if not said:
                 return None
             scene.notes = said
-            scene.status, scene.error = "failed", f"{refusal(said)}."
+            scene.status, scene.error = "failed", stopped(refusal(said))
             return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:

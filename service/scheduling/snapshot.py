@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from renderer.sentences import Sentence
 from service.events import Events, ItemChanged, ItemKind
 from service.scheduling.artifacts.scene_preparation import Progress
 from service.scheduling.fleet.workers import Roster
@@ -67,7 +68,7 @@ class JobNumbers:
 class Snapshot:
     """The state of the engine at one time."""
 
-    fault: str | None = "The service is starting."  # why the whole engine is stopped
+    fault: str | None = Sentence("service-starting", "The service is starting.")  # why the whole engine is stopped
     roster: Roster = field(default_factory=Roster)
     jobs: Mapping[str, JobNumbers] = field(default_factory=dict)
     ahead: Mapping[str, int] = field(default_factory=dict)  # by job: number of higher-priority jobs served first
@@ -85,13 +86,17 @@ class Snapshot:
         """Why the farm cannot work now, as a sentence; None if it can."""
         age = time.monotonic() - self.made
         if age > STUCK_S:
-            return f"The engine has been busy with one thing for {age:.0f} s: a disk, the database or Redis is slow to answer."
+            return Sentence(
+                "engine-busy-with-one-thing",
+                "The engine has been busy with one thing for {age} s: a disk, the database or Redis is slow to answer.",
+                age=f"{age:.0f}",
+            )
         if self.fault is not None:
             return self.fault
         paused = {id for id, job in self.jobs.items() if job.state == "paused"}
         waits = [why for id, why in self.waits.items() if id not in paused]
         if waits and self.jobs.keys() - paused <= self.waits.keys():
-            return f"Nothing goes on. {waits[0]}"
+            return Sentence("nothing-goes", "Nothing goes on. {waits}", waits=waits[0])
         return None
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 
+from renderer.sentences import Sentence
 from service.scheduling.changes import Changes
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.records import Records
@@ -57,12 +58,19 @@ class Waiting:
             if state == "finished":
                 self._records.waited(other)
                 continue
-            ended = {None: "was deleted", "cancelled": "was cancelled"}.get(state, "failed")
+            ended = {None: Sentence("deleted", "was deleted"), "cancelled": Sentence("cancelled", "was cancelled")}.get(
+                state, "failed"
+            )
             called = f"{name} ({other})" if name else other
             failed |= self._records.failed(
                 job,
-                f"It was to come after the job {called}, which {ended} before it was finished. "
-                "Setting this job to running renders it all the same.",
+                Sentence(
+                    "come-after-job",
+                    "It was to come after the job {called}, which {ended} before it was finished. Setting "
+                    "this job to running renders it all the same.",
+                    called=called,
+                    ended=ended,
+                ),
             )
             self._changes.note("job", job)
         return failed

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
+from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.store.atomic_files import PRIVATE_FOLDER, move_whole
 from service.store.staging import BlobWriter, Staging
@@ -167,7 +168,7 @@ class BlobFolder:
 
 def no_blob() -> NotFound:
     """Returns the NotFound error for a blob that does not exist."""
-    return NotFound("There is no blob of this hash; its scene may have been deleted.")
+    return NotFound(Sentence("no-blob-hash", "There is no blob of this hash; its scene may have been deleted."))
 
 
 def _chunks(file: BinaryIO) -> Iterator[bytes]:

@@ -17,6 +17,7 @@ from sqlalchemy.exc import DataError, DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session, sessionmaker
 
+from renderer.sentences import Sentence
 from service.errors import Invalid, Unavailable
 from service.store.atomic_files import PRIVATE
 from service.store.disk_space import no_room
@@ -123,7 +124,10 @@ def close_database(engine: Engine) -> None:
         record.invalidate()
 
     def refuse(*_: Any) -> None:
-        raise Unavailable("The service is going down.", advice="Try again when it is back.")
+        raise Unavailable(
+            Sentence("service-going-down", "The service is going down."),
+            advice=Sentence("try-again-when-back", "Try again when it is back."),
+        )
 
     event.listen(engine.pool, "checkin", close)
     event.listen(engine, "do_connect", refuse)
@@ -151,14 +155,25 @@ def faults() -> Iterator[None]:
     try:
         yield
     except PoolTimeoutError as error:
-        raise Unavailable("The database is overloaded.", advice="Try again in a moment.") from error
+        raise Unavailable(
+            Sentence("database-overloaded", "The database is overloaded."),
+            advice=Sentence("try-again-moment", "Try again in a moment."),
+        ) from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
             raise no_room() from error
         if isinstance(error, DataError):  # from PostgreSQL, which does not accept NUL characters
-            raise Invalid("What is asked for has a character or a number that the database cannot have. Leave it out.") from error
+            raise Invalid(
+                Sentence(
+                    "asked-for-character-number-database",
+                    "What is asked for has a character or a number that the database cannot have. Leave it out.",
+                )
+            ) from error
         if isinstance(error, OperationalError):
-            raise Unavailable(f"The database does not answer ({error.orig}).", advice="Try again.") from error
+            raise Unavailable(
+                Sentence("database-not-answer", "The database does not answer ({orig}).", orig=error.orig),
+                advice=Sentence("try-again", "Try again."),
+            ) from error
         raise
 
 

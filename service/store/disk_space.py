@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from renderer.sentences import Sentence
 from service.errors import NoRoom
 
 __all__ = ["disk_checker", "full_disk", "need_room", "no_room"]
@@ -17,7 +18,10 @@ CHECK_EVERY = 16 << 20
 
 def no_room() -> NoRoom:
     """Returns the error for a full disk."""
-    return NoRoom("The service's disk is full. Delete scenes or jobs that are no longer needed.", advice="Then send it again.")
+    return NoRoom(
+        Sentence("service-disk-full", "The service's disk is full. Delete scenes or jobs that are no longer needed."),
+        advice=Sentence("send-again", "Then send it again."),
+    )
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from renderer.sentences import Sentence
 from renderer.settings import tiles_of
 from service.errors import FilmLost, FilmWaits
 from service.store.atomic_files import move_whole
@@ -53,7 +54,7 @@ class FilmCopy:
         try:
             if kind is None and self._has_any:
                 if self._made.with_name(f"{self._made.name}-wal").exists():
-                    raise FilmWaits(f"{FILM} cannot be copied now.")
+                    raise FilmWaits(Sentence("cannot-copied-now", "{film} cannot be copied now.", film=FILM))
                 move_whole(self._made, self._target)
         finally:
             self._remove()
@@ -66,7 +67,7 @@ class FilmCopy:
         FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
-            raise FilmLost(f"{FILM} is missing.")
+            raise FilmLost(Sentence("missing-2", "{film} is missing.", film=FILM))
         taken = {}
         try:
             with closing(opened(source)) as database:

@@ -9,24 +9,31 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from renderer.sentences import Sentence, joined, stopped
 from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
 __all__ = ["FILM", "FilmClosed", "another_has_it", "damaged", "film_faults", "incomplete"]
 
-FILM = "The film of this job"  # first words of all these error messages
-AGAIN = "Set the job to running, and it is rendered again."
+FILM = Sentence("film-job", "The film of this job")  # first words of all these error messages
+AGAIN = Sentence("set-job-running", "Set the job to running, and it is rendered again.")
 
 # SQLite's primary result codes of temporary faults, each with the end of its message.
-PASSES = {
-    sqlite3.SQLITE_BUSY: "is locked by another program",
-    sqlite3.SQLITE_LOCKED: "is locked by another program",
-    sqlite3.SQLITE_PROTOCOL: "is locked by another program",
-    sqlite3.SQLITE_NOMEM: "does not fit into the memory that is free",
-    sqlite3.SQLITE_INTERRUPT: "was interrupted",
-    sqlite3.SQLITE_IOERR: "cannot be written or read now",
-    sqlite3.SQLITE_CANTOPEN: "cannot be opened now",
-    sqlite3.SQLITE_READONLY: "cannot be written: it or its disk is read-only. Make it writable",
-    sqlite3.SQLITE_FULL: "cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
+_LOCKED = Sentence("film-locked", "The film of this job is locked by another program")
+PASSES: dict[int, str] = {
+    sqlite3.SQLITE_BUSY: _LOCKED,
+    sqlite3.SQLITE_LOCKED: _LOCKED,
+    sqlite3.SQLITE_PROTOCOL: _LOCKED,
+    sqlite3.SQLITE_NOMEM: Sentence("film-beyond-memory", "The film of this job does not fit into the memory that is free"),
+    sqlite3.SQLITE_INTERRUPT: Sentence("film-interrupted", "The film of this job was interrupted"),
+    sqlite3.SQLITE_IOERR: Sentence("film-io-error", "The film of this job cannot be written or read now"),
+    sqlite3.SQLITE_CANTOPEN: Sentence("film-cannot-be-opened", "The film of this job cannot be opened now"),
+    sqlite3.SQLITE_READONLY: Sentence(
+        "film-read-only", "The film of this job cannot be written: it or its disk is read-only. Make it writable"
+    ),
+    sqlite3.SQLITE_FULL: Sentence(
+        "film-disk-full",
+        "The film of this job cannot be written: the disk is full. Delete scenes or jobs that are no longer needed",
+    ),
 }
 STAYS = {sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
 MOVED = sqlite3.SQLITE_READONLY_DBMOVED  # the file was replaced or removed: what is written to it is lost
@@ -42,7 +49,9 @@ class FilmClosed(NotFound):
     """The film was closed during a read: its job was deleted or restarted, or the service stops."""
 
     def __init__(self) -> None:
-        super().__init__("The job was deleted, or is rendered again, while its picture was read.")
+        super().__init__(
+            Sentence("job-deleted-rendered", "The job was deleted, or is rendered again, while its picture was read.")
+        )
 
 
 @contextmanager
@@ -65,26 +74,48 @@ def film_faults() -> Iterator[None]:
 
 def damaged(why: str) -> FilmDamaged:
     """Returns the error for a film with invalid content; `why` is the detail for the message."""
-    return FilmDamaged(f"{FILM} is damaged ({why}). {AGAIN}")
+    return FilmDamaged(Sentence("damaged", "{film} is damaged ({why}). {again}", film=FILM, why=why, again=AGAIN))
 
 
 def incomplete(has: int, recorded: int) -> FilmDamaged:
     """Returns the error for a film with fewer samples than the database records."""
     if not has:
-        return FilmDamaged(f"{FILM} is missing or was emptied. {AGAIN}")
-    return FilmDamaged(f"{FILM} has only {has} of its {recorded} samples. Set the job to running for the rest.")
+        return FilmDamaged(Sentence("missing-emptied-2", "{film} is missing or was emptied. {again}", film=FILM, again=AGAIN))
+    return FilmDamaged(
+        Sentence(
+            "only-samples",
+            "{film} has only {has} of its {recorded} samples. Set the job to running for the rest.",
+            film=FILM,
+            has=has,
+            recorded=recorded,
+        )
+    )
 
 
 def another_has_it() -> FilmWaits:
     """Returns the error for a film that another service writes since it took over the farm."""
-    return FilmWaits(f"{FILM} now belongs to another service.")
+    return FilmWaits(Sentence("now-belongs-another-service", "{film} now belongs to another service.", film=FILM))
 
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:
     primary = code & 0xFF
-    why = f" ({message})" if message and primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
+    why = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
     if primary in PASSES and code not in DAMAGED and code != MOVED:
-        return FilmWaits(f"{FILM} {PASSES[primary]}{why}. The job goes on when this has passed.")
+        return FilmWaits(
+            joined(
+                _with_why(PASSES[primary], why),
+                Sentence("job-goes-on-when-passed", "The job goes on when this has passed."),
+            )
+        )
     if primary in STAYS or code == MOVED:
-        return FilmLost(f"{FILM} cannot be written{why}. Repair this, then set the job to running.")
+        return FilmLost(
+            joined(
+                _with_why(Sentence("film-cannot-be-written", "The film of this job cannot be written"), why),
+                Sentence("repair-then-set-running", "Repair this, then set the job to running."),
+            )
+        )
     return damaged(message)
+
+
+def _with_why(fact: str, why: str) -> str:
+    return Sentence("fact-with-reason", "{fact} ({why}).", fact=fact, why=why) if why else stopped(fact)

@@ -13,6 +13,7 @@ import sqlite3
 import zlib
 from dataclasses import astuple, dataclass
 
+from renderer.sentences import Sentence
 from service.errors import FilmLost
 from service.store.film_faults import damaged
 
@@ -53,8 +54,13 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
         raise FilmLost(
-            f"The film of this job is of version {version}, and this release of Rayfarm reads films up to version {VERSION}. "
-            "Start the newer release again, or make a new job."
+            Sentence(
+                "film-job-version",
+                "The film of this job is of version {version}, and this release of Rayfarm reads films "
+                "up to version {version2}. Start the newer release again, or make a new job.",
+                version=version,
+                version2=VERSION,
+            )
         )
     if version:
         found = database.execute("SELECT width, height, tile_size, film_exponent FROM shape").fetchall()

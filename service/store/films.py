@@ -17,6 +17,7 @@ from pathlib import Path
 
 from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
+from renderer.sentences import Sentence
 from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmWaits
 from service.store.claims import Claims
@@ -329,7 +330,7 @@ class Film:
         with self._lock:
             self.load()
             if self._file is None:
-                raise FilmWaits("The film of this job has no samples yet.")
+                raise FilmWaits(Sentence("film-job-no-samples-yet", "The film of this job has no samples yet."))
             return FilmMoment(self._path, self.width, self.height, self.film_exponent, self.tiles)
 
     def _exists(self) -> bool:

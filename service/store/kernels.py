@@ -9,6 +9,7 @@ import io
 from pathlib import Path
 
 from renderer.kernel_file import is_name, is_signed, signed_anew
+from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.store.atomic_files import PRIVATE_FOLDER, write_whole
 
@@ -37,15 +38,20 @@ class KernelStore:
         path = self.find(name)
         data = b"" if path is None else path.read_bytes()
         if not is_signed(io.BytesIO(data), self._token):
-            raise NotFound("The farm has no whole kernels of this name; compile them.")
+            raise NotFound(Sentence("farm-no-whole-kernels-name", "The farm has no whole kernels of this name; compile them."))
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
         """Stores an artefact atomically, and deletes the oldest beyond KEPT. Raises Invalid for an invalid name or signature."""
         if not is_name(name):
-            raise Invalid("This is no name of kernels: see renderer/kernel_file.py.")
+            raise Invalid(Sentence("no-name-kernels", "This is no name of kernels: see renderer/kernel_file.py."))
         if not is_signed(io.BytesIO(data), self._token):
-            raise Invalid("The kernels are not signed with this farm's token, or arrived damaged. Send them again.")
+            raise Invalid(
+                Sentence(
+                    "kernels-not-signed-with-farm",
+                    "The kernels are not signed with this farm's token, or arrived damaged. Send them again.",
+                )
+            )
         write_whole(self._folder / name, data)
         self._forget_old()
 

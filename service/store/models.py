@@ -8,6 +8,8 @@ from typing import Any
 from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false, text
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from service.store.sentence_columns import SentenceList, SentenceRecord, SentenceText
+
 __all__ = [
     "ACTIVE",
     "FINAL",
@@ -62,7 +64,7 @@ class Scene(Base):
     id: Mapped[str] = mapped_column(String(40), primary_key=True)
     name: Mapped[str] = mapped_column(String(255))
     status: Mapped[str] = mapped_column(String(16), index=True)  # preparing | ready | failed
-    error: Mapped[str | None] = mapped_column(Text)
+    error: Mapped[str | None] = mapped_column(SentenceText)
     created: Mapped[float] = mapped_column(Float, index=True)
     main: Mapped[str] = mapped_column(Text)
     environment: Mapped[str | None] = mapped_column(Text)
@@ -73,9 +75,13 @@ class Scene(Base):
     of: Mapped[str | None] = mapped_column(String(40), index=True)  # the upload that it is derived from; None: it is an upload
     files: Mapped[list[dict[str, Any]]] = mapped_column(JSON)  # contract.BlobRef each
     bytes: Mapped[int] = mapped_column(BigInteger)
-    notes: Mapped[list[str]] = mapped_column(JSON, default=list)  # warnings of the upload; of a failed scene, all warnings
+    notes: Mapped[list[str]] = mapped_column(
+        SentenceList, default=list
+    )  # warnings of the upload; of a failed scene, all warnings
     strict: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # whether warnings make it fail
-    info: Mapped[dict[str, Any] | None] = mapped_column(JSON)  # contract.SceneInfo of the first worker kind that prepared it
+    info: Mapped[dict[str, Any] | None] = mapped_column(
+        SentenceRecord
+    )  # contract.SceneInfo of the first worker kind that prepared it
     compiled: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict)  # kind -> BlobRef
     measured: Mapped[dict[str, Any] | None] = mapped_column(
         JSON(none_as_null=True)
@@ -129,7 +135,7 @@ class Job(Base):
     noise: Mapped[float | None] = mapped_column(Float)
     seconds: Mapped[float | None] = mapped_column(Float)
     kind: Mapped[str | None] = mapped_column(String(128))  # kind of the workers that render it, fixed at its first batch
-    error: Mapped[str | None] = mapped_column(Text)
+    error: Mapped[str | None] = mapped_column(SentenceText)
     reproduce: Mapped[str | None] = mapped_column(Text)  # command that reproduces the error
     shot: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # see service/shot.py; None: a still at frame 0
     focus: Mapped[list[int] | None] = mapped_column(JSON(none_as_null=True))  # x, y, w, h of the area rendered first
@@ -251,7 +257,7 @@ class Frame(Base):
     bad_samples: Mapped[int] = mapped_column(BigInteger, default=0)
     progress: Mapped[float] = mapped_column(Float, default=0.0)
     state: Mapped[str] = mapped_column(String(16), server_default="queued", default="queued")  # running | finished | failed
-    error: Mapped[str | None] = mapped_column(Text)
+    error: Mapped[str | None] = mapped_column(SentenceText)
     noise: Mapped[float | None] = mapped_column(Float)
     spp: Mapped[int | None] = mapped_column(Integer)  # if it differs from the job's
     # RenderSettings of this frame; None until they are known.

@@ -20,6 +20,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import S3Store
 
+from renderer.sentences import Sentence
 from renderer.variables import FILE, value_of
 from service.errors import NotFound, Unavailable
 from service.store.blobs import CHUNK, OLD_S, ServedBlob, is_sha256, no_blob
@@ -69,7 +70,13 @@ class S3Blobs:
             with self._faults():
                 obstore.put(self._store, _key(writer.sha256), writer.path)
         except NotFound:
-            raise Unavailable(f"There is no bucket {self._bucket}. Make it, or set RAYFARM_BLOBS to another.") from None
+            raise Unavailable(
+                Sentence(
+                    "no-bucket",
+                    "There is no bucket {bucket}. Make it, or set RAYFARM_BLOBS to another.",
+                    bucket=self._bucket,
+                )
+            ) from None
 
     def open(self, sha256: str) -> BinaryIO:
         """Implements `BlobStore.open`. The file is a temporary copy."""
@@ -136,7 +143,11 @@ class S3Blobs:
         except BaseError as error:
             why = str(error).partition("\n")[0]
             raise Unavailable(
-                f"The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*."
+                Sentence(
+                    "object-store-not-answer-should",
+                    "The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*.",
+                    why=why,
+                )
             ) from error
 
 

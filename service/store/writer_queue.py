@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 
 __all__ = ["Turns"]
@@ -37,8 +38,12 @@ class Turns:
             heapq.heappush(self._line, ticket)
             try:
                 if not self._free.wait_for(lambda: not self._is_taken and self._line[0] == ticket, patience_s):
-                    sentence = f"The database does not answer (others have written for {patience_s:g} s)."
-                    raise Unavailable(sentence, advice="Try again.")
+                    sentence = Sentence(
+                        "database-not-answer-others-written",
+                        "The database does not answer (others have written for {patience_s} s).",
+                        patience_s=f"{patience_s:g}",
+                    )
+                    raise Unavailable(sentence, advice=Sentence("try-again", "Try again."))
                 self._is_taken = True
             finally:
                 self._line.remove(ticket)

@@ -13,6 +13,7 @@ import redis
 
 from protocol.explained import ExplainPixel, explained_key
 from protocol.view_parts import view_queue
+from renderer.sentences import Sentence, decoded
 from service.errors import Failed, TooLate, Unavailable
 from service.scheduling.artifacts.unfit_machines import Fault, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
@@ -58,10 +59,19 @@ class Explaining:
         kinds = sorted({report.kind for report in ready} - unable, key=lambda kind: (-roster.slots(kind), kind))
         if not kinds and not ready:
             raise Unavailable(
-                "Explaining a pixel needs a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+                Sentence(
+                    "explaining-pixel-needs-worker",
+                    "Explaining a pixel needs a worker, and none is ready. Start one, or resume one that is "
+                    "paused, then ask again.",
+                )
             )
         if not kinds:
-            raise Unavailable("The connected workers are of an older release, which explains no pixels. Start newer ones.")
+            raise Unavailable(
+                Sentence(
+                    "connected-workers-older-release",
+                    "The connected workers are of an older release, which explains no pixels. Start newer ones.",
+                )
+            )
         return kinds
 
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
@@ -70,7 +80,9 @@ class Explaining:
         The message id of `work` is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
-            raise Unavailable("Other pixels are being explained. Try again in a moment.", 2.0)
+            raise Unavailable(
+                Sentence("other-pixels-being-explained", "Other pixels are being explained. Try again in a moment."), 2.0
+            )
         try:
             unfit, queue, losses = Unfit(), view_queue(kind), 0
             while losses < ASKED_AT_MOST:
@@ -86,7 +98,12 @@ class Explaining:
                     if place is None:
                         raise Failed(unfit.sentence(work.job, "explain this pixel"))
                     queue = place.queue
-            raise Unavailable("The worker was lost while it followed the pixel's paths. Try again.", 2.0)
+            raise Unavailable(
+                Sentence(
+                    "worker-lost-while-followed-pixel", "The worker was lost while it followed the pixel's paths. Try again."
+                ),
+                2.0,
+            )
         except (redis.RedisError, QueueError) as error:
             raise away(error) from None
         finally:
@@ -105,9 +122,22 @@ class Explaining:
             if time.monotonic() > deadline:
                 self._dispatcher.take_back(queue, {work.message})
                 if is_compiling:
-                    raise Unavailable(f"{holder} makes the kernel for it ready: a minute or two, once. Ask again then.", 15.0)
-                late = f"{holder} did not answer in time." if holder else "No worker had time for it; all slots are busy."
-                raise TooLate(f"The pixel could not be explained: {late} Try again.")
+                    raise Unavailable(
+                        Sentence(
+                            "makes-kernel-for-ready",
+                            "{holder} makes the kernel for it ready: a minute or two, once. Ask again then.",
+                            holder=holder,
+                        ),
+                        15.0,
+                    )
+                late = (
+                    Sentence("did-not-answer-time", "{holder} did not answer in time.", holder=holder)
+                    if holder
+                    else Sentence("no-worker-had-time-for", "No worker had time for it; all slots are busy.")
+                )
+                raise TooLate(
+                    Sentence("pixel-could-not-explained-try", "The pixel could not be explained: {late} Try again.", late=late)
+                )
             found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
             if found is None:
                 if holder is not None and holder not in self._board.roster.reports:
@@ -126,16 +156,25 @@ class Explaining:
                 case "returned" if answer.get("unfit") is True:
                     return Fault(holder or "the worker", _why(answer), passing=False)
                 case "returned":
-                    raise Unavailable(f"The pixel could not be explained: {_why(answer)}. Try again.", 2.0)
+                    raise Unavailable(
+                        Sentence(
+                            "pixel-could-not-explained-try-again",
+                            "The pixel could not be explained: {why}. Try again.",
+                            why=_why(answer),
+                        ),
+                        2.0,
+                    )
                 case _:
-                    raise Failed(f"The pixel could not be explained: {_why(answer)}.")
-        raise Unavailable("The service is going down. Try again when it is back.")
+                    raise Failed(
+                        Sentence("pixel-could-not-explained", "The pixel could not be explained: {why}.", why=_why(answer))
+                    )
+        raise Unavailable(Sentence("service-going-down-try", "The service is going down. Try again when it is back."))
 
 
 def _understood(data: bytes) -> dict[str, Any]:
     """Decodes a worker's answer. Raises Failed if it is malformed."""
     try:
-        answer = json.loads(data)
+        answer = decoded(json.loads(data))
         if isinstance(answer, dict) and (answer.get("type") != "done" or isinstance(answer.get("explained"), dict)):
             return answer
     except (ValueError, RecursionError):
@@ -145,7 +184,12 @@ def _understood(data: bytes) -> dict[str, Any]:
 
 def no_sense() -> Failed:
     """The error for an answer that is not an explanation."""
-    return Failed("The worker's answer cannot be read. Run the same release of Rayfarm on all machines.")
+    return Failed(
+        Sentence(
+            "worker-answer-cannot-read",
+            "The worker's answer cannot be read. Run the same release of Rayfarm on all machines.",
+        )
+    )
 
 
 def _why(answer: dict[str, Any]) -> str:

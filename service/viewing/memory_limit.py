@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from renderer.sentences import Sentence
 from service.viewing.session import ViewSession
 
 __all__ = ["FULL", "MAX_PIXELS", "fits_in_memory"]
 
 MAX_PIXELS = 1 << 24  # about 1 GB
-FULL = "So many look at scenes now that another view has no room. It comes when one of them leaves."
+FULL = Sentence(
+    "many-look-scenes-now-another", "So many look at scenes now that another view has no room. It comes when one of them leaves."
+)
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:

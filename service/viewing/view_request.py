@@ -9,6 +9,7 @@ from typing import Any
 from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
+from renderer.sentences import Sentence, stopped
 from renderer.settings import OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid
 from service.intake.resolve import frame_settings, resolve
@@ -71,13 +72,13 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
     request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
     """
     if scene.status == "failed":
-        raise Conflict(f"The scene cannot be rendered: {scene.error}")
+        raise Conflict(Sentence("scene-cannot-rendered", "The scene cannot be rendered: {error}", error=scene.error))
     job = Job(request=request, spp=1, noise=None, seconds=None, tile_size=64, shot=None)
     try:
         resolve(job, scene, MOST_PIXELS)
         settings = RenderSettings.from_json(job.settings or {})
     except SettingsError as error:
-        raise Invalid(f"{error}.") from None
+        raise Invalid(stopped(error)) from None
     frame_request = None
     if is_shot or settings.shutter:
         cameras = (scene.info or {})["cameras"]

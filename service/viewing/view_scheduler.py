@@ -21,6 +21,7 @@ from protocol.sums import unpack_sums
 from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
+from renderer.sentences import Sentence, stopped
 from service.events import Events
 from service.scheduling.artifacts.unfit_machines import Fault, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
@@ -218,7 +219,7 @@ class ViewScheduler:
             try:
                 settings = session.request.at(info)
             except SettingsError as error:
-                self._fail(session, f"{error}.")
+                self._fail(session, stopped(error))
                 return
             compiled = info.compiled.sha256 if info.compiled else base
         if not fits_in_memory(settings.width * settings.height, self._sessions.values()):
@@ -324,7 +325,10 @@ class ViewScheduler:
             case "begun":
                 self._tell(session, None, self._workers.slots(out.kind))
             case "compiling":
-                self._tell(session, "The kernel for this scene is made ready: a minute or two, once.")
+                self._tell(
+                    session,
+                    Sentence("kernel-for-scene-made-ready", "The kernel for this scene is made ready: a minute or two, once."),
+                )
             case "part":
                 self._hear_part(out, answer)
             case "over":
@@ -405,7 +409,7 @@ class ViewScheduler:
                 self._tell(session, self._workers.why_unavailable(session.request))
             own = [out for out in self._out.values() if out.session is session]
             if own and not session.has_picture and now - session.begun > 1.0 and not any(out.has_started for out in own):
-                self._tell(session, "Waits for a free slot.", self._workers.slots(session.kind))
+                self._tell(session, Sentence("waits-for-free-slot", "Waits for a free slot."), self._workers.slots(session.kind))
 
     def _fail(self, session: ViewSession, error: str) -> None:
         self._withdraw(session)

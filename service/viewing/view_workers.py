@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from renderer.sentences import Sentence
 from service.events import Events, PreparationRequested
 from service.scheduling.snapshot import Board
 from service.viewing.view_request import ViewRequest
@@ -30,7 +31,7 @@ class ViewWorkers:
         ready = [report for report in self._board.roster.ready() if report.views]
         if ready:
             self._events.publish(PreparationRequested(request.scene, ready[0].kind))
-            return "The scene is prepared for the workers that are here."
+            return Sentence("scene-prepared-for-workers", "The scene is prepared for the workers that are here.")
         if self._board.roster.ready():
-            return "The workers are of an older release, which shows no views."
-        return "Waits for a worker."
+            return Sentence("workers-older-release", "The workers are of an older release, which shows no views.")
+        return Sentence("waits-for-worker", "Waits for a worker.")

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from protocol.pictures import decode_film
 from renderer.image import rgbe9995
 from renderer.image.encode import encode
+from renderer.sentences import Sentence
 from service.errors import Failed
 from service.watching.film_packet import GZIP
 from service.watching.picture_response import Made
@@ -25,7 +26,9 @@ def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
         data = zlib.decompress(b"".join(packed), GZIP)
         words = decode_film(data).words
     except (zlib.error, ValueError) as error:
-        raise Failed(f"What was kept of this picture is damaged ({error}).") from error
+        raise Failed(
+            Sentence("kept-picture-damaged", "What was kept of this picture is damaged ({error}).", error=error)
+        ) from error
     return rgbe9995.unpack(words)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from service.watching.priority import no_more_urgent
 
 if TYPE_CHECKING:
@@ -69,9 +70,11 @@ def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
             if stream is not None:
                 container.mux(stream.encode(None))
     except av.FFmpegError as error:
-        raise SettingsError(f"{path.name}: the film cannot be written ({error})") from error
+        raise SettingsError(
+            Sentence("film-cannot-written", "{name}: the film cannot be written ({error})", name=path.name, error=error)
+        ) from error
     if not count:
-        raise SettingsError(f"{path.name}: there is no frame to show")
+        raise SettingsError(Sentence("no-frame-show", "{name}: there is no frame to show", name=path.name))
     return count
 
 
@@ -96,7 +99,14 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
         context.color_primaries = context.color_trc = context.colorspace = BT709
         context.color_range = LIMITED
         return stream
-    raise SettingsError(f".{kind}: the FFmpeg of this machine has none of {', '.join(name for name, _ in _CODECS[kind])}")
+    raise SettingsError(
+        Sentence(
+            "ffmpeg-machine-none",
+            ".{kind}: the FFmpeg of this machine has none of {codecs}",
+            kind=kind,
+            codecs=[name for name, _ in _CODECS[kind]],
+        )
+    )
 
 
 def _frame(picture: U8, kind: str) -> av.VideoFrame:

@@ -18,6 +18,7 @@ from renderer import aovs
 from renderer.film import CHANNELS
 from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import RGB, encode_shown, write_bands
+from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands
 from service.store.films import Film
@@ -59,13 +60,29 @@ class PictureWish:
     def check(self) -> None:
         """Raises Invalid for a combination that no file format supports."""
         if self.in_layers and self.extension != "exr":
-            raise Invalid(f"aov: a .{self.extension} holds one plane; ask for one, or for image.exr.")
+            raise Invalid(
+                Sentence(
+                    "aov-holds-one-plane",
+                    "aov: a .{extension} holds one plane; ask for one, or for image.exr.",
+                    extension=self.extension,
+                )
+            )
         if self.planes and self.extension == "rgb9e5":
-            raise Invalid("aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
+            raise Invalid(
+                Sentence("aov-rgb9e5-holds-colour-alone", "aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
+            )
         if aovs.MOTION in self.planes and self.width is not None:
-            raise Invalid("width: motion is told in pixels of the whole picture; leave width out.")
+            raise Invalid(
+                Sentence(
+                    "width-motion-told-pixels-whole", "width: motion is told in pixels of the whole picture; leave width out."
+                )
+            )
         if self.planes == (aovs.MOTION,) and self.extension == "hdr":
-            raise Invalid("aov: motion has four values a pixel, and a .hdr three; ask for image.exr.")
+            raise Invalid(
+                Sentence(
+                    "aov-motion-four-values-pixel", "aov: motion has four values a pixel, and a .hdr three; ask for image.exr."
+                )
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

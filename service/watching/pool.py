@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import anyio
 import anyio.to_thread
 
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.watching.allocator import give_back
 
@@ -71,7 +72,11 @@ class Pool:
         is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
         if is_full or (own and self.asked >= MOST_OF_ALL):
             raise Unavailable(
-                f"{own} other pictures that you asked for are not made yet. Try again in a moment.",
+                Sentence(
+                    "other-pictures-asked-for-not",
+                    "{own} other pictures that you asked for are not made yet. Try again in a moment.",
+                    own=own,
+                ),
                 retry_after_s=min(math.ceil(wait_s / 2) + 1, MOST_RETRY_S),
             )
 

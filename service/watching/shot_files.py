@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import SettingsError
+from renderer.sentences import stopped
 from service.errors import Conflict
 from service.store.films import Film
 from service.watching.movie import write_movie
@@ -70,7 +71,7 @@ def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, fold
     try:
         return Made.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
     except SettingsError as error:
-        raise Conflict(f"{error}.") from None
+        raise Conflict(stopped(error)) from None
 
 
 def movie_memory(film: Film, wish: PictureWish) -> int:

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from renderer.cache_folders import distrust, make_private, private_folder, trusted
+from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 
@@ -115,7 +116,12 @@ class BlobCache:
             shutil.copyfile(path, temporary)
             with temporary.open("rb") as file:
                 if hashlib.file_digest(file, "sha256").hexdigest() != target.name:
-                    raise WorkError("a part of the compiled scene is not what its name says; prepare the scene again")
+                    raise WorkError(
+                        Sentence(
+                            "part-compiled-scene-not-name",
+                            "a part of the compiled scene is not what its name says; prepare the scene again",
+                        )
+                    )
 
     def _with_room(self, target: Path, write: Callable[[], None]) -> None:
         """Calls `write`; if the disk is full, evicts all other blobs and calls it again."""
@@ -162,12 +168,21 @@ class BlobCache:
         except OSError as error:
             if error.errno in FULL:
                 raise MachineError(
-                    f"there is no room for a scene in {self.folder}. Free some, or set RAYFARM_CACHE to a larger disk."
+                    Sentence(
+                        "no-room-for-scene",
+                        "there is no room for a scene in {folder}. Free some, or set RAYFARM_CACHE to a larger disk.",
+                        folder=self.folder,
+                    )
                 ) from error
             why = error.strerror or str(error)
             raise MachineError(
-                f"the cache {self.folder} cannot be used ({why}). Let this user write there, "
-                "or set RAYFARM_CACHE to another folder."
+                Sentence(
+                    "cache-cannot-used",
+                    "the cache {folder} cannot be used ({why}). Let this user write there, or set "
+                    "RAYFARM_CACHE to another folder.",
+                    folder=self.folder,
+                    why=why,
+                )
             ) from error
 
     def _made(self, folder: Path) -> Path:

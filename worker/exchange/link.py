@@ -17,6 +17,7 @@ import httpx
 from redis.connection import ConnectionPool
 
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+from renderer.sentences import Sentence
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.foreign_server import MAX_ANSWER, is_address, is_here, kind_of_answer, not_a_farm
 from worker.exchange.trust import as_needed, trust
@@ -59,12 +60,26 @@ class Link:
         self._client: httpx.Client | None = None
         if not token.strip():
             raise RefusedError(
-                "A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows."
+                Sentence(
+                    "worker-shows-farm-token",
+                    "A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows.",
+                )
             )
         if not (token.isascii() and token.isprintable()):
-            raise RefusedError("The token has characters that no token has. Take the one that `rayfarm up` shows.")
+            raise RefusedError(
+                Sentence(
+                    "token-characters-no-token",
+                    "The token has characters that no token has. Take the one that `rayfarm up` shows.",
+                )
+            )
         if not is_address(self.service):
-            raise RefusedError(f"{service!r} is no address of a service; give one as http://host:8000")
+            raise RefusedError(
+                Sentence(
+                    "no-address-service",
+                    "{service} is no address of a service; give one as http://host:8000",
+                    service=repr(service),
+                )
+            )
 
     def __getstate__(self) -> dict[str, Any]:
         return {"service": self.service, "token": self.token, "_client": None}
@@ -77,7 +92,9 @@ class Link:
             try:
                 verify = as_needed(trust(), self.service)
             except (OSError, ValueError) as error:
-                raise RefusedError(f"The farm's certificate cannot be read: {error}.") from None
+                raise RefusedError(
+                    Sentence("farm-certificate-cannot-read", "The farm's certificate cannot be read: {error}.", error=error)
+                ) from None
             self._client = httpx.Client(
                 base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_here(self.service)
             )
@@ -109,7 +126,14 @@ class Link:
         try:
             return Manifest.from_json(data)
         except ValueError as error:
-            raise NotAFarmError(f"{self.service} sends a manifest that cannot be read ({error})") from None
+            raise NotAFarmError(
+                Sentence(
+                    "sends-manifest-cannot-read",
+                    "{service} sends a manifest that cannot be read ({error})",
+                    service=self.service,
+                    error=error,
+                )
+            ) from None
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
         """Writes a blob to `out`. Raises DamagedError if the received bytes have another hash."""
@@ -119,7 +143,14 @@ class Link:
                 digest.update(chunk)
                 out.write(chunk)
         if digest.hexdigest() != sha256:
-            raise DamagedError(f"blob {sha256[:12]} arrived damaged from {self.service}")
+            raise DamagedError(
+                Sentence(
+                    "blob-arrived-damaged-from",
+                    "blob {sha256} arrived damaged from {service}",
+                    sha256=sha256[:12],
+                    service=self.service,
+                )
+            )
 
     def means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
         """Writes a frame's means to `out` (format: DenoiseFrame); returns the film's version and number of samples."""
@@ -127,7 +158,9 @@ class Link:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
             except (KeyError, ValueError) as error:
-                raise NotAFarmError(f"{self.service} does not say of what its means are") from error
+                raise NotAFarmError(
+                    Sentence("not-say-means", "{service} does not say of what its means are", service=self.service)
+                ) from error
             for chunk in response.iter_bytes(CHUNK):
                 out.write(chunk)
         return about
@@ -201,7 +234,14 @@ class Link:
             if len(body) > MAX_ANSWER:
                 raise NotAFarmError(not_a_farm(self.service, "what it sends does not end"))
             if time.monotonic() > deadline:
-                raise LinkError(f"{self.service} takes longer than {ANSWER_S:.0f} s for a short answer")
+                raise LinkError(
+                    Sentence(
+                        "takes-longer-than-s-for",
+                        "{service} takes longer than {answer_s} s for a short answer",
+                        service=self.service,
+                        answer_s=f"{ANSWER_S:.0f}",
+                    )
+                )
         return bytes(body)
 
     @contextmanager
@@ -212,7 +252,14 @@ class Link:
                 self._check(response)
                 yield response
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
-            raise LinkError(f"no answer from {self.service} ({error or type(error).__name__})") from error
+            raise LinkError(
+                Sentence(
+                    "no-answer-from",
+                    "no answer from {service} ({error})",
+                    service=self.service,
+                    error=error or type(error).__name__,
+                )
+            ) from error
 
     def _check(self, response: httpx.Response) -> None:
         if response.is_success:
@@ -231,8 +278,13 @@ class Link:
             said += f": {detail}"
         if response.is_redirect:
             raise NotAFarmError(
-                f"{self.service} sends workers on to {response.headers.get('Location', 'another address')!r}. "
-                "Give the address that `rayfarm up` shows; where a login stands before the farm, it must let /api/farm/ through."
+                Sentence(
+                    "sends-workers",
+                    "{service} sends workers on to {get}. Give the address that `rayfarm up` shows; where a "
+                    "login stands before the farm, it must let /api/farm/ through.",
+                    service=self.service,
+                    get=repr(response.headers.get("Location", "another address")),
+                )
             )
         if status >= 500 or status in MAY_PASS:
             raise LinkError(said)

@@ -15,6 +15,7 @@ from pathlib import Path
 from protocol import vitals
 from protocol.hours import Hours, local_now
 from protocol.terms import Offer, Terms
+from renderer.sentences import Sentence
 from worker.machine.presence import Presence
 from worker.machine.process_tree import family
 
@@ -111,14 +112,20 @@ class Keeping:
     def _outside(self, terms: Terms) -> str | None:
         if not terms.hours or Hours.parse(terms.hours).are_now(self.clock()):
             return None
-        return f"Outside its hours: {terms.hours}."
+        return Sentence("outside-hours", "Outside its hours: {hours}.", hours=terms.hours)
 
     def _at_work(self, terms: Terms) -> str | None:
         if not terms.idle_minutes:
             return None
         left = 60 * terms.idle_minutes - self.presence.idle_s()
         return (
-            f"Somebody works at this machine; it begins when nobody has for {terms.idle_minutes:g} minutes." if left > 0 else None
+            Sentence(
+                "somebody-works-machine",
+                "Somebody works at this machine; it begins when nobody has for {idle_minutes} minutes.",
+                idle_minutes=f"{terms.idle_minutes:g}",
+            )
+            if left > 0
+            else None
         )
 
     def _too_large(self, terms: Terms) -> str | None:
@@ -129,7 +136,11 @@ class Keeping:
             self._is_over = _memory_of_family() > terms.memory * (LESS_BY if self._is_over else 1.0)
         if not self._is_over or not terms.memory:
             return None
-        return f"It uses more memory than its limit of {terms.memory / 1e9:.3g} GB."
+        return Sentence(
+            "uses-more-memory-than-limit",
+            "It uses more memory than its limit of {memory} GB.",
+            memory=f"{terms.memory / 1000000000.0:.3g}",
+        )
 
     def _be_nice(self, nice: int | None) -> None:
         """Sets the nice level of all processes of the worker, which later forks inherit. None: as it was started."""
@@ -141,7 +152,12 @@ class Keeping:
                 if os.getpriority(os.PRIO_PROCESS, pid) != wanted:
                     os.setpriority(os.PRIO_PROCESS, pid, wanted)
             except PermissionError:
-                self.trouble = f"{NICE} stays at {os.getpriority(os.PRIO_PROCESS, 0)}: only root may lower it. Start it anew."
+                self.trouble = Sentence(
+                    "stays-only-root-lower",
+                    "{nice} stays at {getpriority}: only root may lower it. Start it anew.",
+                    nice=NICE,
+                    getpriority=os.getpriority(os.PRIO_PROCESS, 0),
+                )
                 return
             except ProcessLookupError:
                 continue

@@ -11,6 +11,7 @@ from renderer.confine.reader import Link
 from renderer.errors import SceneError
 from renderer.image import encode
 from renderer.image.read import decode
+from renderer.sentences import Sentence
 from worker.reading.scene_folder import folder_of
 
 __all__ = ["show", "small_picture"]
@@ -29,13 +30,19 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
     height, width = pixels.shape[:2]
     if not NARROWEST < width / height < WIDEST:
         raise SceneError(
-            f"{path}: is {width}x{height}; an environment shows all directions, and so is twice as wide as high "
-            "(equirectangular, also called latitude-longitude)"
+            Sentence(
+                "x-environment-shows-directions",
+                "{path}: is {width}x{height}; an environment shows all directions, and so is twice as "
+                "wide as high (equirectangular, also called latitude-longitude)",
+                path=path,
+                width=width,
+                height=height,
+            )
         )
     if pixels.dtype != np.float32:
         pixels = (pixels[..., :3].astype(np.float32) / np.iinfo(pixels.dtype).max) ** 2.2
     if not np.isfinite(pixels[..., :3]).any() or not pixels[..., :3].any():
-        raise SceneError(f"{path}: is black all over; it lights nothing")
+        raise SceneError(Sentence("black-over", "{path}: is black all over; it lights nothing", path=path))
     return np.asarray(pixels[..., :3])
 
 

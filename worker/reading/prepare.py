@@ -18,6 +18,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import Saver
 from renderer.scene.frame_reuse import Kept
 from renderer.scene.load import Shot
+from renderer.sentences import Sentence
 from renderer.settings import RenderSettings, Tile, View
 from worker.reading.scene_folder import folder_of
 
@@ -44,7 +45,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None
     summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares parts with other frames
-    progress("rendering a thumbnail", 0.85)
+    progress(Sentence("rendering-thumbnail", "rendering a thumbnail"), 0.85)
     render_thumbnail(compiled, summary, link, folder_of(out) / THUMBNAIL)
     return summary
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from protocol.contract import DenoiseFrame, FrameVectors, Result, ShowEnvironment
+from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, UnfitError, WorkerError, WorkError, is_of_machine
 from worker.process import context
 from worker.process.context import WorkerContext
@@ -55,8 +56,14 @@ class Aside(Generic[Work]):
             return self._failure(worker, message.get("work"), str(error))
         with InHand(worker, {self.shown_as: work.job, "frame": work.frame}):
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
-                sentence = f"the worker process died {DEATHS_ALLOWED} times while it tried to {self.task}"
-                return self._failure(worker, work.work, sentence)
+                died = Sentence(
+                    "worker-died-while-making",
+                    "the worker process died {n} times while it tried to {task}",
+                    n=DEATHS_ALLOWED,
+                    task=self.task,
+                )
+                return self._failure(worker, work.work, died)
+            sentence: str
             try:
                 return {"type": self.made, "work": work.work, "worker": worker.name, **self.make(worker, work)}
             except WorkError as error:
@@ -64,16 +71,41 @@ class Aside(Generic[Work]):
             except (UnfitError, MachineError) as error:
                 return self._failure(worker, work.work, str(error), unfit=True)
             except WorkerError as error:
-                sentence = f"{worker.name} could not {self.task}: {error}"
+                sentence = Sentence(
+                    "could-not", "{name} could not {task}: {error}", name=worker.name, task=self.task, error=error
+                )
             except OSError as error:
                 if is_of_machine(error):
-                    return self._failure(worker, work.work, f"this machine could not {self.task}: {error}", unfit=True)
-                sentence = f"{worker.name} has no room to {self.task}: {error}"
+                    return self._failure(
+                        worker,
+                        work.work,
+                        Sentence("machine-could-not-make", "this machine could not {task}: {error}", task=self.task, error=error),
+                        unfit=True,
+                    )
+                sentence = Sentence(
+                    "worker-has-no-room-to-make",
+                    "{worker} has no room to {task}: {error}",
+                    worker=worker.name,
+                    task=self.task,
+                    error=error,
+                )
             except MemoryError:
-                return self._failure(worker, work.work, f"there is too little memory to {self.task}", unfit=True)
+                return self._failure(
+                    worker,
+                    work.work,
+                    Sentence("too-little-memory-to-make", "there is too little memory to {task}", task=self.task),
+                    unfit=True,
+                )
             except Exception as error:
                 log.exception("could not %s", self.task)
-                sentence = f"{worker.name} could not {self.task} ({type(error).__name__}: {error})"
+                sentence = Sentence(
+                    "worker-failed-to-make",
+                    "{worker} could not {task} ({kind}: {error})",
+                    worker=worker.name,
+                    task=self.task,
+                    kind=type(error).__name__,
+                    error=error,
+                )
             return self._failure(worker, work.work, sentence)
 
     def _failure(self, worker: WorkerContext, work: Any, error: str, unfit: bool = False) -> dict[str, Any]:

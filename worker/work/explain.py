@@ -16,6 +16,7 @@ from renderer.pixel_paths import MODELS, PixelPath, PixelPaths, bounce_of, pixel
 from renderer.render import edition_for, is_warm
 from renderer.replay import Lamp, Vertex
 from renderer.scene.compiled import CompiledScene
+from renderer.sentences import Sentence, encoded
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.ready import get_ready
 from worker.exchange.retry import patiently
@@ -34,7 +35,7 @@ def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
     """Appends an answer to the message's list in Redis. Only logs a failure if Redis is unreachable."""
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
-            at_once.rpush(explained_key(message), json.dumps({"type": type, "worker": worker.name, **more}))
+            at_once.rpush(explained_key(message), json.dumps(encoded({"type": type, "worker": worker.name, **more})))
             at_once.expire(explained_key(message), ANSWER_TTL_S)
             at_once.execute()
     except (redis.RedisError, OSError) as error:
@@ -60,16 +61,43 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
     except (UnfitError, MachineError) as error:
         say(worker, work.message, "returned", error=str(error), unfit=True)
     except Trouble as error:
-        say(worker, work.message, "returned", error=f"{worker.name} hands it back: {error}")
+        say(
+            worker,
+            work.message,
+            "returned",
+            error=Sentence("hands-back", "{name} hands it back: {error}", name=worker.name, error=error),
+        )
     except RefusedError as error:
-        say(worker, work.message, "failed", error=f"{worker.name} cannot fetch the scene: {error}")
+        say(
+            worker,
+            work.message,
+            "failed",
+            error=Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error),
+        )
     except RayfarmError as error:
         say(worker, work.message, "failed", error=str(error))
     except MemoryError:
-        say(worker, work.message, "returned", error="there is too little memory for this scene", unfit=True)
+        say(
+            worker,
+            work.message,
+            "returned",
+            error=Sentence("too-little-memory-for-scene", "there is too little memory for this scene"),
+            unfit=True,
+        )
     except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
-        say(worker, work.message, "failed", error=f"{worker.name} could not follow it ({type(error).__name__}: {error})")
+        say(
+            worker,
+            work.message,
+            "failed",
+            error=Sentence(
+                "could-not-follow",
+                "{name} could not follow it ({name2}: {error})",
+                name=worker.name,
+                name2=type(error).__name__,
+                error=error,
+            ),
+        )
 
 
 def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:

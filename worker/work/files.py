@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from protocol.contract import Manifest
 from renderer.confine.limits import available_memory
+from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.apply_terms import memory_limit
 from worker.process.context import WorkerContext
@@ -27,7 +28,9 @@ def _place(blob: Path, folder: Path, name: str) -> None:
     """Places a blob under its uploaded name, encoded as UTF-8 regardless of the locale, as readers expect."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
-        raise WorkError(f"{name!r} is a path that climbs out of the upload; rename it.")
+        raise WorkError(
+            Sentence("path-climbs-out-upload", "{name} is a path that climbs out of the upload; rename it.", name=repr(name))
+        )
     target = folder.joinpath(*(os.fsdecode(part.encode("utf-8", "surrogateescape")) for part in parts))
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -36,8 +39,20 @@ def _place(blob: Path, folder: Path, name: str) -> None:
         if is_of_machine(error):
             raise
         if not blob.is_file():
-            raise MachineError("the scene's files do not stay in the cache while they are needed; give it more room") from error
-        raise WorkError(f"{name!r} cannot be the name of a file here ({error.strerror}); rename it.") from error
+            raise MachineError(
+                Sentence(
+                    "scene-files-not-stay-cache",
+                    "the scene's files do not stay in the cache while they are needed; give it more room",
+                )
+            ) from error
+        raise WorkError(
+            Sentence(
+                "cannot-name-file",
+                "{name} cannot be the name of a file here ({strerror}); rename it.",
+                name=repr(name),
+                strerror=error.strerror,
+            )
+        ) from error
 
 
 def link_or_copy(blob: Path, target: Path) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 from protocol.contract import FrameInfo, Manifest, PrepareFrames
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import parts_of
+from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
@@ -95,7 +96,14 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     def take(message: dict[str, Any]) -> None:
         frame = message.get("frame")
         if frame not in left:
-            raise WorkError(f"{manifest.main}: its reader answers for frame {str(frame)[:20]}, which it was not asked for")
+            raise WorkError(
+                Sentence(
+                    "reader-answers-for-frame",
+                    "{file}: its reader answers for frame {frame}, which it was not asked for",
+                    file=manifest.main,
+                    frame=str(frame)[:20],
+                )
+            )
         if "failed" in message:
             answer("frame-failed", frame=frame, error=message["failed"])
         else:
@@ -129,7 +137,14 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
     except OSError as error:
         if not is_of_machine(error):
             raise
-        raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
+        raise MachineError(
+            Sentence(
+                "machine-cannot-keep-scene-files",
+                "this machine cannot keep a scene's files ({strerror}: {filename})",
+                strerror=error.strerror,
+                filename=error.filename,
+            )
+        ) from error
 
 
 def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:

@@ -15,6 +15,7 @@ from renderer.arrays.scene_features import EDITIONS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
 from renderer.render import warm_up
+from renderer.sentences import Sentence
 from renderer.settings import RenderSettings, View
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
@@ -52,16 +53,23 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
     except OSError as error:
         if not is_of_machine(error):
             raise
-        raise MachineError(f"this machine cannot keep a scene's files ({error.strerror}: {error.filename})") from error
+        raise MachineError(
+            Sentence(
+                "machine-cannot-keep-scene-files",
+                "this machine cannot keep a scene's files ({strerror}: {filename})",
+                strerror=error.strerror,
+                filename=error.filename,
+            )
+        ) from error
 
 
 def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None], begun: float) -> SceneInfo:
     with Room("prepare") as room:
-        progress("fetching files", 0.0)
+        progress(Sentence("fetching-files", "fetching files"), 0.0)
         place_files(worker, manifest, room.scene)
         read, written = manifest, list[str]()
         if is_blend(manifest.main):
-            progress("opening in Blender", 0.02)
+            progress(Sentence("opening-blender", "opening in Blender"), 0.02)
             written = _opened(manifest, room)
             read = replace(manifest, main=written[0])
         folder = room.folder / WRITTEN if written else room.scene
@@ -82,7 +90,14 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str
     try:
         return _info(worker, summary, compiled, thumbnail, begun)
     except (KeyError, TypeError, AttributeError) as error:
-        raise WorkError(f"{manifest.main}: its reader's summary lacks what belongs there ({error})") from error
+        raise WorkError(
+            Sentence(
+                "reader-summary-lacks-belongs",
+                "{file}: its reader's summary lacks what belongs there ({error})",
+                file=manifest.main,
+                error=error,
+            )
+        ) from error
 
 
 def _info(
@@ -124,7 +139,13 @@ def _opened(manifest: Manifest, room: Room) -> list[str]:
     written.mkdir()
     with as_of_worker():
         if (blender := find()) is None:
-            raise WorkError(f"{manifest.main}: this worker has no Blender any more; start it anew with --blender")
+            raise WorkError(
+                Sentence(
+                    "worker-no-blender-any-more",
+                    "{file}: this worker has no Blender any more; start it anew with --blender",
+                    file=manifest.main,
+                )
+            )
         main = convert(blender, room.scene, manifest.main, written, memory_budget(), SECONDS - LEFT_S)
     files = [main, *sorted(path.name for path in written.iterdir() if path.name != main)]
     if manifest.environment is not None and (room.scene / manifest.environment).is_file():

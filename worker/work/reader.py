@@ -23,6 +23,7 @@ from renderer.confine.reader import Link
 from renderer.confine.running import Bounds
 from renderer.render import FULL, kernel_name
 from renderer.scene.compiled_parts import parts_of
+from renderer.sentences import Sentence
 from worker.exchange.errors import UnfitError, WorkError
 from worker.process.context import WorkerContext
 from worker.work.files import link_or_copy, memory_budget
@@ -131,7 +132,7 @@ class Room:
             seconds,
             subject,
             "that this worker grants one scene",
-            "Make it smaller, or split it into several.",
+            Sentence("make-smaller-split", "Make it smaller, or split it into several."),
         )
         more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
@@ -150,10 +151,18 @@ class Room:
         path = self.out
         for part in str(name).split("/"):
             if not _PLAIN_NAME.fullmatch(part) or path.is_symlink():
-                raise WorkError(f"the scene's reader names a file as none is named: {str(name)[:100]!r}")
+                raise WorkError(
+                    Sentence(
+                        "scene-reader-names-file-none",
+                        "the scene's reader names a file as none is named: {name}",
+                        name=repr(str(name)[:100]),
+                    )
+                )
             path /= part
         if not self.has(path):
-            raise WorkError(f"the scene's reader wrote no file {str(name)[:100]!r}")
+            raise WorkError(
+                Sentence("scene-reader-wrote-no-file", "the scene's reader wrote no file {name}", name=repr(str(name)[:100]))
+            )
         return path
 
     @staticmethod
@@ -171,10 +180,22 @@ class Room:
         """
         path = self.result(name)
         if path.stat().st_size > _MOST_MANIFEST:
-            raise WorkError(f"the scene's reader wrote a manifest of {path.stat().st_size} bytes")
+            raise WorkError(
+                Sentence(
+                    "scene-reader-wrote-manifest-bytes",
+                    "the scene's reader wrote a manifest of {st_size} bytes",
+                    st_size=path.stat().st_size,
+                )
+            )
         with as_of_worker():
             for part in parts_of(path):
                 beside = path.parent / part.sha256
                 if os.path.lexists(beside) and not self.has(beside):
-                    raise WorkError(f"the scene's reader wrote a part that is no file: {part.sha256}")
+                    raise WorkError(
+                        Sentence(
+                            "scene-reader-wrote-part-no",
+                            "the scene's reader wrote a part that is no file: {sha256}",
+                            sha256=part.sha256,
+                        )
+                    )
         return path

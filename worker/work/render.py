@@ -14,6 +14,7 @@ from protocol.sums import pack_sums
 from renderer.errors import RayfarmError
 from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene
+from renderer.sentences import Sentence
 from worker.exchange.errors import RefusedError, Trouble
 from worker.exchange.ready import get_ready
 from worker.exchange.retry import patiently
@@ -51,9 +52,13 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except Trouble as error:
-        return returned(worker, batch, f"{worker.name} hands a batch back: {error}")
+        return returned(
+            worker, batch, Sentence("hands-batch-back", "{name} hands a batch back: {error}", name=worker.name, error=error)
+        )
     except RefusedError as error:
-        return failure(worker, batch, f"{worker.name} cannot fetch the scene: {error}")
+        return failure(
+            worker, batch, Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error)
+        )
     except RayfarmError as error:
         return failure(worker, batch, str(error))
     except MemoryError:
@@ -84,7 +89,12 @@ def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
 def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
     """The event of a batch message that this release cannot parse, from the JSON of RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
-    sentence = f"{worker.name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines."
+    sentence = Sentence(
+        "not-understand-batch",
+        "{name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines.",
+        name=worker.name,
+        error=error,
+    )
     return Result({"type": "batch-failed", **event, "worker": worker.name, "error": sentence, "reproduce": None})
 
 

@@ -11,6 +11,7 @@ from protocol.contract import BlobRef
 from renderer.errors import SceneError
 from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import Part, parts_of
+from renderer.sentences import Sentence
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError, is_of_machine
 from worker.exchange.retry import patiently
@@ -57,7 +58,9 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
     try:
         return worker.cache.path(part.sha256, part.size)
     except RefusedError as error:
-        raise MachineError("a part of a compiled scene is gone; it is compiled again") from error
+        raise MachineError(
+            Sentence("part-compiled-scene-gone", "a part of a compiled scene is gone; it is compiled again")
+        ) from error
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
@@ -75,7 +78,9 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
     except OSError as error:
         if not is_of_machine(error):
             raise
-        raise MachineError(f"the cached scene cannot be read ({error.strerror})") from error
+        raise MachineError(
+            Sentence("cached-scene-cannot-read", "the cached scene cannot be read ({strerror})", strerror=error.strerror)
+        ) from error
     return load(cache.path(sha256), cache.path)
 
 

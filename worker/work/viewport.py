@@ -24,6 +24,7 @@ from protocol.view_parts import (
 from renderer.errors import RayfarmError
 from renderer.film import COLOR, SAMPLES
 from renderer.render import edition_for, is_warm, render_batch
+from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.ready import get_ready
 from worker.exchange.retry import patiently
@@ -94,16 +95,34 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             samples, seconds = samples + _samples(part), seconds + taken
         answering.send("over")
     except Trouble as error:
-        answering.send("returned", error=f"{worker.name} hands a view back: {error}")
+        answering.send(
+            "returned",
+            error=Sentence("worker-hands-view-back", "{worker} hands a view back: {error}", worker=worker.name, error=error),
+        )
     except RefusedError as error:
-        answering.send("returned", error=f"{worker.name} cannot fetch the scene: {error}")
+        answering.send(
+            "returned",
+            error=Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error),
+        )
     except RayfarmError as error:
         answering.send("failed", error=str(error))
     except MemoryError:
-        answering.send("returned", error=f"{worker.name} has too little memory for this scene.")
+        answering.send(
+            "returned",
+            error=Sentence("too-little-memory-for-scene-2", "{name} has too little memory for this scene.", name=worker.name),
+        )
     except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
-        answering.send("failed", error=f"{worker.name} could not render the view ({type(error).__name__}: {error}).")
+        answering.send(
+            "failed",
+            error=Sentence(
+                "could-not-render-view",
+                "{name} could not render the view ({name2}: {error}).",
+                name=worker.name,
+                name2=type(error).__name__,
+                error=error,
+            ),
+        )
     return samples / seconds if seconds else 0.0
 
 
@@ -124,12 +143,26 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
     except (UnfitError, MachineError) as error:
         answering.send("returned", error=str(error), unfit=True)
     except MemoryError:
-        answering.send("returned", error="there is too little memory for this frame", unfit=True)
+        answering.send(
+            "returned", error=Sentence("too-little-memory-for-frame", "there is too little memory for this frame"), unfit=True
+        )
     except (Trouble, RefusedError) as error:
-        answering.send("returned", error=f"{worker.name} hands a frame back: {error}")
+        answering.send(
+            "returned",
+            error=Sentence("worker-hands-frame-back", "{worker} hands a frame back: {error}", worker=worker.name, error=error),
+        )
     except Exception as error:
         log.exception("a frame of a view failed")
-        answering.send("failed", error=f"{worker.name} could not prepare the frame ({type(error).__name__}: {error}).")
+        answering.send(
+            "failed",
+            error=Sentence(
+                "could-not-prepare-frame",
+                "{name} could not prepare the frame ({name2}: {error}).",
+                name=worker.name,
+                name2=type(error).__name__,
+                error=error,
+            ),
+        )
 
 
 def _seen(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from renderer.sentences import Sentence
+
 __all__ = ["Clip", "others_of"]
 
 _NAMED = 8
@@ -23,4 +25,11 @@ def others_of(file: str, clips: Sequence[Clip]) -> str:
     """Returns the sentence that lists a file's further animations, beside the first."""
     others = [clip.name[:60] for clip in clips[1:]]
     more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
-    return f"{file}: shows the animation {clips[0].name[:60]!r}; as its clip you may choose {', '.join(others[:_NAMED])}{more}."
+    return Sentence(
+        "shows-animation",
+        "{file}: shows the animation {name}; as its clip you may choose {others}{more}.",
+        file=file,
+        name=repr(clips[0].name[:60]),
+        others=[*others[:_NAMED]],
+        more=more,
+    )

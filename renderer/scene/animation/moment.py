@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 
 __all__ = ["ALL_CLIPS", "DEFAULT_FPS", "MAX_FRAME", "Moment"]
 
@@ -30,9 +31,24 @@ class Moment:
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame <= MAX_FRAME or not float(2 * self.frame).is_integer():
-            raise SettingsError(f"frame is {self.frame:g}; it takes numbers from 0 to {MAX_FRAME} in steps of a half")
+            raise SettingsError(
+                Sentence(
+                    "frame-takes-numbers-from-0",
+                    "frame is {frame}; it takes numbers from 0 to {max_frame} in steps of a half",
+                    frame=f"{self.frame:g}",
+                    max_frame=MAX_FRAME,
+                )
+            )
         if self.fps is not None and not LEAST_FPS <= self.fps <= MOST_FPS:
-            raise SettingsError(f"fps is {self.fps:g}; it takes numbers from {LEAST_FPS:g} to {MOST_FPS:g}")
+            raise SettingsError(
+                Sentence(
+                    "fps-takes-numbers-from",
+                    "fps is {fps}; it takes numbers from {least_fps} to {most_fps}",
+                    fps=f"{self.fps:g}",
+                    least_fps=f"{LEAST_FPS:g}",
+                    most_fps=f"{MOST_FPS:g}",
+                )
+            )
 
     def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
         """Returns the time of the moment in seconds; own_fps: the file's."""

@@ -17,6 +17,7 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.names import make_readable
 from renderer.scene.text_encoding import is_readable, readable
+from renderer.sentences import Sentence
 
 __all__ = ["read_file"]
 
@@ -40,13 +41,34 @@ def read_file(
     format = next((f for f in formats if f.suffix == suffix), None)
     if format is None:
         known = ", ".join(f.suffix for f in formats)
-        raise SceneError(f"{name[:120]}: is no scene file that is read here; give one of {known}")
+        raise SceneError(
+            Sentence(
+                "no-scene-file-read",
+                "{name}: is no scene file that is read here; give one of {known}",
+                name=name[:120],
+                known=known,
+            )
+        )
     if variant is not None and not format.has_variants:
-        raise SceneError(f"{name}: has no variants, as only glTF and USD files have; leave the variant out")
+        raise SceneError(
+            Sentence(
+                "no-variants",
+                "{name}: has no variants, as only glTF and USD files have; leave the variant out",
+                name=name,
+            )
+        )
     if moment.clip is not None and not format.moves:
-        raise SceneError(f"{name}: has no clips, as glTF, USD and FBX files have; leave the clip out")
+        raise SceneError(
+            Sentence("no-clips", "{name}: has no clips, as glTF, USD and FBX files have; leave the clip out", name=name)
+        )
     if thickness is not None and not format.has_lines:
-        raise SceneError(f"{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out")
+        raise SceneError(
+            Sentence(
+                "no-points-lines-give-thickness",
+                "{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out",
+                name=name,
+            )
+        )
     # Readers import heavy libraries, so each is imported at first use.
     reader = import_module(f"renderer.scene.readers.{format.reader}")
     options: dict[str, Any] = {} if variant is None else {"variant": variant}
@@ -68,7 +90,13 @@ def read_file(
         if is_of_machine(error):
             raise
         raise SceneError(
-            f"{name}: could not be read as {suffix}; it may be damaged, export it again ({_reason(error)})"
+            Sentence(
+                "could-not-read-damaged",
+                "{name}: could not be read as {suffix}; it may be damaged, export it again ({reason})",
+                name=name,
+                suffix=suffix,
+                reason=_reason(error),
+            )
         ) from error
     make_readable(description, files, name)
     clips = description.clips

@@ -18,16 +18,17 @@ from renderer.scene.readers import assimp
 from renderer.scene.readers.collada_holes import bridged
 from renderer.scene.readers.expansion_limits import collada_nodes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.sentences import Sentence
 from renderer.view import MAX_SHIFT
 
 __all__ = ["read"]
 
 _ASPECT = 16 / 9  # of a camera without height and aspect ratio
 _FAR = 1e9
-_UNREAD = {
-    "spline": "splines are",
-    "convex_mesh": "convex hulls (convex_mesh) are",
-    "brep": "boundary representations (brep) are",
+_UNREAD: dict[str, str] = {
+    "spline": Sentence("splines-are", "splines are"),
+    "convex_mesh": Sentence("convex-hulls-convex-mesh-are", "convex hulls (convex_mesh) are"),
+    "brep": Sentence("boundary-representations-brep-are", "boundary representations (brep) are"),
 }
 _FALL = 0.75  # of Blender's blend: with it our quadratic falloff has the flux of Blender's smoothstep
 _NO_INDEX = re.compile(r"[^0-9\s]")
@@ -45,15 +46,31 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         metres = _metres(data)
         assimp.read(files, main, description, moment, scale=1 / (metres or 1.0), change=lambda _: whole)
         if metres is None:
-            description.warnings.append(f"{main}: its unit is not a length; it is read as a metre.")
+            description.warnings.append(
+                Sentence("unit-not-length", "{file}: its unit is not a length; it is read as a metre.", file=main)
+            )
         for what, count in own.unread.items():
-            description.warnings.append(f"{main}: {count} {what} left out.")
+            description.warnings.append(
+                Sentence("left-out-2", "{file}: {count} {what} left out.", file=main, count=count, what=what)
+            )
         if own.guessed:
             description.warnings.append(
-                f"{main}: {own.guessed} cameras have a width and no aspect ratio; 16:9 is taken for their height."
+                Sentence(
+                    "cameras-width-no-aspect-ratio",
+                    "{file}: {guessed} cameras have a width and no aspect ratio; 16:9 is taken for their height.",
+                    file=main,
+                    guessed=own.guessed,
+                )
             )
         if filled:
-            description.warnings.append(f"{main}: {filled} holes of polygons could not be cut and are filled.")
+            description.warnings.append(
+                Sentence(
+                    "holes-polygons-could-not-cut",
+                    "{file}: {filled} holes of polygons could not be cut and are filled.",
+                    file=main,
+                    filled=filled,
+                )
+            )
         _set_lenses(description, own.lenses)
         _set_watts(description, own.lamps)
         if own.by_blender:  # Blender's surfaces emit on both sides
@@ -70,7 +87,13 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
             trimesh_files.read(files, main, description)
         except SceneError:
             raise refused from None
-        description.warnings.append(f"{main}: is read without its cameras, lights and animation, as not all of it is Collada.")
+        description.warnings.append(
+            Sentence(
+                "read-without-cameras",
+                "{file}: is read without its cameras, lights and animation, as not all of it is Collada.",
+                file=main,
+            )
+        )
 
 
 class _Own(NamedTuple):
@@ -93,7 +116,7 @@ def _own(data: bytes, main: str) -> _Own:
     _refuse_odd_corners(root, main)
     by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
     kinds = (str(element.tag).rpartition("}")[2] for element in root.iter())
-    unread = Counter(_UNREAD[kind] for kind in kinds if kind in _UNREAD)
+    unread: Counter[str] = Counter(_UNREAD[kind] for kind in kinds if kind in _UNREAD)
     return _Own(_lenses(root), _lamps(root), by_blender, unread, _shapeless(root))
 
 
@@ -115,7 +138,14 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
             if (odd := _NO_INDEX.search(text)) is not None:
                 before = text[: odd.start()]
                 word = (before[len(before.rstrip("0123456789")) :] + text[odd.start() :][:20]).split()[0][:20]
-                raise SceneError(f"{main}: a list of corners (<p>) holds {word!r}, which is no index; export the file again")
+                raise SceneError(
+                    Sentence(
+                        "list-corners-p-holds",
+                        "{file}: a list of corners (<p>) holds {word}, which is no index; export the file again",
+                        file=main,
+                        word=repr(word),
+                    )
+                )
 
 
 class _Lens(NamedTuple):

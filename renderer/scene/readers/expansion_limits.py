@@ -7,6 +7,7 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = ["collada_nodes", "judge_spread", "x3d_nodes"]
 
@@ -37,7 +38,14 @@ def judge_spread(
             within.discard(key)
             sizes[key] = counts.pop()
             if sizes[key] > most:
-                raise SceneError(f"{file}: its references to nodes show more than {most} of them; fewer fit")
+                raise SceneError(
+                    Sentence(
+                        "references-nodes-show-more-than",
+                        "{file}: its references to nodes show more than {most} of them; fewer fit",
+                        file=file,
+                        most=most,
+                    )
+                )
             if counts:
                 counts[-1] += sizes[key]
         elif child in sizes:
@@ -45,10 +53,23 @@ def judge_spread(
         elif child in within and not is_circle_error:
             continue
         elif child in within:
-            raise SceneError(f"{file}: its nodes contain each other without end; export it again")
+            raise SceneError(
+                Sentence(
+                    "nodes-contain-each-other-without",
+                    "{file}: its nodes contain each other without end; export it again",
+                    file=file,
+                )
+            )
         else:
             if len(path) >= MAX_DEPTH:
-                raise SceneError(f"{file}: its nodes are nested more than {MAX_DEPTH} deep. Flatten its hierarchy")
+                raise SceneError(
+                    Sentence(
+                        "nodes-nested-more-than-deep",
+                        "{file}: its nodes are nested more than {max_depth} deep. Flatten its hierarchy",
+                        file=file,
+                        max_depth=MAX_DEPTH,
+                    )
+                )
             path.append((child, iter(below(child))))
             counts.append(1)
             within.add(child)

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.description import EmissionMap
 from renderer.scene.emission_maps import flux_of
+from renderer.sentences import Sentence
 
 __all__ = ["Photometry", "read_ies"]
 
@@ -62,11 +63,24 @@ def read_ies(data: bytes, name: str) -> Photometry:
 
 def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     if len(data) > _MOST_BYTES:
-        raise SceneError(f"{name}: has {len(data) >> 20} MiB; an IES profile has some kilobytes")
+        raise SceneError(
+            Sentence(
+                "mib-ies-profile-some-kilobytes",
+                "{name}: has {n} MiB; an IES profile has some kilobytes",
+                name=name,
+                n=len(data) >> 20,
+            )
+        )
     text = data.decode("utf-8-sig", "replace")
     tilt = re.search(r"^[ \t]*TILT[ \t]*=[ \t]*([^\r\n]*)", text, re.MULTILINE | re.IGNORECASE)
     if tilt is None:
-        raise SceneError(f"{name}: is no IES profile: it has no line TILT=; export it again as IES LM-63")
+        raise SceneError(
+            Sentence(
+                "no-ies-profile",
+                "{name}: is no IES profile: it has no line TILT=; export it again as IES LM-63",
+                name=name,
+            )
+        )
     numbers = _Numbers(text[tilt.end() :], name)
     factor = 1.0
     kind = tilt.group(1).strip().upper()
@@ -76,27 +90,56 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         angles, factors = numbers.take(count, "tilt angles"), numbers.take(count, "tilt factors")
         factor = float(np.interp(0.0, angles, factors)) if count else 1.0
         if count and not np.allclose(factors, factor):
-            notes.append(f"{name}: shines as it does upright, however it is tilted")
+            notes.append(Sentence("shines-upright", "{name}: shines as it does upright, however it is tilted", name=name))
     elif kind not in ("NONE", ""):
-        notes.append(f"{name}: its tilt is in another file, {kind[:60]}, and left out")
+        notes.append(
+            Sentence(
+                "tilt-another-file",
+                "{name}: its tilt is in another file, {kind}, and left out",
+                name=name,
+                kind=kind[:60],
+            )
+        )
     _, _, multiplier = numbers.take(3, "lamps")
     vertical, horizontal = numbers.count("vertical angles"), numbers.count("horizontal angles")
     goniometry = _TYPES.get(float(numbers.take(1, "photometric type")[0]))
     if goniometry is None:
-        raise SceneError(f"{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again")
+        raise SceneError(
+            Sentence(
+                "photometric-type-none-1-c",
+                "{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again",
+                name=name,
+            )
+        )
     numbers.take(4, "size")
     ballast, other, _ = numbers.take(3, "ballast")
     # In the 2019 standard this field is the file's origin; in earlier ones a factor.
     factor *= multiplier * ballast * (1.0 if re.match(r"\s*IES:\s*LM-63-", text, re.IGNORECASE) else other)
     if vertical * horizontal > _MOST_VALUES:
-        raise SceneError(f"{name}: has {vertical} x {horizontal} values; at most {_MOST_VALUES} are read")
+        raise SceneError(
+            Sentence(
+                "x-values",
+                "{name}: has {vertical} x {horizontal} values; at most {most_values} are read",
+                name=name,
+                vertical=vertical,
+                horizontal=horizontal,
+                most_values=_MOST_VALUES,
+            )
+        )
     found = numbers.take(vertical, "vertical angles"), numbers.take(horizontal, "horizontal angles")
     candela = numbers.take(vertical * horizontal, "candela").reshape(horizontal, vertical) * factor
     for angles, what in zip(found, ("vertical", "horizontal"), strict=True):
         if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
-            raise SceneError(f"{name}: its {what} angles do not ascend within 360 degrees; export it again")
+            raise SceneError(
+                Sentence(
+                    "angles-not-ascend-within-360",
+                    "{name}: its {what} angles do not ascend within 360 degrees; export it again",
+                    name=name,
+                    what=what,
+                )
+            )
     if not abs(candela).max() <= _MOST_CANDELA:
-        raise SceneError(f"{name}: its candela are out of all bounds; export it again")
+        raise SceneError(Sentence("candela-out-bounds", "{name}: its candela are out of all bounds; export it again", name=name))
     return _Web(goniometry, *found, np.maximum(candela, 0.0))
 
 
@@ -111,22 +154,49 @@ class _Numbers:
         words = self._words[self._at : self._at + count]
         self._at += count
         if len(words) < count:
-            raise SceneError(f"{self._name}: ends where its {what} are to be; give the whole file")
+            raise SceneError(
+                Sentence(
+                    "ends-where",
+                    "{name}: ends where its {what} are to be; give the whole file",
+                    name=self._name,
+                    what=what,
+                )
+            )
         try:
             found = np.array([float(word) for word in words], np.float64)
             if not (abs(found) <= _MOST_NUMBER).all():
-                raise SceneError(f"{self._name}: its {what} are out of all bounds; export it again")
+                raise SceneError(
+                    Sentence(
+                        "out-bounds",
+                        "{name}: its {what} are out of all bounds; export it again",
+                        name=self._name,
+                        what=what,
+                    )
+                )
             return found
         except ValueError:
             raise SceneError(
-                f"{self._name}: has something else than numbers where its {what} are to be; export it again"
+                Sentence(
+                    "something-else-than-numbers-where",
+                    "{name}: has something else than numbers where its {what} are to be; export it again",
+                    name=self._name,
+                    what=what,
+                )
             ) from None
 
     def count(self, what: str) -> int:
         """Returns the next number as a count. Raises SceneError."""
         number = float(self.take(1, f"number of {what}")[0])
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
-            raise SceneError(f"{self._name}: its number of {what} is {number:g}; export it again")
+            raise SceneError(
+                Sentence(
+                    "number-export-again",
+                    "{name}: its number of {what} is {number}; export it again",
+                    name=self._name,
+                    what=what,
+                    number=f"{number:g}",
+                )
+            )
         return int(number)
 
 
@@ -134,7 +204,15 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
     """Resamples a type C web at the largest regular steps that include all of its angles."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
-        raise SceneError(f"{name}: its vertical angles go from {top:g} to {bottom:g}; of type C they lie within 0 to 180")
+        raise SceneError(
+            Sentence(
+                "vertical-angles-go-from",
+                "{name}: its vertical angles go from {top} to {bottom}; of type C they lie within 0 to 180",
+                name=name,
+                top=f"{top:g}",
+                bottom=f"{bottom:g}",
+            )
+        )
     around, candela = _whole_circle(web, name)
     columns = 1 if len(around) == 1 else round(360 / _step(np.append(around, 360.0), 720))
     rows = round((bottom - top) / _step(web.vertical, _MOST_TEXELS // columns)) + 1
@@ -160,7 +238,13 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
         angles, candela = np.r_[angles, 540 - angles[-2:0:-1]], np.r_[candela, candela[-2:0:-1]]
     elif not (last - first <= 360 + _CLOSE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
         raise SceneError(
-            f"{name}: its horizontal angles go from {first:g} to {last:g}; of type C they are 0, or go from 0 to 90, 180 or 360"
+            Sentence(
+                "horizontal-angles-go-from",
+                "{name}: its horizontal angles go from {first} to {last}; of type C they are 0, or go from 0 to 90, 180 or 360",
+                name=name,
+                first=f"{first:g}",
+                last=f"{last:g}",
+            )
         )
     if angles[-1] - angles[0] > 360 - _CLOSE:
         angles, candela = angles[:-1], candela[:-1]
@@ -187,7 +271,15 @@ def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
     for own, what in ((web.horizontal, "horizontal"), (web.vertical, "vertical")):
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:
             raise SceneError(
-                f"{name}: its {what} angles go from {own[0]:g} to {own[-1]:g}; of type {web.goniometry} within -90 to 90"
+                Sentence(
+                    "angles-go-from",
+                    "{name}: its {what} angles go from {own} to {own2}; of type {goniometry} within -90 to 90",
+                    name=name,
+                    what=what,
+                    own=f"{own[0]:g}",
+                    own2=f"{own[-1]:g}",
+                    goniometry=web.goniometry,
+                )
             )
         angles.append(own)
     step = max(min(float(np.diff(each).min(initial=1.0)) for each in angles), _FINEST)

@@ -19,6 +19,7 @@ from renderer.scene.readers.mtl_maps import Map, holds_normals, parse_map, with_
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.text_encoding import decoded
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["names_of", "read_mtl", "without_comment"]
 
@@ -47,7 +48,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     for keyword, value in _lines(text):
         if keyword == "newmtl":
             if value in found:
-                found[value].notes.add("the name of another; they are read as one")
+                found[value].notes.add(Sentence("name-another", "the name of another; they are read as one"))
             current = found.setdefault(value, _Statements(value, name, shelf, files))
         elif current is not None:
             current.values[keyword] = value
@@ -61,9 +62,20 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
         made[statements.name] = _material(statements, shade)
         notes.update(statements.notes)
     if commas := sum(statements.commas for statements in found.values()):
-        shelf.warn_of_surface(f"{name}: {commas} statements have decimal commas, which are read as points.")
+        shelf.warn_of_surface(
+            Sentence(
+                "statements-decimal-commas",
+                "{name}: {commas} statements have decimal commas, which are read as points.",
+                name=name,
+                commas=commas,
+            )
+        )
     for note, count in notes.items():
-        shelf.warn_of_surface(f"{name}: {count} material{' has' if count == 1 else 's have'} {note}.")
+        shelf.warn_of_surface(
+            Sentence("one-material-has", "{name}: 1 material has {note}.", name=name, note=note)
+            if count == 1
+            else Sentence("materials-have", "{name}: {n} materials have {note}.", name=name, n=count, note=note)
+        )
     return made
 
 
@@ -112,7 +124,14 @@ class _Statements:
         if all(math.isfinite(v) for v in values):
             return values
         self.shelf.warn_of_surface(
-            f"{self.file}: material {self.name}: {keyword} {' '.join(words)[:40]} is not understood and left out."
+            Sentence(
+                "material-not-understood-left-out",
+                "{file}: material {name}: {keyword} {words} is not understood and left out.",
+                file=self.file,
+                name=self.name,
+                keyword=keyword,
+                words=" ".join(words)[:40],
+            )
         )
         return []
 
@@ -137,7 +156,7 @@ class _Statements:
 
     def texture(self, *keywords: str, srgb: bool = False) -> int | None:
         found = self.map(*keywords)
-        return found.find(self.shelf, self.file, f"Material {self.name}", srgb) if found else None
+        return found.find(self.shelf, self.file, Sentence("material", "Material {name}", name=self.name), srgb) if found else None
 
     def unread(self) -> list[str]:
         """Returns the map statements that no parameter uses, without those of ambient light, which have no effect here."""
@@ -170,7 +189,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
         material.base_color = (1.0, 1.0, 1.0)  # some exporters write 0 if the map replaces the colour
         if "kd" in said.values:
-            said.notes.add("a black Kd beside map_Kd, which is read as white")
+            said.notes.add(Sentence("black-kd-beside-map-kd", "a black Kd beside map_Kd, which is read as white"))
     _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
@@ -180,14 +199,25 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 if the index is unknown
     shade(said, material)
     if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
-        said.notes.add("an index of refraction (Ni) of at most 1, which is read as 1.5")
+        said.notes.add(Sentence("index-refraction-ni-most-1", "an index of refraction (Ni) of at most 1, which is read as 1.5"))
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     if left := said.unread():
-        said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: the textures of {', '.join(left)}.")
+        said.shelf.warn_of_surface(
+            Sentence(
+                "material-not-read-left-out-textures",
+                "Material {name}: not read and left out: the textures of {left}.",
+                name=said.name,
+                left=[*left],
+            )
+        )
     if unused := said.unused():
         listed = ", ".join(f"{keyword} {said.values[keyword]}"[:40] for keyword in unused)
-        said.shelf.warn_of_surface(f"Material {said.name}: not read and left out: {listed}.")
+        said.shelf.warn_of_surface(
+            Sentence(
+                "material-not-read-left-out-2", "Material {name}: not read and left out: {listed}.", name=said.name, listed=listed
+            )
+        )
     return material
 
 
@@ -227,7 +257,13 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
     if decal is None:
         return
     if material.base_color_texture is None:
-        said.shelf.warn_of_surface(f"Material {said.name}: its decal has no map_Kd that it would show, and is left out.")
+        said.shelf.warn_of_surface(
+            Sentence(
+                "material-decal-no-map-kd",
+                "Material {name}: its decal has no map_Kd that it would show, and is left out.",
+                name=said.name,
+            )
+        )
         return
     material.base_color_texture = with_decal(said.shelf, material.base_color_texture, decal, color)
     material.base_color = (1.0, 1.0, 1.0)
@@ -241,7 +277,7 @@ def _choose_kind(said: _Statements, material: Material, specular: Vec3, shinines
     elif model in _GLASS_MODELS:
         material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
         if material.base_color_texture is not None:
-            said.notes.add("a texture (map_Kd) on glass, which is left out")
+            said.notes.add(Sentence("texture-map-kd-glass", "a texture (map_Kd) on glass, which is left out"))
         material.base_color_texture = None
     elif model in (3, 5) and black and max(specular) > 0:
         material.kind, material.base_color = "mirror", specular
@@ -278,13 +314,19 @@ def _normals(said: _Statements, material: Material) -> None:
     material.normal_texture = said.texture("norm")
     bump = said.map("map_bump", "bump")
     if material.normal_texture is None and bump is not None:
-        texture = bump.find(said.shelf, said.file, f"Material {said.name}")
+        texture = bump.find(said.shelf, said.file, Sentence("material", "Material {name}", name=said.name))
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
-            said.notes.add("a bump map of mostly blue pixels, which is read as a normal map")
+            said.notes.add(
+                Sentence("bump-map-mostly-blue-pixels", "a bump map of mostly blue pixels, which is read as a normal map")
+            )
         elif texture is not None:
             said.shelf.warn_of_surface(
-                f"Material {said.name}: its bump map holds heights and is left out; bake it to a normal map."
+                Sentence(
+                    "material-bump-map-holds-heights",
+                    "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                    name=said.name,
+                )
             )
 
 
@@ -294,7 +336,7 @@ def _opacity(said: _Statements, material: Material) -> None:
     if 0 < opacity < 1:  # some exporters write 0 for opaque
         material.opacity, material.alpha_mode = opacity, "blend"
     elif opacity <= 0:
-        said.notes.add("an opacity of 0 (d 0 or Tr 1), which is read as opaque")
+        said.notes.add(Sentence("opacity-0-d-0-tr", "an opacity of 0 (d 0 or Tr 1), which is read as opaque"))
     mask = said.texture("map_d", "map_opacity", "map_tr")
     if mask is not None:
         material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)

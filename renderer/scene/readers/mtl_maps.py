@@ -12,6 +12,7 @@ from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, TextureLayer, UvTransform, Vec3, Wrap
 from renderer.scene.readers.linear_images import Codes, alike, alpha, codes, encoded, linear, most
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = [
     "Map",
@@ -61,7 +62,15 @@ class Map(NamedTuple):
         """Returns the texture of the map; None, with a warning, if the file is missing."""
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
         if self.unread:
-            shelf.warn_of_surface(f"{user}: not read and left out: the options {', '.join(self.unread)} of {self.file}.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "not-read-left-out-options",
+                    "{user}: not read and left out: the options {unread} of {file}.",
+                    user=user,
+                    unread=[*self.unread],
+                    file=self.file,
+                )
+            )
         if self.channel in _CHANNELS:
             found = shelf.derived(found, f"channel {self.channel}", lambda i: _channel(i, self.channel))
         return found if self.span == (0.0, 1.0) else shelf.derived(found, f"span {self.span}", lambda i: _spanned(i, self.span))

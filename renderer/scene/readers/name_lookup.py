@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = ["number_of"]
 
@@ -14,6 +15,15 @@ def number_of(what: str, names: list[str], asked: str, file: str) -> int:
     if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):
         return int(asked)
     if not names:
-        raise SceneError(f"{file}: has no {what}s; leave the {what} out")
+        raise SceneError(Sentence("no-s", "{file}: has no {what}s; leave the {what} out", file=file, what=what))
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
-    raise SceneError(f"{file}: has no {what} {asked[:60]!r}; its {what}s are {listed}")
+    raise SceneError(
+        Sentence(
+            "no-s-2",
+            "{file}: has no {what} {asked}; its {what}s are {listed}",
+            file=file,
+            what=what,
+            asked=repr(asked[:60]),
+            listed=listed,
+        )
+    )

@@ -25,6 +25,7 @@ from renderer.scene.readers.obj_materials import Materials
 from renderer.scene.readers.polygon_meshes import filled
 from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -37,7 +38,13 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     data = files.read(main)
     if len(data) > MAX_BYTES:
         raise SceneError(
-            f"{main}: has {len(data) >> 20} MiB; an OBJ has at most {MAX_BYTES >> 20}. Export it as .glb or binary .ply"
+            Sentence(
+                "mib-obj-most",
+                "{file}: has {n} MiB; an OBJ has at most {max_bytes}. Export it as .glb or binary .ply",
+                file=main,
+                n=len(data) >> 20,
+                max_bytes=MAX_BYTES >> 20,
+            )
         )
     text = as_utf8(data)
     try:
@@ -52,21 +59,38 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             raise error from None
         changed = sum(a != b for a, b in zip(text.split(b"\n"), mended.split(b"\n"), strict=True))
         description.warnings.append(
-            f"{main}: {changed} lines have decimal commas, or words in place of numbers; they are read as what they seem to mean."
+            Sentence(
+                "lines-decimal-commas",
+                "{file}: {changed} lines have decimal commas, or words in place of numbers; they are "
+                "read as what they seem to mean.",
+                file=main,
+                changed=changed,
+            )
         )
     shelf = TextureShelf(description, files)
     if said.colors is None and b"#MRGB" in text:
         said = said._replace(colors=_polypaint(text, len(said.positions)))
         if said.colors is None:
-            shelf.warn_of_surface(f"{main}: its painted colours (#MRGB) are fewer than its vertices, and are left out.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "painted-colours-mrgb-fewer-than",
+                    "{file}: its painted colours (#MRGB) are fewer than its vertices, and are left out.",
+                    file=main,
+                )
+            )
     elif said.colors is not None:
         said = said._replace(colors=_scaled(said.colors, main, shelf))
     said = said._replace(positions=exact(said.positions))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ counts v from the image's lower edge
     if said.lost:
         shelf.warn(
-            f"{main}: corners of faces name {said.lost} normals or texture coordinates that are not in the file or not finite; "
-            "they are read without them."
+            Sentence(
+                "corners-faces-name-normals-texture",
+                "{file}: corners of faces name {lost} normals or texture coordinates that are not in the "
+                "file or not finite; they are read without them.",
+                file=main,
+                lost=said.lost,
+            )
         )
     materials = Materials(main, said, files, shelf, description)
     cut = filled(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
@@ -90,18 +114,41 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         description.meshes.append(mesh)
         description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
-        shelf.warn(f"{main}: {said.others} lines, points or curves have no surface and are left out.")
+        shelf.warn(
+            Sentence(
+                "lines-points-curves-no-surface",
+                "{file}: {others} lines, points or curves have no surface and are left out.",
+                file=main,
+                others=said.others,
+            )
+        )
 
 
 def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
     """Returns (V, 3) sRGB in 0..1: white for vertices without a colour; colours up to 255 or 65,535 are divided by that."""
     bare = np.isnan(colors)
     if count := int(bare.any(axis=1).sum()):
-        shelf.warn_of_surface(f"{main}: {count} of {len(colors)} vertices have no colour; they are white.")
+        shelf.warn_of_surface(
+            Sentence(
+                "vertices-no-colour",
+                "{file}: {count} of {n} vertices have no colour; they are white.",
+                file=main,
+                count=count,
+                n=len(colors),
+            )
+        )
     highest = float(colors[~bare].max(initial=0.0))
     if highest > 1:
         most = 255.0 if highest <= 255 else 65535.0
-        shelf.warn_of_surface(f"{main}: its vertices have colours up to {highest:g}; they are read as parts of {most:g}.")
+        shelf.warn_of_surface(
+            Sentence(
+                "vertices-colours-up",
+                "{file}: its vertices have colours up to {highest}; they are read as parts of {most}.",
+                file=main,
+                highest=f"{highest:g}",
+                most=f"{most:g}",
+            )
+        )
         colors = colors / np.float32(most)
     return np.where(bare, np.float32(1), colors)
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.jit import builder, device
 from renderer.kernel.text.numbers import read_number
+from renderer.sentences import Sentence
 
 __all__ = ["Statements", "parse"]
 
@@ -61,7 +62,15 @@ def parse(data: bytes, file: str) -> Statements:
     for k, table in enumerate((positions, uvs, normals)):
         highest = corners[:, k].max(initial=-1)
         if k == 0 and highest >= len(table):
-            raise SceneError(f"{file}: a face names v {highest + 1} where the file has {len(table)}; export it again")
+            raise SceneError(
+                Sentence(
+                    "face-names-v-where-file",
+                    "{file}: a face names v {highest} where the file has {n}; export it again",
+                    file=file,
+                    highest=highest + 1,
+                    n=len(table),
+                )
+            )
         if k and (highest >= len(table) or corners[:, k].min(initial=0) == _LOST or not np.isfinite(table).all()):
             odd = (corners[:, k] >= len(table)) | (corners[:, k] == _LOST)
             if len(table):
@@ -87,12 +96,38 @@ def parse(data: bytes, file: str) -> Statements:
 def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -> SceneError:
     line = data.count(b"\n", 0, at) + 1
     if code == _NOT_THERE:
-        return SceneError(f"{file}, line {line}: a face names element {value} where {known} stand before it")
+        return SceneError(
+            Sentence(
+                "line-face-names-element-where",
+                "{file}, line {line}: a face names element {value} where {known} stand before it",
+                file=file,
+                line=line,
+                value=value,
+                known=known,
+            )
+        )
     if code == _NO_CORNER:
         word = data[at : at + 200].split(None, 1)[0].decode("utf-8", "replace")
-        return SceneError(f"{file}, line {line}: {word[:40]!r} is no corner of a face; write it as v/vt/vn")
+        return SceneError(
+            Sentence(
+                "line-no-corner-face",
+                "{file}, line {line}: {word} is no corner of a face; write it as v/vt/vn",
+                file=file,
+                line=line,
+                word=repr(word[:40]),
+            )
+        )
     row = " ".join(data[at:].split(b"\n", 1)[0][:200].decode("utf-8", "replace").split())
-    return SceneError(f"{file}, line {line}: '{row[:60]}' does not hold {known} numbers; export the file again")
+    return SceneError(
+        Sentence(
+            "line-not-hold-numbers",
+            "{file}, line {line}: '{row}' does not hold {known} numbers; export the file again",
+            file=file,
+            line=line,
+            row=row[:60],
+            known=known,
+        )
+    )
 
 
 @device

@@ -12,6 +12,7 @@ from renderer.scene.readers.obj_lines import Statements
 from renderer.scene.text_encoding import is_readable, readings
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
+from renderer.sentences import Sentence
 
 __all__ = ["Materials"]
 
@@ -32,19 +33,37 @@ class Materials:
             is_missing |= not names
             if not names and not self._guessed(said):
                 shelf.warn_of_surface(
-                    f"{file}: its materials {library[:120]} are not among the files; add them. Rendered in grey meanwhile."
+                    Sentence(
+                        "materials-not-among-files",
+                        "{file}: its materials {library} are not among the files; add them. Rendered in grey meanwhile.",
+                        file=file,
+                        library=library[:120],
+                    )
                 )
             for name in names:
                 self._take(name)
         wanted = any(name for _, name in said.materials)
         if (is_missing or (not said.libraries and wanted)) and (guess := self._guessed(said)):
             self._take(guess)
-            why = f"its materials {said.libraries[0][:120]} are missing" if is_missing else "names no material file"
-            shelf.warn_of_surface(f"{file}: {why}; {guess} is taken instead.")
+            why = (
+                Sentence("materials-missing", "its materials {libraries} are missing", libraries=said.libraries[0][:120])
+                if is_missing
+                else Sentence("names-no-material-file", "names no material file")
+            )
+            shelf.warn_of_surface(
+                Sentence("taken-instead", "{file}: {why}; {guess} is taken instead.", file=file, why=why, guess=guess)
+            )
         self._bare = not said.libraries and not self._found
         if self._bare and wanted:
             count = len({name for _, name in said.materials if name})
-            shelf.warn_of_surface(f"{file}: its faces name {count} materials, but no material file is among the files; add it.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "faces-name-materials",
+                    "{file}: its faces name {count} materials, but no material file is among the files; add it.",
+                    file=file,
+                    count=count,
+                )
+            )
 
     def _take(self, name: str) -> None:
         self._found.update(read_mtl(self._files, name, self._shelf))
@@ -88,7 +107,14 @@ class Materials:
             if self._bare and any(mesh.uvs is not None for mesh in meshes):
                 material.base_color_texture = self._lone_texture(material)
             elif name is not None and self._found:
-                self._shelf.warn_of_surface(f"{self._file}: no material file describes {name[:120]}; it is grey.")
+                self._shelf.warn_of_surface(
+                    Sentence(
+                        "no-material-file-describes",
+                        "{file}: no material file describes {name}; it is grey.",
+                        file=self._file,
+                        name=name[:120],
+                    )
+                )
         if material.kind == "glass":
             material.thin = not all(is_closed(mesh.positions, mesh.triangles) for mesh in meshes)
         self._description.materials.append(material)
@@ -109,6 +135,11 @@ class Materials:
         if texture is not None:
             material.base_color = (1.0, 1.0, 1.0)
             self._shelf.warn_of_surface(
-                f"{self._file}: names no material; the one image beside it, {images[0]}, is taken as its texture."
+                Sentence(
+                    "names-no-material",
+                    "{file}: names no material; the one image beside it, {images}, is taken as its texture.",
+                    file=self._file,
+                    images=images[0],
+                )
             )
         return texture

@@ -22,6 +22,7 @@ from renderer.scene.readers.points import add_points
 from renderer.scene.readers.polygon_meshes import filled, fractions, split, used
 from renderer.scene.text_encoding import decoded, with_points
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -51,10 +52,24 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     text = _COMMENT.sub("", decoded(files.read(main)))
     found = _HEAD.match(text)
     if found is not None and (found[4] or found[5] or found[6]):
-        raise SceneError(f"{main}: is of the kind {found[0].strip()}, which is not read; export it as OFF in text")
+        raise SceneError(
+            Sentence(
+                "kind-not-read",
+                "{file}: is of the kind {found}, which is not read; export it as OFF in text",
+                file=main,
+                found=found[0].strip(),
+            )
+        )
     text, commas = with_points(text)
     if commas:
-        shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
+        shelf.warn(
+            Sentence(
+                "numbers-decimal-commas",
+                "{file}: {commas} numbers have decimal commas, which are read as points.",
+                file=main,
+                commas=commas,
+            )
+        )
     lines = [line for line in text[found.end() if found else 0 :].splitlines() if line and not line.isspace()]
     head = _Head(*(bool(found and found[k]) for k in (1, 2, 3)))
     vertices, faces = _counts(lines, main)
@@ -62,20 +77,39 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         rows = _vertices(lines[1 : vertices + 1], vertices, main)
         polygons = _faces(lines[vertices + 1 : vertices + 1 + faces], faces, main)
     except ValueError as error:
-        raise SceneError(f"{main}: holds words among its numbers ({str(error)[:80]}); export it again") from None
+        raise SceneError(
+            Sentence(
+                "holds-words-among-numbers",
+                "{file}: holds words among its numbers ({error}); export it again",
+                file=main,
+                error=str(error)[:80],
+            )
+        ) from None
     _add(head, rows, polygons, main, shelf, description)
 
 
 def _counts(lines: list[str], main: str) -> tuple[int, int]:
     words = lines[0].split() if lines else []
     if len(words) < 2 or not all(word.isascii() and word.isdigit() and len(word) < 16 for word in words[:2]):
-        raise SceneError(f"{main}: is damaged or no .off file (it has no counts of vertices and faces); export it again")
+        raise SceneError(
+            Sentence(
+                "damaged-no-off-file-no",
+                "{file}: is damaged or no .off file (it has no counts of vertices and faces); export it again",
+                file=main,
+            )
+        )
     vertices, faces = int(words[0]), int(words[1])
     if not vertices:
-        raise SceneError(f"{main}: holds no vertices; export it again")
+        raise SceneError(Sentence("holds-no-vertices", "{file}: holds no vertices; export it again", file=main))
     if vertices + faces > len(lines) - 1:
         raise SceneError(
-            f"{main}: has {len(lines) - 1} of {vertices + faces} lines of vertices and faces; the file was cut, take it again"
+            Sentence(
+                "lines-vertices-faces",
+                "{file}: has {n} of {vertices} lines of vertices and faces; the file was cut, take it again",
+                file=main,
+                n=len(lines) - 1,
+                vertices=vertices + faces,
+            )
         )
     return vertices, faces
 
@@ -85,7 +119,14 @@ def _vertices(lines: list[str], count: int, main: str) -> F64:
     words = [line.split() for line in lines]
     width = len(words[0])
     if width < 3 or any(len(row) != width for row in words):
-        raise SceneError(f"{main}: its vertices are not {max(width, 3)} numbers each; export it again")
+        raise SceneError(
+            Sentence(
+                "vertices-not-numbers-each",
+                "{file}: its vertices are not {width} numbers each; export it again",
+                file=main,
+                width=max(width, 3),
+            )
+        )
     return np.array(words, np.float64).reshape(count, width)
 
 
@@ -93,7 +134,9 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
     words = [line.split() for line in lines]
     counts = np.array([int(row[0]) for row in words], np.int64)
     if any(size < 0 or len(row) <= size for size, row in zip(counts.tolist(), words, strict=True)):
-        raise SceneError(f"{main}: a face has fewer corners than it says; export it again")
+        raise SceneError(
+            Sentence("face-fewer-corners-than-says", "{file}: a face has fewer corners than it says; export it again", file=main)
+        )
     corners = np.array([int(word) for row in words for word in row[1 : int(row[0]) + 1]], np.int64)
     rest = [row[int(row[0]) + 1 :] for row in words]
     has = np.array([len(each) >= _SEVERAL for each in rest], bool)
@@ -138,12 +181,31 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
     if further in (3, 4) and at == 3 and (rows[:, at:] >= 0).all():
         colors = fractions(rows[:, at:])
         shelf.warn_of_surface(
-            f"{main}: its vertices have {further} further numbers that no prefix names; they are taken as colours."
+            Sentence(
+                "vertices-further-numbers-no-prefix",
+                "{file}: its vertices have {further} further numbers that no prefix names; they are taken as colours.",
+                file=main,
+                further=further,
+            )
         )
     elif further:
-        shelf.warn_of_surface(f"{main}: {further} further numbers of each vertex are not read and left out.")
+        shelf.warn_of_surface(
+            Sentence(
+                "further-numbers-each-vertex-not",
+                "{file}: {further} further numbers of each vertex are not read and left out.",
+                file=main,
+                further=further,
+            )
+        )
     if faces.mapped:
-        shelf.warn_of_surface(f"{main}: {faces.mapped} faces have colours of a colour map, which are left out.")
+        shelf.warn_of_surface(
+            Sentence(
+                "faces-colours-colour-map",
+                "{file}: {mapped} faces have colours of a colour map, which are left out.",
+                file=main,
+                mapped=faces.mapped,
+            )
+        )
     if not (faces.counts >= 3).any():
         add_points(positions, colors, np.eye(4), main, description, shelf)
         return
@@ -153,7 +215,15 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         mesh.colors = vertex_colors(colors)
     elif faces.colors is not None:
         if faces.uncolored:
-            shelf.warn_of_surface(f"{main}: {faces.uncolored} of {len(faces.counts)} faces have no colour; they are white.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "faces-no-colour",
+                    "{file}: {uncolored} of {n} faces have no colour; they are white.",
+                    file=main,
+                    uncolored=faces.uncolored,
+                    n=len(faces.counts),
+                )
+            )
         linear = vertex_colors(faces.colors)
         mesh = mesh if linear is None else split(mesh, None, np.repeat(linear[cut.face], 3, axis=0))
     mesh = used(mesh)
@@ -170,5 +240,12 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
 
 def _columns(rows: F64, at: int, count: int, main: str) -> F64:
     if at + count > rows.shape[1]:
-        raise SceneError(f"{main}: its vertices have {rows.shape[1]} numbers, fewer than its first line says; export it again")
+        raise SceneError(
+            Sentence(
+                "vertices-numbers",
+                "{file}: its vertices have {shape} numbers, fewer than its first line says; export it again",
+                file=main,
+                shape=rows.shape[1],
+            )
+        )
     return rows[:, at : at + count]

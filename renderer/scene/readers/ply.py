@@ -19,6 +19,7 @@ from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_o
 from renderer.scene.readers.points import add_points
 from renderer.scene.readers.polygon_meshes import filled, fractions, of_triangles, split, used
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read", "read_data"]
 
@@ -54,7 +55,9 @@ def read_data(
     found = elements(data, main, shelf.warn)
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
-        raise SceneError(f"{main}: holds no vertices with x, y and z; export it again")
+        raise SceneError(
+            Sentence("holds-no-vertices-with-x", "{file}: holds no vertices with x, y and z; export it again", file=main)
+        )
     positions = exact(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
     if faces is None or not len(faces.triangles):
@@ -84,12 +87,25 @@ def _by_picture(
         number = vertex.columns[_PICTURE].astype(np.int64)[faces.triangles[:, 0]]
     if len(named) < 2 or number is None:
         if len(named) > 1:
-            shelf.warn_of_surface(f"{main}: names {len(named)} pictures and not which faces each is on; the first is taken.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "names-pictures-not-faces-each",
+                    "{file}: names {n} pictures and not which faces each is on; the first is taken.",
+                    file=main,
+                    n=len(named),
+                )
+            )
         return [(next(iter(named), None), None)]
     lost = (number < 0) | (number >= len(named))
     if lost.any():
         shelf.warn_of_surface(
-            f"{main}: {lost.sum()} triangles name a picture that is not among its {len(named)}; they have none."
+            Sentence(
+                "triangles-name-picture-not-among",
+                "{file}: {lost} triangles name a picture that is not among its {n}; they have none.",
+                file=main,
+                lost=lost.sum(),
+                n=len(named),
+            )
         )
     found: list[tuple[str | None, npt.NDArray[np.int64] | None]] = [
         (name, np.flatnonzero(number == i)) for i, name in enumerate(named) if (number == i).any()
@@ -120,7 +136,13 @@ def _faces(found: Iterable[Element], positions: F32, main: str, shelf: TextureSh
         if lists is None or not element.count:
             continue
         if not np.isfinite(lists.values).all():
-            raise SceneError(f"{main}: a face names a vertex by what is no number; export the file again")
+            raise SceneError(
+                Sentence(
+                    "face-names-vertex-by-no",
+                    "{file}: a face names a vertex by what is no number; export the file again",
+                    file=main,
+                )
+            )
         if element.name in _FACES:
             return _polygons(lists, element, positions, main, shelf)
         if element.name == _STRIPS:
@@ -164,7 +186,13 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     if wedges is not None and (wedges.count == 2 * faces.lists.count).all():
         corner_uvs = _upright(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
     elif wedges is not None and wedges.count.any():
-        shelf.warn_of_surface(f"{main}: its faces have texture coordinates for some corners only; they are left out.")
+        shelf.warn_of_surface(
+            Sentence(
+                "faces-texture-coordinates-for-some",
+                "{file}: its faces have texture coordinates for some corners only; they are left out.",
+                file=main,
+            )
+        )
     return mesh if corner_uvs is None and corner_colors is None else split(mesh, corner_uvs, corner_colors)
 
 
@@ -215,7 +243,15 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
     values[:, :3] /= 1.0 if channels[0].dtype.kind == "f" else np.iinfo(channels[0].dtype).max
     odd = int((~((values >= 0) & (values <= 1)).all(axis=1)).sum())
     if odd:
-        shelf.warn_of_surface(f"{main}: {odd} values of {attribute[:60]} are not between 0 and 1; they are cut there.")
+        shelf.warn_of_surface(
+            Sentence(
+                "values-not-between-0-1",
+                "{file}: {odd} values of {attribute} are not between 0 and 1; they are cut there.",
+                file=main,
+                odd=odd,
+                attribute=attribute[:60],
+            )
+        )
     return np.clip(np.nan_to_num(values), 0, 1)
 
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.text_encoding import as_utf8, decoded
+from renderer.sentences import Sentence
 
 __all__ = ["Element", "Lists", "elements", "textures_of"]
 
@@ -85,7 +86,13 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
     data = data if data.startswith(b"ply") else as_utf8(data)
     header = _HEADER.match(data[:_MOST_HEADER])
     if header is None:
-        raise SceneError(f"{file}: is damaged or no .ply file (it has no whole header); export it again")
+        raise SceneError(
+            Sentence(
+                "damaged-no-ply-file-no",
+                "{file}: is damaged or no .ply file (it has no whole header); export it again",
+                file=file,
+            )
+        )
     way, declared = _declared(header[0].decode("ascii", "replace"), file)
     rows: _Text | _Bytes
     if way == "ascii":
@@ -93,7 +100,14 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
     if way in _ORDERS:
         rows = _Bytes(data, header.end(), _ORDERS[way], file)
     else:
-        raise SceneError(f"{file}: is a .ply file of the format {way[:40]!r}; export it as binary or ascii")
+        raise SceneError(
+            Sentence(
+                "ply-file-format",
+                "{file}: is a .ply file of the format {way}; export it as binary or ascii",
+                file=file,
+                way=repr(way[:40]),
+            )
+        )
     return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
 
 
@@ -109,9 +123,23 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
             is_list = words[1] == "list"
             found[-1][2].append(_Property(words[-1].lower(), _TYPES[words[-2]], _TYPES[words[2]] if is_list else None))
         elif words[:1] in (["element"], ["property"]):
-            raise SceneError(f"{file}: its header says {line.strip()[:60]!r}, which is not understood; export it again")
+            raise SceneError(
+                Sentence(
+                    "header-says",
+                    "{file}: its header says {line}, which is not understood; export it again",
+                    file=file,
+                    line=repr(line.strip()[:60]),
+                )
+            )
     if max((len(properties) for _, _, properties in found), default=0) > _MOST_PROPERTIES:
-        raise SceneError(f"{file}: has rows of more than {_MOST_PROPERTIES} properties; export it with fewer")
+        raise SceneError(
+            Sentence(
+                "rows-more-than-properties",
+                "{file}: has rows of more than {most_properties} properties; export it with fewer",
+                file=file,
+                most_properties=_MOST_PROPERTIES,
+            )
+        )
     return way, found
 
 
@@ -122,7 +150,14 @@ def _is_property(words: list[str]) -> bool:
 
 
 def _cut(file: str, element: str) -> SceneError:
-    return SceneError(f"{file}: ends within its {element[:40]} rows, or has damaged ones; the file was cut, take it again")
+    return SceneError(
+        Sentence(
+            "ends-within-rows",
+            "{file}: ends within its {element} rows, or has damaged ones; the file was cut, take it again",
+            file=file,
+            element=element[:40],
+        )
+    )
 
 
 def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
@@ -132,7 +167,14 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
     if b"," in text:
         text, commas = _DECIMAL_COMMA.subn(b".", text)
     if commas:
-        warn(f"{file}: {commas} numbers have decimal commas, which are read as points.")
+        warn(
+            Sentence(
+                "numbers-decimal-commas",
+                "{file}: {commas} numbers have decimal commas, which are read as points.",
+                file=file,
+                commas=commas,
+            )
+        )
     rows = _Text(text, file)
     try:
         found = [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
@@ -145,7 +187,14 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
         if not found:
             raise _cut(file, next((name for name, count, _ in declared if count), "vertex"))
         return found
-    warn(f"{file}: {longer} rows have more numbers than the header declares; the further ones are left out.")
+    warn(
+        Sentence(
+            "rows-more-numbers-than-header",
+            "{file}: {longer} rows have more numbers than the header declares; the further ones are left out.",
+            file=file,
+            longer=longer,
+        )
+    )
     rows = _Text(trimmed, file)
     return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
 
@@ -266,7 +315,11 @@ class _Text:
                 self._numbers = np.fromstring(text, np.float64, sep=" ")
             except (ValueError, DeprecationWarning):
                 raise SceneError(
-                    f"{file}: is damaged or no .ply file (it holds words among its numbers); export it again"
+                    Sentence(
+                        "damaged-no-ply-file-holds",
+                        "{file}: is damaged or no .ply file (it holds words among its numbers); export it again",
+                        file=file,
+                    )
                 ) from None
 
     @property

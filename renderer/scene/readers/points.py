@@ -12,6 +12,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import F32, Instance, Material, Mesh, SceneDescription
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["MOST_POINTS", "add_points", "balls", "spacing"]
 
@@ -89,7 +90,13 @@ def add_points(
     chosen = np.isfinite(points).all(axis=1)
     count = int(chosen.sum())
     if count == 0:
-        raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+        raise SceneError(
+            Sentence(
+                "holds-positions-not-finite-numbers-export",
+                "{file}: holds positions that are not finite numbers; export the file again",
+                file=main,
+            )
+        )
     step = -(-count // MOST_POINTS)
     rows = np.flatnonzero(chosen)[::step]
     mesh, radius = balls(PurePosixPath(main).stem, points[rows], None if colors is None else colors[rows])
@@ -98,4 +105,12 @@ def add_points(
     description.meshes.append(mesh)
     description.instances.append(Instance(len(description.meshes) - 1, place, name=mesh.name))
     some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
-    shelf.warn(f"{main}: has points and no faces; {some} points are shown as balls of radius {radius:.3g}.")
+    shelf.warn(
+        Sentence(
+            "points-no-faces",
+            "{file}: has points and no faces; {some} points are shown as balls of radius {radius}.",
+            file=main,
+            some=some,
+            radius=f"{radius:.3g}",
+        )
+    )

@@ -12,6 +12,7 @@ from renderer.scene.deduplicate import unique_corners, used_among
 from renderer.scene.description import F32, I32, Mesh
 from renderer.scene.polygons import Cut, triangulate
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["filled", "fractions", "of_triangles", "split", "used"]
 
@@ -25,7 +26,15 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
     """
     if len(corners) and (corners.min() < 0 or corners.max() >= len(positions)):
         odd = corners.min() if corners.min() < 0 else corners.max()
-        raise SceneError(f"{main}: a face names vertex {odd} where there are {len(positions)}; export the file again")
+        raise SceneError(
+            Sentence(
+                "face-names-vertex-where",
+                "{file}: a face names vertex {odd} where there are {n}; export the file again",
+                file=main,
+                odd=odd,
+                n=len(positions),
+            )
+        )
     finite = np.isfinite(positions).all(axis=1)
     if finite.all():
         cut = triangulate(counts, corners, positions)
@@ -34,16 +43,41 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
         cut = triangulate(counts, corners, np.where(finite[:, None], positions, np.float32(0)))
         whole = shown[cut.face]
         if not whole.any():
-            raise SceneError(f"{main}: holds positions that are not finite numbers; export the file again")
+            raise SceneError(
+                Sentence(
+                    "holds-positions-not-finite-numbers-export",
+                    "{file}: holds positions that are not finite numbers; export the file again",
+                    file=main,
+                )
+            )
         cut = Cut(cut.triangles[whole], cut.face[whole], cut.unfilled)
         shelf.warn(
-            f"{main}: {(~finite).sum()} vertices have positions that are not finite; {(~shown).sum()} faces need them and are "
-            "left out."
+            Sentence(
+                "vertices-positions-not-finite",
+                "{file}: {finite} vertices have positions that are not finite; {shown} faces need them and are left out.",
+                file=main,
+                finite=(~finite).sum(),
+                shown=(~shown).sum(),
+            )
         )
     if thin := int((np.asarray(counts) < 3).sum()):
-        shelf.warn(f"{main}: {thin} faces have fewer than three corners and are left out.")
+        shelf.warn(
+            Sentence(
+                "faces-fewer-than-three-corners-left",
+                "{file}: {thin} faces have fewer than three corners and are left out.",
+                file=main,
+                thin=thin,
+            )
+        )
     if cut.unfilled:
-        shelf.warn(f"{main}: {cut.unfilled} concave polygons are filled as if convex, as they have too many corners to cut.")
+        shelf.warn(
+            Sentence(
+                "concave-polygons-filled-convex",
+                "{file}: {unfilled} concave polygons are filled as if convex, as they have too many corners to cut.",
+                file=main,
+                unfilled=cut.unfilled,
+            )
+        )
     return cut
 
 

@@ -18,6 +18,7 @@ from renderer.scene.readers.polygon_meshes import filled
 from renderer.scene.readers.up_axis import Z_UP
 from renderer.scene.text_encoding import as_utf8, decoded, readable, with_points
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -36,7 +37,14 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if count is None:
         text, commas = with_points(readable(decoded(data)))  # non-ASCII names must not stop the parser
         if commas:
-            shelf.warn(f"{main}: {commas} numbers have decimal commas, which are read as points.")
+            shelf.warn(
+                Sentence(
+                    "numbers-decimal-commas",
+                    "{file}: {commas} numbers have decimal commas, which are read as points.",
+                    file=main,
+                    commas=commas,
+                )
+            )
         data = "\n".join(text.splitlines()).encode()
         import_module("renderer.scene.readers.trimesh_files").read_data(data, ".stl", files, main, description)  # heavy
         return
@@ -44,7 +52,15 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     corners = np.ascontiguousarray(rows["corners"]).reshape(-1, 3)
     colors = _colors(rows["color"], data[:80])
     if colors is None and (odd := int(np.count_nonzero(rows["color"]))):
-        shelf.warn_of_surface(f"{main}: {odd} of {count} triangles have attributes that are no colours; they are left out.")
+        shelf.warn_of_surface(
+            Sentence(
+                "triangles-attributes-no-colours",
+                "{file}: {odd} of {count} triangles have attributes that are no colours; they are left out.",
+                file=main,
+                odd=odd,
+                count=count,
+            )
+        )
     whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
     if len(whole) < count:
         corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)
@@ -73,9 +89,17 @@ def _triangles_of(data: bytes, main: str) -> int | None:
     if len(data) < _HEAD or (data[:200].lstrip()[:5].lower() == b"solid" and b"\0" not in data[:512]):
         return None
     if said > there:
-        raise SceneError(f"{main}: has {there} of {said} triangles; the upload or download was cut, take it again")
+        raise SceneError(
+            Sentence(
+                "triangles-upload-download-cut",
+                "{file}: has {there} of {said} triangles; the upload or download was cut, take it again",
+                file=main,
+                there=there,
+                said=said,
+            )
+        )
     if there == 0:
-        raise SceneError(f"{main}: has no triangles; export it again")
+        raise SceneError(Sentence("no-triangles", "{file}: has no triangles; export it again", file=main))
     return said or there
 
 

@@ -34,6 +34,7 @@ from renderer.scene.readers.threemf_relations import relations_of
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out, transform_of
 from renderer.scene.readers.threemf_slicers import PAINTED, filaments_of
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence, amount
 from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["read"]
@@ -137,10 +138,24 @@ class _Model:
         try:
             parser.Parse(data, True)
         except (expat.ExpatError, ValueError, KeyError) as error:
-            raise SceneError(f"{file}: its part {path[:80]} is damaged ({str(error)[:120]}); export it again") from error
+            raise SceneError(
+                Sentence(
+                    "part-damaged",
+                    "{file}: its part {path} is damaged ({error}); export it again",
+                    file=file,
+                    path=path[:80],
+                    error=str(error)[:120],
+                )
+            ) from error
 
     def _entity(self, *_: Any) -> None:
-        raise SceneError(f"{self._file}: declares XML entities, which no scene needs; remove its DOCTYPE")
+        raise SceneError(
+            Sentence(
+                "declares-xml-entities",
+                "{file}: declares XML entities, which no scene needs; remove its DOCTYPE",
+                file=self._file,
+            )
+        )
 
     def _text(self, text: str) -> None:
         if self._metadata and self._object is not None and text.strip().lower() == "true":
@@ -178,7 +193,9 @@ class _Model:
             self._group.values.append((float(said["u"]), float(said["v"])))
         elif name == "texture2d":
             words = [said.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
-            self.odd["tile styles that are unknown and read as wrap"] += sum(word not in _WRAPS for word in words)
+            self.odd[Sentence("tile-styles-that-are-unknown-and", "tile styles that are unknown and read as wrap")] += sum(
+                word not in _WRAPS for word in words
+            )
             ways = [_WRAPS.get(word, "repeat") for word in words]
             self.textures[said["id"]] = said.get("path", ""), ways[0], ways[1]
         elif name in _NOT_READ:
@@ -195,7 +212,9 @@ class _Model:
 
     def _color(self, word: str) -> tuple[int, int, int, int]:
         found = _color(word)
-        self.odd["colours that are not #RRGGBB or #RRGGBBAA, which are white"] += found is None
+        self.odd[Sentence("colours-that-are-not-rrggbb-or", "colours that are not #RRGGBB or #RRGGBBAA, which are white")] += (
+            found is None
+        )
         return found or _WHITE
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
@@ -224,7 +243,14 @@ class _Reader:
         try:
             self._package = zipfile.ZipFile(io.BytesIO(files.read(main)))
         except DAMAGED as error:
-            raise SceneError(f"{main}: is damaged or no 3MF file ({str(error)[:120]}); export it again") from error
+            raise SceneError(
+                Sentence(
+                    "damaged-no-3mf-file",
+                    "{file}: is damaged or no 3MF file ({error}); export it again",
+                    file=main,
+                    error=str(error)[:120],
+                )
+            ) from error
         self._names = {name.lower().lstrip("/"): name for name in self._package.namelist()}
         self._filaments = filaments_of(self._names, self._bytes, main)
         self._not_solid = NotSolid(self._names, self._bytes, main)
@@ -240,7 +266,9 @@ class _Reader:
         root = self._model(self._root())
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
         if not root.items:
-            self._shelf.warn(f"{self._main}: its build is empty; all of its objects are shown.")
+            self._shelf.warn(
+                Sentence("build-empty", "{file}: its build is empty; all of its objects are shown.", file=self._main)
+            )
         self._judge([(path, number) for path, number, _ in items])
         for path, number, place in items:
             self._place(path, number, product(_UPRIGHT, place), 0)
@@ -248,15 +276,35 @@ class _Reader:
         left = sorted({words for model in self._models.values() for words in model.left_out})
         if parts := self._not_solid.left_out:
             listed = ", ".join(f"{count} {kind}" for kind, count in sorted(parts.items()))
-            self._shelf.warn(f"{self._main}: parts that are not printed are left out: {listed}.")
+            self._shelf.warn(
+                Sentence(
+                    "parts-not-printed-left-out",
+                    "{file}: parts that are not printed are left out: {listed}.",
+                    file=self._main,
+                    listed=listed,
+                )
+            )
         if left:
-            self._shelf.warn(f"{self._main}: not read and left out: {', '.join(left)}.")
+            self._shelf.warn(
+                Sentence("not-read-left-out", "{file}: not read and left out: {left}.", file=self._main, left=[*left])
+            )
         odd = sum((model.odd for model in self._models.values()), self._odd)
         if odd:
-            self._shelf.warn_of_surface(f"{self._main}: holds {', '.join(f'{count} {what}' for what, count in odd.items())}.")
+            self._shelf.warn_of_surface(
+                Sentence(
+                    "holds", "{file}: holds {items}.", file=self._main, items=[amount(count, what) for what, count in odd.items()]
+                )
+            )
         for what, is_damaged in (("filaments", self._filaments.is_damaged), ("parts", self._not_solid.is_damaged)):
             if is_damaged:
-                self._shelf.warn(f"{self._main}: what its slicer says of {what} is damaged, and left out.")
+                self._shelf.warn(
+                    Sentence(
+                        "slicer-says-damaged",
+                        "{file}: what its slicer says of {what} is damaged, and left out.",
+                        file=self._main,
+                        what=what,
+                    )
+                )
 
     def _judge(self, shown: list[tuple[str, str]]) -> None:
         """Raises SceneError if nested components expand to too many objects, before any is added."""
@@ -276,23 +324,54 @@ class _Reader:
                     return target
         found = [name for name in self._names if name.endswith(".model")]
         if not found:
-            raise SceneError(f"{self._main}: holds no model; export the file again")
+            raise SceneError(Sentence("holds-no-model", "{file}: holds no model; export the file again", file=self._main))
         return min(found, key=len)
 
     def _bytes(self, path: str) -> bytes:
         name = self._names.get(path.lower().lstrip("/"))
         if name is None:
-            raise SceneError(f"{self._main}: its part {path[:120]} is missing; export the file again")
+            raise SceneError(
+                Sentence(
+                    "part-missing",
+                    "{file}: its part {path} is missing; export the file again",
+                    file=self._main,
+                    path=path[:120],
+                )
+            )
         entry = self._package.getinfo(name)
         if entry.file_size > MAX_PART_BYTES:
-            raise SceneError(f"{self._main}: its part {path[:120]} is larger than {MAX_PART_BYTES >> 30} GiB; make it smaller")
+            raise SceneError(
+                Sentence(
+                    "part-larger-than-gib",
+                    "{file}: its part {path} is larger than {max_part_bytes} GiB; make it smaller",
+                    file=self._main,
+                    path=path[:120],
+                    max_part_bytes=MAX_PART_BYTES >> 30,
+                )
+            )
         if is_bomb(entry.file_size, entry.compress_size):
             times = entry.file_size // max(entry.compress_size, 1)
-            raise SceneError(f"{self._main}: its part {path[:120]} unpacks to {times} times its size, as zip bombs do")
+            raise SceneError(
+                Sentence(
+                    "part-unpacks-times-size",
+                    "{file}: its part {path} unpacks to {times} times its size, as zip bombs do",
+                    file=self._main,
+                    path=path[:120],
+                    times=times,
+                )
+            )
         try:
             return self._package.read(name)
         except (*DAMAGED, OSError) as error:
-            raise SceneError(f"{self._main}: its part {path[:120]} is damaged ({str(error)[:80]}); export it again") from error
+            raise SceneError(
+                Sentence(
+                    "part-damaged",
+                    "{file}: its part {path} is damaged ({error}); export it again",
+                    file=self._main,
+                    path=path[:120],
+                    error=str(error)[:80],
+                )
+            ) from error
 
     def _model(self, path: str) -> _Model:
         key = path.lower().lstrip("/")
@@ -310,7 +389,7 @@ class _Reader:
         found = model.objects.get(number)
         if found is None or depth > 64:
             what = "names an object that is not there" if found is None else "has components within components without end"
-            raise SceneError(f"{self._main}: {what}; export the file again")
+            raise SceneError(Sentence("export-file-again", "{file}: {what}; export the file again", file=self._main, what=what))
         if self._not_solid.is_left_out(number, parent, found.type, found.true):
             return
         for below, other, within in found.components:
@@ -323,14 +402,27 @@ class _Reader:
             name = found.name or f"object {number}"
             self._description.instances += [Instance(mesh, place, name=name) for mesh in self._made[key]]
             if len(self._description.instances) > MAX_INSTANCES:
-                raise SceneError(f"{self._main}: places more than {MAX_INSTANCES} objects; fewer fit")
+                raise SceneError(
+                    Sentence(
+                        "places-more-than-objects",
+                        "{file}: places more than {max_instances} objects; fewer fit",
+                        file=self._main,
+                        max_instances=MAX_INSTANCES,
+                    )
+                )
 
     def _meshes(self, model: _Model, made: _Object, number: str, plain: int) -> Iterator[int]:
         """Yields the description's meshes of an object, one per material. plain: the material of triangles without one."""
         points, corners = made.points, made.corners
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
-                f"{self._main}: a triangle names vertex {corners.max()} where there are {len(points)}; export it again"
+                Sentence(
+                    "triangle-names-vertex-where",
+                    "{file}: a triangle names vertex {corners} where there are {n}; export it again",
+                    file=self._main,
+                    corners=corners.max(),
+                    n=len(points),
+                )
             )
         group, names = made.group_of
         title, chosen = made.name or f"object {number}", made.chosen
@@ -340,7 +432,9 @@ class _Reader:
             return
         for i, name in enumerate(names):
             if name and name not in model.groups:
-                self._odd["triangles whose properties (pid) are not in the file"] += int((group == i).sum())
+                self._odd[
+                    Sentence("triangles-whose-properties-pid-are-not", "triangles whose properties (pid) are not in the file")
+                ] += int((group == i).sum())
         if all(name not in model.groups for name in names):
             yield self._add(title, points, corners, None, None, plain)
             return
@@ -363,7 +457,12 @@ class _Reader:
             yield self._add(name, points, corners, None, None, plain)
             return
         if beyond := int((chosen >= count).any(axis=1).sum()):
-            self._odd["triangles whose property is beyond the end of its group, and read as the last one"] += beyond
+            self._odd[
+                Sentence(
+                    "triangles-whose-property-is-beyond-the",
+                    "triangles whose property is beyond the end of its group, and read as the last one",
+                )
+            ] += beyond
         chosen = np.clip(chosen, 0, count - 1)
         if said.kind == "basematerials":
             for value, rows in _sorted_out(chosen[:, 0]):

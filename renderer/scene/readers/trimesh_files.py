@@ -26,6 +26,7 @@ from renderer.scene.readers.polygon_meshes import filled, used
 from renderer.scene.readers.up_axis import X_UP, Z_UP
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read", "read_data"]
 
@@ -52,7 +53,15 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
         if is_of_machine(error):
             raise
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-        raise SceneError(f"{main}: is damaged or no {suffix} file ({reason}); export it again") from error
+        raise SceneError(
+            Sentence(
+                "damaged-no-file-export",
+                "{file}: is damaged or no {suffix} file ({reason}); export it again",
+                file=main,
+                suffix=suffix,
+                reason=reason,
+            )
+        ) from error
     _add(scene, main, _upright(suffix, data), shelf, description)
 
 
@@ -67,7 +76,11 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
             _add_points(loose, main, upright @ np.asarray(transform, np.float64), geometry, shelf, description)
             continue
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
-            shelf.warn(f"{main}: {str(name)[:80]} has no triangles and is left out.")
+            shelf.warn(
+                Sentence(
+                    "no-triangles-left-out", "{file}: {name} has no triangles and is left out.", file=main, name=str(name)[:80]
+                )
+            )
             continue
         if name not in numbers:
             mesh = _mesh(str(name), geometry, main, shelf)

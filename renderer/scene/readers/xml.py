@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = ["refuse_entities"]
 
@@ -15,4 +16,10 @@ def refuse_entities(data: bytes, file: str, doctype_too: bool = True) -> None:
     """Raises SceneError if a file declares entities or, with `doctype_too`, a document type, in any Unicode encoding."""
     plain = data.replace(b"\0", b"") if b"\0" in data[:8] else data
     if (_DOCTYPE if doctype_too else _ENTITY).search(plain):
-        raise SceneError(f"{file}: declares XML entities, which no scene needs; remove its DOCTYPE")
+        raise SceneError(
+            Sentence(
+                "declares-xml-entities",
+                "{file}: declares XML entities, which no scene needs; remove its DOCTYPE",
+                file=file,
+            )
+        )

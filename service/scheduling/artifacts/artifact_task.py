@@ -19,6 +19,7 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
+from renderer.sentences import Sentence
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
 from service.events import BlobsReleased, Events
 from service.scheduling.artifacts.unfit_machines import Fault, Unfit
@@ -201,7 +202,16 @@ class Aside(ABC, Generic[Wish]):
                 if wanted.lease is not None and wanted.lease.is_overdue(time.monotonic())
             ]
         for key in late:
-            self._fail(key, TooLate(f"No worker gave the {self._name} in time; they may be busy. Try again."))
+            self._fail(
+                key,
+                TooLate(
+                    Sentence(
+                        "no-worker-gave-time",
+                        "No worker gave the {name} in time; they may be busy. Try again.",
+                        name=self._name,
+                    )
+                ),
+            )
 
     def _look_for_lost(self) -> None:
         """Clears the leases of requests that no worker reports any more.
@@ -228,7 +238,14 @@ class Aside(ABC, Generic[Wish]):
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]
         for key in waiting:
-            self._fail(key, NotFound(f"The job was deleted while a worker made its {self._name}."))
+            self._fail(
+                key,
+                NotFound(
+                    Sentence(
+                        "job-deleted-while-worker-made", "The job was deleted while a worker made its {name}.", name=self._name
+                    )
+                ),
+            )
         for made in gone:
             self._later(self._delete, made.sha256)
 
@@ -241,7 +258,14 @@ class Aside(ABC, Generic[Wish]):
             self._aside.submit(function, *arguments)
 
     def _failed(self, why: str) -> FarmError:
-        return Failed(f"The {self._name} could not be made: {(why or 'its file is missing, or of another size').rstrip('.')}.")
+        return Failed(
+            Sentence(
+                "could-not-made",
+                "The {name} could not be made: {why}.",
+                name=self._name,
+                why=(why or "its file is missing, or of another size").rstrip("."),
+            )
+        )
 
     def _is_there(self, sha256: str, wish: Wish) -> bool:
         try:

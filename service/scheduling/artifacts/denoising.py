@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
 
@@ -12,7 +13,7 @@ __all__ = ["Denoising"]
 class Denoising(Aside[DenoiseFrame]):
     """Requests for denoised frames of the film's current version."""
 
-    _name = "denoised picture"
+    _name = Sentence("denoised-picture", "denoised picture")
     _doing = "denoise"
 
     def _kind(self) -> str | None:
@@ -33,8 +34,14 @@ class Denoising(Aside[DenoiseFrame]):
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():
             return Unavailable(
-                "Denoising needs a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+                Sentence(
+                    "denoising-needs-worker",
+                    "Denoising needs a worker, and none is ready. Start one, or resume one that is paused, then ask again.",
+                )
             )
         return Unavailable(
-            "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
+            Sentence(
+                "no-worker-open-image-denoise",
+                "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
+            ),
         )

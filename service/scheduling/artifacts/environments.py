@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from protocol.contract import ShowEnvironment, WorkerReport
+from renderer.sentences import Sentence, stopped
 from service.errors import FarmError, Invalid, Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
 
@@ -14,7 +15,7 @@ MOST_BYTES = 1 << 20  # of a thumbnail
 class Environments(Aside[ShowEnvironment]):
     """Requests for thumbnails of environments. The request's `job` field identifies the image's content."""
 
-    _name = "environment's picture"
+    _name = Sentence("environment-picture", "environment's picture")
     _doing = "environment"
     _patience_s = 150.0
 
@@ -33,12 +34,18 @@ class Environments(Aside[ShowEnvironment]):
     def _nobody(self) -> Unavailable:
         if self._workers.roster.best_kind() is not None:
             return Unavailable(
-                "The workers are of an older release, which knows no environments. Update them, then upload it again."
+                Sentence(
+                    "workers-older-release-knows",
+                    "The workers are of an older release, which knows no environments. Update them, then upload it again.",
+                )
             )
         return Unavailable(
-            "Checking an environment needs a worker, and none is ready. Start one, or resume one that is paused, then "
-            "upload it again."
+            Sentence(
+                "checking-environment-needs-worker",
+                "Checking an environment needs a worker, and none is ready. Start one, or resume one "
+                "that is paused, then upload it again.",
+            )
         )
 
     def _failed(self, why: str) -> FarmError:
-        return Invalid(f"{why.rstrip('.')}.") if why else super()._failed(why)
+        return Invalid(stopped(why.rstrip("."))) if why else super()._failed(why)

@@ -9,6 +9,7 @@ from functools import cache
 
 from protocol.blends import WAITS, blender_queue
 from protocol.contract import WorkerReport, prepare_queue
+from renderer.sentences import Sentence, joined
 from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
@@ -137,7 +138,7 @@ class Preparing:
                 if unfit is not None:
                     self._unfit.add(scene, unfit)
                     why = str(unfit)
-                self.progress[scene] = Progress(f"{why} It is tried again.", 0.0)
+                self.progress[scene] = Progress(joined(why, Sentence("it-is-tried-again", "It is tried again.")), 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
         """Ends the lease of an unusable answer, so that the scene is handed out again.

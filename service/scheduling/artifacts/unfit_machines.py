@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from protocol.contract import WorkerReport, own_prepare_queue
+from renderer.sentences import Sentence, joined
 
 __all__ = ["Fault", "Place", "Unfit"]
 
@@ -24,7 +26,7 @@ class Fault:
     passing: bool
 
     def __str__(self) -> str:
-        return f"{self.worker}: {self.why.rstrip('.')}."
+        return Sentence("worker-says", "{worker}: {why}.", worker=self.worker, why=self.why.rstrip("."))
 
 
 @dataclass(frozen=True)
@@ -70,4 +72,9 @@ class Unfit:
 
     def sentence(self, owner: str, what: str) -> str:
         """Returns the error message that lists the faults of all machines tried. what: such as "prepare this scene"."""
-        return f"No worker can {what}. {' '.join(map(str, self._faults[owner].values()))}"
+        return Sentence(
+            "no-worker",
+            "No worker can {what}. {faults}",
+            what=what,
+            faults=reduce(joined, map(str, self._faults[owner].values())),
+        )

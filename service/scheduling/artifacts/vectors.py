@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from protocol.contract import FrameVectors, WorkerReport
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.scheduling.artifacts.artifact_task import Aside
 
@@ -12,7 +13,7 @@ __all__ = ["Vectors"]
 class Vectors(Aside[FrameVectors]):
     """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
 
-    _name = "motion vectors"
+    _name = Sentence("motion-vectors", "motion vectors")
     _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled first
 
@@ -31,6 +32,14 @@ class Vectors(Aside[FrameVectors]):
     def _nobody(self) -> Unavailable:
         if not self._workers.roster.ready():
             return Unavailable(
-                "Motion vectors need a worker, and none is ready. Start one, or resume one that is paused, then ask again."
+                Sentence(
+                    "motion-vectors-need-worker",
+                    "Motion vectors need a worker, and none is ready. Start one, or resume one that is paused, then ask again.",
+                )
             )
-        return Unavailable("The connected workers are of an older release, which makes no motion vectors. Start newer ones.")
+        return Unavailable(
+            Sentence(
+                "connected-workers-older-release-makes",
+                "The connected workers are of an older release, which makes no motion vectors. Start newer ones.",
+            )
+        )

@@ -14,6 +14,7 @@ from itertools import count
 import redis
 
 from renderer.frames import frame_number, frame_text
+from renderer.sentences import Sentence
 from service.scheduling.dispatching.batch_groups import Handful, Hands, joint_work_of, together, work_of
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
 from service.scheduling.dispatching.job_queue import LineUp
@@ -341,8 +342,10 @@ class Scheduler:
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
-            why = (
-                f"Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on."
+            why = Sentence(
+                "set-aside",
+                "Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on.",
+                failures=failures,
             )
             self.set_aside(worker, why)
 
@@ -369,9 +372,14 @@ class Scheduler:
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
-            sentence = (
-                f"The samples {batch.first} to {batch.first + batch.count - 1} of the tile at {where} did not come back "
-                f"{trouble.losses} times. Look into the workers' logs; setting the job to running tries again."
+            sentence = Sentence(
+                "samples-tile-did-not-come",
+                "The samples {first} to {first2} of the tile at {where} did not come back {losses} "
+                "times. Look into the workers' logs; setting the job to running tries again.",
+                first=batch.first,
+                first2=batch.first + batch.count - 1,
+                where=where,
+                losses=trouble.losses,
             )
             self.give_up(job, batch, sentence)
 

@@ -22,6 +22,7 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence, lowered
 from service.clock import Clock
 from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
 from telemetry.log_lines import about, ids
@@ -116,9 +117,26 @@ class Bulkheads:
             if isinstance(error, ROW_FAULTS):
                 self._blame(id, step, error)
             else:
-                self._wait_for_database(id, step, f"The database cannot be used ({getattr(error, 'orig', error)}).", began)
+                self._wait_for_database(
+                    id,
+                    step,
+                    Sentence(
+                        "database-cannot-used", "The database cannot be used ({getattr}).", getattr=getattr(error, "orig", error)
+                    ),
+                    began,
+                )
         except (OSError, MemoryError) as error:
-            self._wait(id, step, f"The service's machine has trouble ({type(error).__name__}: {error}).", began)
+            self._wait(
+                id,
+                step,
+                Sentence(
+                    "service-machine-trouble",
+                    "The service's machine has trouble ({name}: {error}).",
+                    name=type(error).__name__,
+                    error=error,
+                ),
+                began,
+            )
         except Exception as error:
             self._blame(id, step, error)
         else:
@@ -157,7 +175,7 @@ class Bulkheads:
         self._database_until = self._waits[id][step].until
 
     def _wait(self, id: str, step: Step, why: str, began: float) -> None:
-        sentence = f"Waits: {why[:1].lower()}{why[1:]}"
+        sentence = Sentence("waits-because", "Waits: {why}", why=lowered(why))
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
@@ -178,11 +196,13 @@ class Bulkheads:
         if isinstance(error, FarmError):
             sentence = str(error)
         elif isinstance(error, SettingsError):
-            sentence = f"This job cannot go on: {error}. Make a new one."
+            sentence = Sentence("job-cannot-go", "This job cannot go on: {error}. Make a new one.", error=error)
         else:
             log.error("%s cannot go on (%s)", id, step, exc_info=error, extra=ids(owner=id))
-            sentence = (
-                f"This job met a fault of the service ({type(error).__name__}: {error}), whose log says more. "
-                "Setting it to running tries again."
+            sentence = Sentence(
+                "job-met-fault-service",
+                "This job met a fault of the service ({name}: {error}), whose log says more. Setting it to running tries again.",
+                name=type(error).__name__,
+                error=error,
             )
         self.condemn(id, sentence)

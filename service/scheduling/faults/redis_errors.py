@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import redis
 
+from renderer.sentences import Sentence
 from service.errors import Unavailable
 
 __all__ = ["RedisTrouble", "away", "causes", "trouble_of"]
@@ -13,51 +15,84 @@ __all__ = ["RedisTrouble", "away", "causes", "trouble_of"]
 RedisTrouble = tuple[str, str]  # fact and remedy
 
 # By error code, or by text where Redis sends no code; the first match counts.
-ANSWERS: tuple[tuple[str, str, str], ...] = (
-    (r"\bBUSY\b|running a script", "Redis is busy with a script that does not end ({error}).", "End it: redis-cli SCRIPT KILL."),
+ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
+    (
+        r"\bBUSY\b|running a script",
+        lambda error: Sentence("redis-busy-with-script", "Redis is busy with a script that does not end ({error}).", error=error),
+        Sentence("redis-busy-with-script-remedy", "End it: redis-cli SCRIPT KILL."),
+    ),
     (
         r"\bREADONLY\b|read only (replica|slave)",
-        "Redis takes no writes: it is a replica of another ({error}).",
-        "Point RAYFARM_REDIS_URL at the primary, or make this one the primary: redis-cli REPLICAOF NO ONE.",
+        lambda error: Sentence("redis-is-replica", "Redis takes no writes: it is a replica of another ({error}).", error=error),
+        Sentence(
+            "redis-is-replica-remedy",
+            "Point RAYFARM_REDIS_URL at the primary, or make this one the primary: redis-cli REPLICAOF NO ONE.",
+        ),
     ),
     (
         r"\bNOREPLICAS\b",
-        "Redis takes no writes without replicas ({error}).",
-        "Start them, or set min-replicas-to-write to 0.",
+        lambda error: Sentence("redis-without-replicas", "Redis takes no writes without replicas ({error}).", error=error),
+        Sentence("redis-without-replicas-remedy", "Start them, or set min-replicas-to-write to 0."),
     ),
-    (r"\bOOM\b|used memory > 'maxmemory'", "Redis is full ({error}).", "Give it more memory (maxmemory)."),
+    (
+        r"\bOOM\b|used memory > 'maxmemory'",
+        lambda error: Sentence("redis-full", "Redis is full ({error}).", error=error),
+        Sentence("redis-full-remedy", "Give it more memory (maxmemory)."),
+    ),
     (
         r"\bMISCONF\b",
-        "Redis cannot save to its disk, and takes no writes for that ({error}).",
-        'Make room on its disk, or turn saving off (save "").',
+        lambda error: Sentence(
+            "redis-cannot-save", "Redis cannot save to its disk, and takes no writes for that ({error}).", error=error
+        ),
+        Sentence("redis-cannot-save-remedy", 'Make room on its disk, or turn saving off (save "").'),
     ),
-    (r"\bLOADING\b|loading the dataset", "Redis is reading its memory from disk ({error}).", "It goes on by itself."),
+    (
+        r"\bLOADING\b|loading the dataset",
+        lambda error: Sentence("redis-loading", "Redis is reading its memory from disk ({error}).", error=error),
+        Sentence("redis-loading-remedy", "It goes on by itself."),
+    ),
     (
         r"\bNOAUTH\b|\bWRONGPASS\b|[Aa]uthentication required|invalid password|invalid username",
-        "Redis refuses the service's password ({error}).",
-        "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0.",
+        lambda error: Sentence("redis-refuses-password", "Redis refuses the service's password ({error}).", error=error),
+        Sentence("redis-refuses-password-remedy", "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0."),
     ),
     (
         r"\bNOPERM\b|no permissions",
-        "The service's user of Redis may not do what the farm needs ({error}).",
-        "Give it all commands and keys: ACL SETUSER NAME on ~* &* +@all.",
+        lambda error: Sentence(
+            "redis-refuses-user", "The service's user of Redis may not do what the farm needs ({error}).", error=error
+        ),
+        Sentence("redis-refuses-user-remedy", "Give it all commands and keys: ACL SETUSER NAME on ~* &* +@all."),
     ),
-    (r"\bNOSCRIPT\b|No matching script", "Redis has forgotten a script ({error}).", "It is sent again by itself."),
-    (r"\bWRONGTYPE\b", "A key in Redis is of another type than the farm's ({error}).", "It is deleted by itself."),
+    (
+        r"\bNOSCRIPT\b|No matching script",
+        lambda error: Sentence("redis-forgot-script", "Redis has forgotten a script ({error}).", error=error),
+        Sentence("redis-forgot-script-remedy", "It is sent again by itself."),
+    ),
+    (
+        r"\bWRONGTYPE\b",
+        lambda error: Sentence(
+            "redis-key-of-other-type", "A key in Redis is of another type than the farm's ({error}).", error=error
+        ),
+        Sentence("redis-key-of-other-type-remedy", "It is deleted by itself."),
+    ),
     (
         r"\bCLUSTERDOWN\b|\bMOVED\b|\bCROSSSLOT\b|cluster support",
-        "Redis is a cluster, which the farm's queue cannot use ({error}).",
-        "Point RAYFARM_REDIS_URL at a single Redis.",
+        lambda error: Sentence(
+            "redis-is-cluster", "Redis is a cluster, which the farm's queue cannot use ({error}).", error=error
+        ),
+        Sentence("redis-is-cluster-remedy", "Point RAYFARM_REDIS_URL at a single Redis."),
     ),
     (
         r"max number of clients",
-        "Redis has as many connections as it takes ({error}).",
-        "Raise maxclients, or end programs that do not belong here.",
+        lambda error: Sentence("redis-connections-used-up", "Redis has as many connections as it takes ({error}).", error=error),
+        Sentence("redis-connections-used-up-remedy", "Raise maxclients, or end programs that do not belong here."),
     ),
     (
         r"unknown command",
-        "Redis does not know a command that the farm needs ({error}).",
-        "Run Redis 6.2 or newer, or Valkey, with no commands renamed.",
+        lambda error: Sentence(
+            "redis-unknown-command", "Redis does not know a command that the farm needs ({error}).", error=error
+        ),
+        Sentence("redis-unknown-command-remedy", "Run Redis 6.2 or newer, or Valkey, with no commands renamed."),
     ),
 )
 
@@ -70,16 +105,22 @@ def trouble_of(error: BaseException) -> RedisTrouble:
         for pattern, fact, remedy in ANSWERS:
             # The client removes the code of errors that it has classes for
             if re.search(pattern, text) or re.search(pattern, _CODES.get(type(cause), "")):
-                return fact.format(error=text), remedy
+                return fact(text), remedy
     for cause in found:
         if isinstance(cause, redis.ResponseError):
-            return f"Redis refuses a command ({cause}).", "Look at how it is set up."
-    return f"Redis does not answer ({error}).", "Start it, or look at RAYFARM_REDIS_URL."
+            return (
+                Sentence("redis-refuses-command", "Redis refuses a command ({error}).", error=cause),
+                Sentence("redis-refuses-command-remedy", "Look at how it is set up."),
+            )
+    return (
+        Sentence("redis-does-not-answer", "Redis does not answer ({error}).", error=error),
+        Sentence("redis-does-not-answer-remedy", "Start it, or look at RAYFARM_REDIS_URL."),
+    )
 
 
 def away(error: BaseException) -> Unavailable:
     """Returns the Unavailable error for a request that needs Redis."""
-    return Unavailable(trouble_of(error)[0], advice="Try again when that is over.")
+    return Unavailable(trouble_of(error)[0], advice=Sentence("try-again-when-over", "Try again when that is over."))
 
 
 _CODES: dict[type[BaseException], str] = {

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 from protocol.terms import TAG, Offer, needs_queue
+from renderer.sentences import Sentence
 
 __all__ = ["Needs"]
 
@@ -83,8 +84,26 @@ class Needs:
         missing = [tag for tag in self.tags if not any(tag in offer.tags for offer in known)]
         most = max((offer.memory for offer in known), default=0)
         if missing:
-            named = f"the tag {missing[0]}" if len(missing) == 1 else f"the tags {', '.join(missing)}"
-            return f"Waits for a worker with {named}: none that is connected has {'it' if len(missing) == 1 else 'them'}."
+            if len(missing) == 1:
+                return Sentence(
+                    "waits-for-worker-with-tag",
+                    "Waits for a worker with the tag {tag}: none that is connected has it.",
+                    tag=missing[0],
+                )
+            return Sentence(
+                "waits-for-worker-with-tags",
+                "Waits for a worker with the tags {tags}: none that is connected has them.",
+                tags=missing,
+            )
         if most < self.memory_gb * 1e9:
-            return f"Waits for a worker with {self.memory_gb:g} GB of memory: the most that one offers is {most / 1e9:.1f} GB."
-        return f"Waits for a worker that has all of {', '.join(self.texts)}: none that is connected does."
+            return Sentence(
+                "waits-for-worker-with-gb",
+                "Waits for a worker with {memory_gb} GB of memory: the most that one offers is {most} GB.",
+                memory_gb=f"{self.memory_gb:g}",
+                most=f"{most / 1000000000.0:.1f}",
+            )
+        return Sentence(
+            "waits-for-worker-none-connected",
+            "Waits for a worker that has all of {texts}: none that is connected does.",
+            texts=[*self.texts],
+        )

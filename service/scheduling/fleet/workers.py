@@ -17,6 +17,7 @@ from protocol.lifeline import connected
 from protocol.site import SITE, SiteReport, site_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
 from protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
+from renderer.sentences import Sentence
 from service.scheduling.fleet.dead_letters import PutAside
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.reports import report_of
@@ -24,7 +25,7 @@ from service.scheduling.fleet.speeds import Speeds
 
 __all__ = ["BY_A_PERSON", "Roster", "Workers"]
 
-BY_A_PERSON = "Paused by a person."
+BY_A_PERSON = Sentence("paused-by-person", "Paused by a person.")
 
 LOOK_EVERY_S = 1.0
 LATE_S = 2.5 * HEARTBEAT_EVERY_S

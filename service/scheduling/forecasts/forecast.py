@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Protocol
 
+from renderer.sentences import Sentence
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Shares
 
@@ -29,8 +30,8 @@ __all__ = ["Crowd", "Forecast", "Forecaster", "Lines"]
 RENEWED_EVERY_S = 1.0
 RESTS = 20  # validity of a computation, as a multiple of its duration
 
-NO_SLOTS = "No worker that could render it takes work now."
-NO_COST = "Nobody knows yet how long a sample of it takes."
+NO_SLOTS = Sentence("no-worker-could-render-takes", "No worker that could render it takes work now.")
+NO_COST = Sentence("nobody-knows-yet-how-long", "Nobody knows yet how long a sample of it takes.")
 
 
 @dataclass(frozen=True)

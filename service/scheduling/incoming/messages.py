@@ -6,10 +6,11 @@ import math
 from dataclasses import asdict
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, Field, TypeAdapter, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, PlainValidator, TypeAdapter, ValidationError, field_validator, model_validator
 
 from protocol.blends import written_of
 from protocol.contract import BlobRef, FrameInfo, SceneInfo
+from renderer.sentences import Sentence
 from service.scheduling.fleet.reports import is_plain
 from service.scheduling.incoming.results import Entry
 from service.store.blobs import is_sha256
@@ -39,13 +40,29 @@ __all__ = [
     "understand",
 ]
 
-SAME_RELEASE = "Run the same release of Rayfarm on all machines."  # ends the error of a worker that does not understand a batch
+SAME_RELEASE = Sentence(
+    "run-same-release-rayfarm-machines", "Run the same release of Rayfarm on all machines."
+)  # ends the error of a worker that does not understand a batch
 DAY_S = 86400.0
+LONGEST_SENTENCE = 20_000  # characters
 LARGE = 1 << 31  # limit of the numbers that a faulty worker may have stored
 MOST_PIECES = 4096
 LARGEST_BLOB = 1 << 50  # bytes
 Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
-Sentence = Annotated[str, Field(max_length=20000), AfterValidator(lambda text: text.replace("\0", "\ufffd"))]
+
+
+def _sentence(value: Any) -> str:
+    """Bounds a text without losing its code."""
+    if not isinstance(value, str) or len(value) > LONGEST_SENTENCE:
+        raise ValueError(f"no text of at most {LONGEST_SENTENCE} characters")
+    return value.mapped(_without_zeros) if isinstance(value, Sentence) else _without_zeros(value)
+
+
+def _without_zeros(text: str) -> str:
+    return text.replace("\0", "\ufffd")
+
+
+Said = Annotated[str, PlainValidator(_sentence)]
 Number = Annotated[int, Field(ge=0, le=LARGE)]
 Seconds = Annotated[float, Field(ge=0.0, le=DAY_S)]
 
@@ -126,16 +143,16 @@ class BatchFailed(_Batch):
     """Message: a batch could not be rendered."""
 
     type: Literal["batch-failed"]
-    error: Sentence
-    reproduce: Sentence | None = None
-    trace: Sentence = ""  # the last lines of the program's error output
+    error: Said
+    reproduce: Said | None = None
+    trace: Said = ""  # the last lines of the program's error output
 
 
 class BatchReturned(_Batch):
     """Message: a worker returns a batch because of its own trouble, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
-    error: Sentence
+    error: Said
 
 
 class _Denoise(BaseModel):
@@ -161,7 +178,7 @@ class DenoiseFailed(_Denoise):
     """Message: a frame could not be denoised."""
 
     type: Literal["denoise-failed"]
-    error: Sentence
+    error: Said
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -180,7 +197,7 @@ class VectorsFailed(_Vectors):
     """Message: a frame's motion vectors could not be made."""
 
     type: Literal["vectors-failed"]
-    error: Sentence
+    error: Said
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -195,7 +212,7 @@ class EnvironmentFailed(_Denoise):
     """Message: an uploaded environment image cannot be used as a light."""
 
     type: Literal["environment-failed"]
-    error: Sentence
+    error: Said
     unfit: bool = False  # the machine is the cause, so another worker may succeed
 
 
@@ -220,7 +237,7 @@ class PrepareGoesOn(_Prepare):
     """Message: the progress of a scene's preparation; `fraction` is 0 to 1."""
 
     type: Literal["prepare-progress"]
-    step: Sentence
+    step: Said
     fraction: float = Field(ge=0.0, le=1.0)
 
 
@@ -291,7 +308,7 @@ class PrepareFailed(_Prepare):
     """Message: a scene cannot be prepared."""
 
     type: Literal["prepare-failed"]
-    error: Sentence
+    error: Said
 
 
 class PrepareReturned(_Prepare):
@@ -301,7 +318,7 @@ class PrepareReturned(_Prepare):
     """
 
     type: Literal["prepare-returned"]
-    error: Sentence
+    error: Said
     unfit: bool = False
     passing: bool = False
 
@@ -344,14 +361,14 @@ class FrameFailed(_Frames):
 
     type: Literal["frame-failed"]
     frame: Number
-    error: Sentence
+    error: Said
 
 
 class FramesReturned(_Frames):
     """Message: a worker returns the frames that it has not answered. unfit, passing: as in PrepareReturned."""
 
     type: Literal["frames-returned"]
-    error: Sentence
+    error: Said
     unfit: bool = False
     passing: bool = False
 

@@ -8,6 +8,7 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from renderer.errors import SettingsError
+from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, RenderSettings
 from service.errors import Conflict, FilmLost, Invalid
 from service.store.film_faults import FILM
@@ -23,17 +24,37 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
     A goal by noise or time is replaced by the goal by samples. Raises Invalid and Conflict.
     """
     if spp is not None and more is not None:
-        raise Invalid("spp: give either spp, for all samples of a pixel, or more, for those on top.")
+        raise Invalid(
+            Sentence("spp-give-either-spp", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
+        )
     is_by_samples = job.noise is None and job.seconds is None
     now = job.spp if is_by_samples else has // _pixels(job)
     if now is None:
-        raise Conflict("more: the scene is still being prepared, and how many samples it asks for is not known. Give spp.")
+        raise Conflict(
+            Sentence(
+                "more-scene-still-being-prepared",
+                "more: the scene is still being prepared, and how many samples it asks for is not known. Give spp.",
+            )
+        )
     wanted = now + more if more is not None else spp
     assert wanted is not None
     if wanted > MAX_SPP:
-        raise Invalid(f"more: that is {wanted} samples a pixel; at most {MAX_SPP} are rendered.")
+        raise Invalid(
+            Sentence(
+                "more-samples-pixel",
+                "more: that is {wanted} samples a pixel; at most {max_spp} are rendered.",
+                wanted=wanted,
+                max_spp=MAX_SPP,
+            )
+        )
     if wanted < now or (wanted == now and not is_by_samples):
-        raise Conflict(f"spp: the job has {now} samples a pixel already; samples are added, never taken away.")
+        raise Conflict(
+            Sentence(
+                "spp-job-samples-pixel-already",
+                "spp: the job has {now} samples a pixel already; samples are added, never taken away.",
+                now=now,
+            )
+        )
     if is_by_samples and wanted == job.spp:
         return
     job.spp, job.noise, job.seconds = wanted, None, None
@@ -45,12 +66,23 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
     """Pauses, cancels or resumes a job. is_anew: it resumes with an empty film. Raises Conflict."""
     if state == "cancelled":
         if job.state == "finished":
-            raise Conflict("The job is finished; there is nothing to cancel. To remove it, delete it.")
+            raise Conflict(
+                Sentence(
+                    "job-finished",
+                    "The job is finished; there is nothing to cancel. To remove it, delete it.",
+                )
+            )
         if job.state != "cancelled":
             job.state, job.finished = "cancelled", time.time()
     elif state == "paused":
         if job.state not in ACTIVE:
-            raise Conflict(f"The job is {job.state}; only a queued or running job can be paused.")
+            raise Conflict(
+                Sentence(
+                    "job-only-queued-running-job",
+                    "The job is {state}; only a queued or running job can be paused.",
+                    state=job.state,
+                )
+            )
         job.state = "paused"
     elif job.state == "paused" or job.state in FINAL:
         job.state, job.finished, job.error, job.reproduce = "queued", None, None, None
@@ -67,11 +99,25 @@ def drop_failed_dependencies(jobs: list[str], session: Session) -> None:
 def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
     """Sets the rectangle of the picture (x0, y0, x1, y1, pixels) rendered first; None: none. Raises Invalid and Conflict."""
     if focus is not None and job.state in FINAL:
-        raise Conflict(f"The job is {job.state}; only of one that is rendered a part can come first.")
+        raise Conflict(
+            Sentence(
+                "job-only-one-rendered-part",
+                "The job is {state}; only of one that is rendered a part can come first.",
+                state=job.state,
+            )
+        )
     size = {**job.request, **(job.settings or {})}
     width, height = size.get("width"), size.get("height")
     if focus is not None and width and height and (focus[0] >= width or focus[1] >= height):
-        raise Invalid(f"focus: {list(focus)} lies beside the picture, which is {width} x {height}.")
+        raise Invalid(
+            Sentence(
+                "focus-lies-beside-picture",
+                "focus: {focus} lies beside the picture, which is {width} x {height}.",
+                focus=list(focus),
+                width=width,
+                height=height,
+            )
+        )
     job.focus = None if focus is None else list(focus)
 
 

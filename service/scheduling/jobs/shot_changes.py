@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from renderer.frames import MAX_FRAMES, frame_key, frame_number, frame_text, frames_text, parse_frames
+from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP
 from service.errors import Conflict, Invalid
 from service.shot import Shot
@@ -113,7 +114,13 @@ def _added(frames: Mapping[int, FrameNow], request: ShotRequest) -> list[int]:
         return []
     keys = [key for key in map(frame_key, parse_frames(request.extend)) if key not in frames]
     if len(frames) + len(keys) > MAX_FRAMES:
-        raise Invalid(f"extend: the shot would have more than {MAX_FRAMES} frames. Make another job for the rest.")
+        raise Invalid(
+            Sentence(
+                "extend-shot-would-more-than",
+                "extend: the shot would have more than {max_frames} frames. Make another job for the rest.",
+                max_frames=MAX_FRAMES,
+            )
+        )
     return keys
 
 
@@ -123,30 +130,66 @@ def _ask_for_samples(
     """Returns the steps that set the frames' samples, and whether any frame renders. failed: frames not rendered again."""
     if request.spp is None and request.more is None:
         if request.frames is not None:
-            raise Invalid("frames: say what of these frames: spp, or more. Those to render anew are `again`, new ones `extend`.")
+            raise Invalid(
+                Sentence(
+                    "frames-say-these-frames",
+                    "frames: say what of these frames: spp, or more. Those to render anew are `again`, new ones `extend`.",
+                )
+            )
         return [], False
     if request.spp is not None and request.more is not None:
-        raise Invalid("spp: give either spp, for all samples of a pixel, or more, for those on top.")
+        raise Invalid(
+            Sentence("spp-give-either-spp", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
+        )
     if request.frames is not None and shot.order == NOISIEST:
-        raise Conflict("frames: noisiest first lays out the samples by itself. Give spp for the shot, or choose another order.")
+        raise Conflict(
+            Sentence(
+                "frames-noisiest-first-lays-out",
+                "frames: noisiest first lays out the samples by itself. Give spp for the shot, or choose another order.",
+            )
+        )
     if request.frames is None:
-        job.spp = _more(job.spp if job.noise is None and job.seconds is None else None, request, "the shot")
+        job.spp = _more(job.spp if job.noise is None and job.seconds is None else None, request, Sentence("shot", "the shot"))
         job.noise = job.seconds = None
         return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST)], len(failed) < len(frames)
     chosen = _known(frames, parse_frames(request.frames), "frames")
     for key in chosen:
-        _more(frames[key].spp or job.spp, request, f"frame {frame_text(frame_number(key))}")
+        _more(
+            frames[key].spp or job.spp,
+            request,
+            Sentence("frame-2", "frame {frame_text}", frame_text=frame_text(frame_number(key))),
+        )
     return [Step.of("more", chosen, spp=request.spp, more=request.more)], not failed >= set(chosen)
 
 
 def _more(now: int | None, request: ShotRequest, what: str) -> int:
     if now is None and request.spp is None:
-        raise Conflict(f"more: how many samples {what} has is not known, as noise or time ends it. Give spp.")
+        raise Conflict(
+            Sentence(
+                "more-how-many-samples-not",
+                "more: how many samples {what} has is not known, as noise or time ends it. Give spp.",
+                what=what,
+            )
+        )
     wanted = request.spp if request.spp is not None else (now or 0) + (request.more or 0)
     if wanted > MAX_SPP:
-        raise Invalid(f"more: that is {wanted} samples a pixel; at most {MAX_SPP} are rendered.")
+        raise Invalid(
+            Sentence(
+                "more-samples-pixel",
+                "more: that is {wanted} samples a pixel; at most {max_spp} are rendered.",
+                wanted=wanted,
+                max_spp=MAX_SPP,
+            )
+        )
     if now is not None and wanted < now:
-        raise Conflict(f"spp: {what} has {now} samples a pixel already; samples are added, never taken away.")
+        raise Conflict(
+            Sentence(
+                "spp-samples-pixel-already",
+                "spp: {what} has {now} samples a pixel already; samples are added, never taken away.",
+                what=what,
+                now=now,
+            )
+        )
     return wanted
 
 
@@ -155,5 +198,13 @@ def _known(frames: Mapping[int, FrameNow], numbers: Iterable[float], field: str)
     missing = [frame_number(key) for key in keys if key not in frames]
     if missing or not keys:
         has = frames_text([frame_number(key) for key in frames])
-        raise Invalid(f"{field}: the shot has no frame {frames_text(missing)[:200] or '-'}; it has {has[:200]}.")
+        raise Invalid(
+            Sentence(
+                "shot-no-frame",
+                "{field}: the shot has no frame {frames_text}; it has {has}.",
+                field=field,
+                frames_text=frames_text(missing)[:200] or "-",
+                has=has[:200],
+            )
+        )
     return keys

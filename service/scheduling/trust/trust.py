@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import redis
 
+from renderer.sentences import Sentence
 from service.events import Events, WorkerSetAside
 from service.scheduling.dispatching.batch_groups import work_of
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
@@ -161,8 +162,12 @@ class Trust:
         """Returns the action required of a user for each job that waits for a decision, as a sentence."""
         return {
             check.job: (
-                f"{' and '.join(sorted(check.votes.workers))} rendered the same batch differently, and no other worker is there "
-                "to decide. Start a third of the same kind, or pause the one that you do not trust."
+                Sentence(
+                    "rendered-same-batch-differently",
+                    "{workers} rendered the same batch differently, and no other worker is there to decide. "
+                    "Start a third of the same kind, or pause the one that you do not trust.",
+                    workers=" and ".join(sorted(check.votes.workers)),
+                )
             )
             for check in self._open
             if check.votes.differ and check.waits_since is None
@@ -190,7 +195,7 @@ class Trust:
         self.counts["verified"] += 1
         right = sorted(check.votes.workers - check.votes.wrong)
         for worker in check.votes.wrong:
-            self._find_out(worker, check, f"as {' and '.join(right)} rendered them")
+            self._find_out(worker, check, Sentence("rendered", "as {right} rendered them", right=" and ".join(right)))
         self._close(check)
 
     def _decide_by_hand(self, check: _Check) -> None:
@@ -199,16 +204,27 @@ class Trust:
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
             for worker in paused:
-                self._find_out(worker, check, "as somebody decided by pausing it")
+                self._find_out(worker, check, Sentence("somebody-decided-by-pausing", "as somebody decided by pausing it"))
             self._close(check)
 
     def _find_out(self, worker: str, check: _Check, how: str) -> None:
         batch = check.batch
-        where = f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile} of job {check.job}"
+        where = Sentence(
+            "samples-tile-job",
+            "samples {first} to {first2} of tile {tile} of job {job}",
+            first=batch.first,
+            first2=batch.first + batch.count - 1,
+            tile=batch.tile,
+            job=check.job,
+        )
         self._wrong[worker] = check.job, f"{SAID} ({where}), {how}"
 
     def _pause(self, worker: str, why: str) -> None:
-        sentence = f"{why}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on."
+        sentence = Sentence(
+            "sent-unfinished-jobs-rendered-again",
+            "{why}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on.",
+            why=why,
+        )
         with suppress(redis.RedisError):  # its results are rejected meanwhile
             self._workers.pause(worker, sentence)
             self._workers.look(now=True)

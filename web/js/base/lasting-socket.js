@@ -1,9 +1,13 @@
 /** A WebSocket that reconnects when the connection breaks, falls silent, or the service restarts. */
 
 import { Backoff } from "./backoff.js";
+import { said } from "./said.js";
 
 /** The service sends a message at least every few seconds. A silent connection is dead, for example after a laptop woke up. */
 const SILENCE_MS = 20_000;
+
+/** Codes of what the service says as it closes an open socket, by the close code: a reason has no room for them. */
+const CLOSED = /** @type {Record<number, string>} */ ({ 4401: "logged-out", 4404: "no-longer-yours" });
 
 /**
  * @typedef {object} SocketHandlers
@@ -24,6 +28,7 @@ export class LastingSocket {
     /** @type {WebSocket | null} */
     this.socket = null;
     this.lastHeard = 0;
+    this.hasHeard = false;
     this.watchdog = setInterval(() => this.checkSilence(), SILENCE_MS / 4);
   }
 
@@ -57,6 +62,7 @@ export class LastingSocket {
     socket.onmessage = ({ data }) => {
       if (this.socket !== socket) return; // closed while the message was on its way
       this.lastHeard = performance.now();
+      this.hasHeard = true;
       if (typeof data === "string") this.told(JSON.parse(data));
       else this.sent(data);
     };
@@ -72,8 +78,9 @@ export class LastingSocket {
   }
 
   /** Called when the service closed the connection for good. @param {number} _code @param {string} reason */
-  ended(_code, reason) {
-    this.refused(reason || this.refusal);
+  ended(code, reason) {
+    const known = this.hasHeard ? CLOSED[code] : undefined;
+    this.refused(reason ? said(reason, known ? { code: known, params: {} } : null) : this.refusal);
   }
 
   /** @param {object} message dropped if the connection is not open */

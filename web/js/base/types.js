@@ -18,7 +18,10 @@
  *
  * @typedef {{name: string, view: View}} Camera
  *
+ * @typedef {Record<string, any>} Codes of texts by field: code and params of each, see said.js
+ *
  * @typedef {object} Scene
+ * @property {Codes} [codes]
  * @property {string} id
  * @property {string} name
  * @property {string} [project] the project it belongs to; empty: none
@@ -45,12 +48,13 @@
  *
  * @typedef {{name: string, start: number, end: number}} Clip start and end of the animation, in seconds
  *
- * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>}} Info accepted uploads; formats: supported
- *     suffixes; foreign: unsupported ones, with the way to convert them
+ * @typedef {SettingsTable & {formats: string[], foreign: Record<string, string>, foreign_codes?: Codes}} Info what this farm takes; formats: suffixes
+ *     of what may be uploaded; foreign: of what may not, and how to get out of it what may
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
  * @typedef {object} Job
+ * @property {Codes} [codes]
  * @property {string} id
  * @property {string} name
  * @property {string} scene
@@ -100,6 +104,7 @@
  * @typedef {"queued" | "preparing" | "running" | "finished" | "failed"} FrameState
  *
  * @typedef {object} Frame one picture of a job
+ * @property {Codes} [codes]
  * @property {number} number in steps of a half
  * @property {FrameState} state
  * @property {number} samples over all pixels
@@ -183,6 +188,7 @@
  * @property {number} [verify] fraction of its batches rendered twice
  *
  * @typedef {object} Worker
+ * @property {Codes} [codes]
  * @property {string} name
  * @property {number} slots
  * @property {string} state
@@ -198,6 +204,7 @@
  * @property {number[]} [speeds] samples a second of all its slots, a minute each
  *
  * @typedef {object} Offer what a worker offers
+ * @property {Codes} [codes]
  * @property {string[]} tags
  * @property {number} memory bytes that it may use
  * @property {number} slots_most number at its start

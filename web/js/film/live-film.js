@@ -6,7 +6,6 @@ import { Film } from "./film.js";
 import { Live } from "../news/live.js";
 import { firstFrame } from "../base/shot-words.js";
 import { showError } from "../shell/tray.js";
-import { said } from "../base/said.js";
 import { Store } from "../base/store.js";
 import { t } from "../base/words.js";
 
@@ -60,7 +59,7 @@ export class LiveFilm {
       link: (up) => setLink(this.link, up),
       have: () => (this.isFetched ? (this.side ? this.film.tileSamples(this.side) : []) : null),
       refused: (sentence) =>
-        showError(t("The live picture ended"), said(sentence), {
+        showError(t("The live picture ended"), sentence, {
           ofPage: true,
           action: { label: t("Reload the page"), run: () => location.reload() },
         }),

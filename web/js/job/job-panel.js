@@ -12,7 +12,7 @@ import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
 import { progressBar } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -134,12 +134,12 @@ export function progressPanel() {
       const rate = job.samples_per_s || (job.state !== "queued" && job.active_s > 0.5 ? (job.samples - samplesTaken(job)) / job.active_s : 0);
       setText(speed, rate >= 1 ? compact(rate) : "–");
       message.hidden = !job.message;
-      setText(message, said(job.message));
+      setText(message, saidOf(job, "message"));
       anew.hidden = !job.stranded;
       error.hidden = !job.error;
       if (job.error !== shownError) {
-        shownError = job.error; // rewriting an alert would make screen readers repeat it
-        fill(error, icon("warning"), h("div", { class: "grow" }, said(job.error), job.reproduce && command(job.reproduce)));
+        shownError = job.error; // an alert that is written again is read out again
+        fill(error, icon("warning"), h("div", { class: "grow" }, saidOf(job, "error"), job.reproduce && command(job.reproduce)));
       }
       const from = takenSentence(job);
       taken.hidden = !from;

@@ -4,7 +4,7 @@ import { change } from "./job-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 import { queueFields } from "../forms/queue-fields.js";
 import { mayChange } from "../news/projects.js";
@@ -87,10 +87,11 @@ function lateWords({ deadline, expected, late }) {
 }
 
 /** @param {Job} job */
-function readyWords({ deadline, expected, unforeseen, late }) {
+function readyWords(job) {
+  const { deadline, expected, late } = job;
   if (deadline == null || late != null) return "";
   return expected == null
-    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), said(unforeseen)].filter(Boolean).join(" ")
+    ? [t("Wanted by {time}.", { time: dayAndTime(deadline) }), saidOf(job, "unforeseen")].filter(Boolean).join(" ")
     : t("Wanted by {time}; the forecast says {ready}.", { time: dayAndTime(deadline), ready: dayAndTime(expected) });
 }
 

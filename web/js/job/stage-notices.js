@@ -2,7 +2,7 @@
 
 import { fill, h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 import { changeJob } from "../news/api.js";
 import { putJob, workers } from "../news/farm.js";
@@ -38,9 +38,9 @@ export function stageNotices(stage, job, live, life) {
   stage.append(notice, waiting, missing);
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice())));
   const update = () => {
-    const { state, samples, message } = job();
+    const { state, samples } = job();
     waiting.hidden = samples > 0 || !(state === "queued" || ENDED.includes(state));
-    setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : said(message) || t("Waits for its first samples."));
+    setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : saidOf(job(), "message") || t("Waits for its first samples."));
   };
   update();
   life.add(

@@ -62,7 +62,7 @@ export function errorOf(status, body) {
   try {
     const problem = JSON.parse(body);
     const sentence = problem.detail ?? problem.title;
-    if (typeof sentence === "string" && sentence) return new ApiError(status, said(sentence));
+    if (typeof sentence === "string" && sentence) return new ApiError(status, said(sentence, problem));
   } catch {
     // Not JSON: the response of a proxy between the page and the service.
   }

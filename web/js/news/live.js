@@ -34,7 +34,6 @@ export class Live extends LastingSocket {
     /** The frame requested when the socket was opened. */
     this.asked = frame;
     /** Whether a state of the job has arrived. */
-    this.hasHeard = false;
     this.connect();
   }
 
@@ -52,7 +51,6 @@ export class Live extends LastingSocket {
 
   /** @override @param {Record<string, any>} message */
   told(message) {
-    this.hasHeard = true;
     this.handlers.message(message);
   }
 

@@ -23,7 +23,7 @@ import { ViewLink } from "./view-link.js";
 import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
 import { Store } from "../base/store.js";
-import { said as inWords } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -108,15 +108,16 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
-    state({ samples, bound, mean, noise, done, slots, message }) {
+    state(told) {
+      const { samples, bound, mean, noise, done, slots, message } = told;
       surface.dataset.samples = String(samples);
-      if (message) say(inWords(message));
+      if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
-    failed: (sentence) => say(inWords(sentence)),
+    failed: (sentence) => say(sentence),
     picked: (found) => onPicked?.(found),
     link: (up) => up || say(t("The connection is lost; trying again.")),
-    refused: (sentence) => say(inWords(sentence)),
+    refused: (sentence) => say(sentence),
   });
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
   const say = (sentence, aloud = true) => {

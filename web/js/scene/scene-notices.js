@@ -2,7 +2,7 @@
 
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
-import { said } from "../base/said.js";
+import { said, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 import { choose } from "../shell/drops.js";
 import { LACKS, addFiles, showOther } from "../shell/uploads.js";
@@ -16,9 +16,9 @@ const UNLIT = /^The scene has no light: /;
 /** A hint of renderer/formats.py for programs; the page has a button for it. */
 const RIVALS = /^Several scene files were given; (.+) is used\. To use another, name it as `main`: (.+)\.$/;
 
-/** @param {string | null} step as the worker says it @returns {string} */
-export function stepWords(step) {
-  const words = said(step);
+/** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
+export function stepWords(scene) {
+  const words = saidOf(scene, "step");
   return words && `${words[0]?.toUpperCase()}${words.slice(1)} …`;
 }
 
@@ -29,7 +29,7 @@ export function failure(scene) {
   // The error of a strict scene is a list of its warnings.
   const why = isRefused(scene)
     ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
-    : [said(scene.error)];
+    : [saidOf(scene, "error")];
   return [
     h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), ...why)),
     h(
@@ -76,7 +76,7 @@ export function warnings(scene) {
 /** @param {Scene} scene @param {string} sentence @returns {import("../base/dom.js").Child[]} */
 function warning(scene, sentence) {
   const [, shown, others] = RIVALS.exec(sentence) ?? [];
-  if (!shown || !others) return [said(sentence)];
+  if (!shown || !others) return [said(sentence, scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)])];
   const show = (/** @type {string} */ name) =>
     h("button", { class: "button small for-submit", type: "button", onclick: () => void showOther(scene, name) }, t("Show {name}", { name }));
   return [t("There are several scenes in this upload; {name} is shown.", { name: shown }), h("div", { class: "row wraps other-scenes" }, others.split(", ").map(show))];

@@ -2,6 +2,7 @@
 
 import { LastingSocket } from "../base/lasting-socket.js";
 import { decodeView } from "./view-packet.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
@@ -16,6 +17,7 @@ import { t } from "../base/words.js";
  * @property {boolean} done
  * @property {number} slots
  * @property {string | null} message why nothing new comes
+ * @property {import("../base/types.js").Codes} [codes]
  *
  * @typedef {object} Picked what lies under a pixel; null: nothing does
  * @property {number} x
@@ -28,7 +30,7 @@ import { t } from "../base/words.js";
  * @typedef {object} ViewHandlers
  * @property {(picture: import("./view-packet.js").ViewPicture) => void} picture
  * @property {(state: ViewState) => void} state
- * @property {(sentence: string) => void} failed the view makes no sense
+ * @property {(sentence: string) => void} failed the view makes no sense: why, in the language of the page
  * @property {(picked: Picked) => void} picked
  * @property {(up: boolean) => void} link
  * @property {(sentence: string) => void} refused the service closed the connection for good
@@ -70,7 +72,7 @@ export class ViewLink extends LastingSocket {
   /** @override @param {any} said */
   told(said) {
     if (said.type !== "error") this.handlers[said.type]?.(said);
-    else if (said.id === null || said.id === this.id) this.handlers.failed(said.detail);
+    else if (said.id === null || said.id === this.id) this.handlers.failed(saidOf(said, "detail"));
   }
 
   /** @override @param {ArrayBuffer} packet */

@@ -5,7 +5,7 @@ import { jobs } from "../news/farm.js";
 import { icon } from "../base/icons.js";
 import { linkTo } from "./router.js";
 import { announce, showError } from "./tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -69,7 +69,7 @@ export function tellOfEnds() {
     ended = [];
     if (!first || !isWanted() || (document.visibilityState === "visible" && document.hasFocus())) return;
     const title = others.length ? tn(others.length + 1, "{n} job ended", "{n} jobs ended") : `${first.name}: ${ENDS[first.state] ?? first.state}`;
-    const body = others.length ? [first, ...others].map(({ name, state }) => `${name}: ${ENDS[state] ?? state}`).slice(0, 4).join("\n") : said(first.error);
+    const body = others.length ? [first, ...others].map(({ name, state }) => `${name}: ${ENDS[state] ?? state}`).slice(0, 4).join("\n") : saidOf(first, "error");
     const notification = new Notification(title, { body, tag: first.id });
     notification.onclick = () => {
       focus();

@@ -45,13 +45,13 @@ export async function start(files) {
     if (!offerLight(sent)) explainImages(sent);
     return;
   }
-  const { formats, foreign } = await whileShown(titleOf(files), getInfo());
+  const { formats, foreign, foreign_codes: codes } = await whileShown(titleOf(files), getInfo());
   const paths = files.map(({ path }) => path.toLowerCase());
   if (!paths.some((path) => formats.some((suffix) => path.endsWith(suffix)))) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), advice.startsWith("Unpack") ? `${said(advice)}.` : t("{advice}; drop what that writes.", { advice: said(advice) }));
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), advice.startsWith("Unpack") ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }));
       return;
     }
   }

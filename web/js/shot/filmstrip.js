@@ -6,7 +6,7 @@ import { freshId } from "../forms/fields.js";
 import { percent } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { Thumbnails } from "./thumbnails.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Frame} Frame */
@@ -154,7 +154,7 @@ function makeCell(number, place, count) {
       if (sentence === shown) return;
       shown = sentence;
       setText(name, sentence);
-      element.title = said(frame?.error);
+      element.title = saidOf(frame, "error");
       element.classList.toggle("failed", frame?.state === "failed");
       element.classList.toggle("running", frame?.state === "running");
       state.replaceChildren(...(frame?.state === "failed" ? [icon("warning")] : []));

@@ -6,7 +6,7 @@ import { icon } from "../base/icons.js";
 import { change } from "../job/job-panel.js";
 import { stateChip } from "../shell/state-chip.js";
 import { announce } from "../shell/tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -38,7 +38,7 @@ export function framePanel(job, frames, life) {
     const noise = frame?.noise == null ? "" : t(", noise {noise}", { noise: percent(frame.noise) });
     setText(facts, frame ? tn(frame.spp, "{n} sample per pixel", "{n} samples per pixel", { n: compact(frame.spp) }) + noise : " ");
     error.hidden = !frame?.error;
-    setText(error, said(frame?.error));
+    setText(error, saidOf(frame, "error"));
     const isFirst = job().shot?.first === frames.current.value;
     first.hidden = !frame || frame.state === "finished" || job().state === "cancelled";
     first.disabled = isFirst && frame?.state !== "failed";

@@ -21,7 +21,7 @@ import { compareFrames } from "../shot/compare-frames.js";
 import { isShot } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { Disposer, Store } from "../base/store.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -95,7 +95,7 @@ export function compareView(a, b) {
     }
     const waits = all.find(({ id, width }) => ids.includes(id) && !width);
     if (waits) {
-      instead(waits.name, said(waits.error ?? waits.message) || t("Waits for its scene."));
+      instead(waits.name, saidOf(waits, waits.error ? "error" : "message") || t("Waits for its scene."));
       return;
     }
     const lost = ids.map(referenceId).find((id) => id !== null && references.value && !references.value.some((each) => each.id === id));

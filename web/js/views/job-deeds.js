@@ -3,7 +3,7 @@
 import { changeMany, restore } from "../news/job-list.js";
 import { setAllHidden } from "../news/farm.js";
 import { showError, undoable } from "../shell/tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../news/job-list.js").Change} Change */
@@ -32,7 +32,7 @@ export async function change(ids, change, done) {
   try {
     const { changed, refused } = await changeMany(ids, change);
     const first = refused[0];
-    if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), said(first.why));
+    if (first) showError(tn(refused.length, "{n} job could not be {done}", "{n} jobs could not be {done}", { done }), saidOf(first, "why"));
     if (changed.length === 0) {
       if (!first) showError(t("No job was {done}", { done }), t("This cannot be done with any of the selected jobs in their present state."), { brief: true });
       return;

@@ -13,7 +13,7 @@ import { offer } from "../news/projects.js";
 import { endOf } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -114,8 +114,8 @@ function placeWords({ state, user, priority, deadline }) {
 
 /** @param {Job} job */
 function progressLine(job) {
-  if (job.state === "failed") return said(job.error);
-  if (job.message) return said(job.message);
+  if (job.state === "failed") return saidOf(job, "error");
+  if (job.message) return saidOf(job, "message");
   if (job.state === "finished") return t("in {time}", { time: clock(job.active_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
   return job.state === "running" && job.eta_s != null ? t("{done}, {time} left", { done, time: clock(job.eta_s) }) : done;

@@ -36,7 +36,7 @@ import { progressBar, stateChip, stateWord } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -63,8 +63,8 @@ export function jobView(id) {
         update ??= open(element, job, life);
         update(job);
       } else if (job) {
-        // Its size comes from the scene and is not known yet.
-        instead(emptyPage("clock", job.name, h("p", null, said(job.error ?? job.message) || t("Waits for its scene."))));
+        // Its size is the scene's, and that is not known yet.
+        instead(emptyPage("clock", job.name, h("p", null, saidOf(job, job.error ? "error" : "message") || t("Waits for its scene."))));
       } else if (all && !asked) {
         asked = true;
         getJob(id).then(adoptJob, (error) => {

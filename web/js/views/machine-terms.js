@@ -4,7 +4,7 @@ import { askWorker } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
 import { may } from "../news/session.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 import { announce, showError } from "../shell/tray.js";
 
@@ -65,7 +65,7 @@ export function machineTerms() {
       const named = offer?.tags.filter((tag) => !/^(kind|host):/.test(tag)) ?? [];
       tags.hidden = named.length === 0;
       setText(tags, named.length ? t("Tags: {tags}", { tags: named.join(", ") }) : "");
-      setText(trouble, said(offer?.trouble));
+      setText(trouble, saidOf(offer, "trouble"));
       trouble.hidden = !offer?.trouble;
       if (!offer) return;
       put(hours, offer.hours);

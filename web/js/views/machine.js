@@ -10,7 +10,7 @@ import { machineTerms } from "./machine-terms.js";
 import { sparkline } from "./sparkline.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError } from "../shell/tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Worker} Worker */
@@ -80,7 +80,7 @@ export function machineCard() {
     cpu.title = worker.cpu;
     chip.update(state);
     const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";
-    setText(why, worker.state === "paused" ? `${said(worker.message)}${draining}` : "");
+    setText(why, worker.state === "paused" ? `${saidOf(worker, "message")}${draining}` : "");
     setText(speed, worker.speeds?.length ? t("{n} samples/s", { n: compact(worker.speeds.at(-1) ?? 0) }) : "–");
     line.update(worker.speeds ?? []);
     const { memory_used: used, memory_total: total } = worker;

@@ -11,7 +11,7 @@ import { offer } from "../news/projects.js";
 import { lightOf, variantOf } from "../base/scene-version.js";
 import { stateChip } from "../shell/state-chip.js";
 import { showError, undoable } from "../shell/tray.js";
-import { said } from "../base/said.js";
+import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -51,7 +51,7 @@ export function sceneCard(scene) {
       chip.element.hidden = next.status === "ready";
       setText(facts, next.status === "ready" ? shortFacts(next) : "");
       why.hidden = next.status !== "failed" || !next.error;
-      setText(why, why.hidden ? "" : said(next.error));
+      setText(why, why.hidden ? "" : saidOf(next, "error"));
       picture.update(next, renderedOf(next));
     },
   };

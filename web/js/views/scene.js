@@ -99,7 +99,7 @@ function preparing(page, scene, life) {
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
   fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
   return (next) => {
-    setText(step, stepWords(next.step));
+    setText(step, stepWords(next));
     bar.update(next.progress);
   };
 }

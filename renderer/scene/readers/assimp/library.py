@@ -19,6 +19,7 @@ import numpy.typing as npt
 from renderer.confine.limits import at_most, importer_memory
 from renderer.errors import SceneError
 from renderer.scene.polygons import triangulate
+from renderer.sentences import Sentence
 
 __all__ = ["Animation", "Bone", "Camera", "Channel", "Imported", "Lamp", "Node", "Shape", "import_file"]
 
@@ -224,13 +225,18 @@ def _library() -> Any:
                 found.aiReleaseImport.argtypes = [_p]
                 found.aiGetErrorString.restype = ctypes.c_char_p
                 return found
-    raise SceneError("Files of this kind are read by the package assimp-py, which is not installed here: pip install assimp-py")
+    raise SceneError(
+        Sentence(
+            "files-kind-read-by-package",
+            "Files of this kind are read by the package assimp-py, which is not installed here: pip install assimp-py",
+        )
+    )
 
 
 def import_file(data: bytes, name: str) -> Imported:
     """Returns the contents of a file from its bytes; the name's suffix is its format. Raises SceneError."""
     if not data:
-        raise SceneError(f"{name}: is empty; export it again")
+        raise SceneError(Sentence("empty-export-again", "{name}: is empty; export it again", name=name))
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
     said: Counter[str] = Counter()
@@ -249,7 +255,15 @@ def import_file(data: bytes, name: str) -> Imported:
         reason = (library.aiGetErrorString() or b"").decode("utf-8", "replace").strip().splitlines() or ["unknown"]
         if is_less_than_asked and "bad_alloc" in reason[0]:
             raise MemoryError
-        raise SceneError(f"{name}: is damaged or no {Path(name).suffix} file ({reason[0][:160]}); export it again")
+        raise SceneError(
+            Sentence(
+                "damaged-no-file",
+                "{name}: is damaged or no {suffix} file ({reason}); export it again",
+                name=name,
+                suffix=Path(name).suffix,
+                reason=reason[0][:160],
+            )
+        )
     try:
         found = _copied(_Scene.from_address(address), name)
         found.said = said
@@ -340,7 +354,14 @@ def _nodes(root: int | None, name: str) -> list[Node]:
         local = _vector(node.local).reshape(4, 4)
         found.append(Node(str(node.name), parent, local, _array(node.meshes, node.num_meshes, np.uint32).tolist()))
         if len(found) > MAX_NODES:
-            raise SceneError(f"{name}: has more than {MAX_NODES} nodes; fewer fit")
+            raise SceneError(
+                Sentence(
+                    "more-than-nodes",
+                    "{name}: has more than {max_nodes} nodes; fewer fit",
+                    name=name,
+                    max_nodes=MAX_NODES,
+                )
+            )
         children = _array(node.children, node.num_children, np.uint64).tolist()
         stack += [(child, len(found) - 1) for child in reversed(children) if child]
         parent = len(found) - 1
@@ -356,7 +377,15 @@ def _shape(mesh: Any, name: str) -> Shape:
     words = map(ctypes.string_at, table[whole, 1].tolist(), (4 * counts).tolist())
     corners = np.frombuffer(b"".join(words), np.uint32)
     if len(corners) and corners.max() >= count:
-        raise SceneError(f"{name}: a face names vertex {corners.max()} where there are {count}; export the file again")
+        raise SceneError(
+            Sentence(
+                "face-names-vertex-where-export",
+                "{name}: a face names vertex {corners} where there are {count}; export the file again",
+                name=name,
+                corners=corners.max(),
+                count=count,
+            )
+        )
     normals = _array(mesh.normals, count, np.float32, 3) if mesh.normals else None
     uvs = [_array(a, count, np.float32, 3)[:, :2] for a in mesh.uvs[:2] if a]
     colors = _array(mesh.colors[0], count, np.float32, 4) if mesh.colors[0] else None

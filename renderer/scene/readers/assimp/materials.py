@@ -17,6 +17,7 @@ from renderer.scene.readers.mtl_maps import holds_normals, with_opacity, with_ro
 from renderer.scene.readers.number_ranges import clamped, unit
 from renderer.scene.textures import UNMOVED, TextureShelf
 from renderer.scene.udim import composed, is_tiled
+from renderer.sentences import Sentence
 
 __all__ = ["Materials"]
 
@@ -121,9 +122,16 @@ class Materials:
         self._normals(said, material)
         left = [_NAMES.get(kind, f"kind {kind}") for key, kind in said if key == "$tex.file" and kind not in _TAKEN]
         if left:
-            self._shelf.warn_of_surface(f"Material {name}: its textures for {', '.join(sorted(set(left)))} are left out.")
+            self._shelf.warn_of_surface(
+                Sentence(
+                    "material-textures-for-left-out",
+                    "Material {name}: its textures for {set} are left out.",
+                    name=name,
+                    set=sorted(set(left)),
+                )
+            )
         for key in said.left():
-            self.odd[f"properties of materials: {key}"] += 1
+            self.odd[Sentence("properties-of-materials", "properties of materials: {key}", key=key)] += 1
         return material
 
     def _surface(self, said: dict[tuple[str, int], Any], material: Material) -> None:
@@ -143,7 +151,9 @@ class Materials:
 
     def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
         opacity = unit(_number(said, "$mat.opacity", 1.0))
-        self.odd["opacities of 0, which many programs write of what is opaque"] += opacity == 0
+        self.odd[
+            Sentence("opacities-of-0-which-many-programs", "opacities of 0, which many programs write of what is opaque")
+        ] += opacity == 0
         if 0 < opacity < 1:
             material.opacity, material.alpha_mode = opacity, "blend"
         mask = self._texture(said, _OPACITY, material.name, srgb=False)
@@ -159,7 +169,11 @@ class Materials:
                 return
             if texture is not None:
                 self._shelf.warn_of_surface(
-                    f"Material {material.name}: its bump map holds heights and is left out; bake it to a normal map."
+                    Sentence(
+                        "material-bump-map-holds-heights",
+                        "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                        name=material.name,
+                    )
                 )
 
     def _texture(self, said: dict[tuple[str, int], Any], kind: int, name: str, srgb: bool) -> int | None:
@@ -169,9 +183,11 @@ class Materials:
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
         number = int(_number(said, "$tex.uvwsrc", 0, kind))
         uv_set = min(max(number, 0), 1)
-        self.odd["sets of texture coordinates that a texture names"] += uv_set != number
+        self.odd[Sentence("sets-of-texture-coordinates-that-a", "sets of texture coordinates that a texture names")] += (
+            uv_set != number
+        )
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
-        image, tiled = self._image(reference, f"Material {name}", srgb)
+        image, tiled = self._image(reference, Sentence("material", "Material {name}", name=name), srgb)
         return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
 
     def _image(self, reference: str, user: str, srgb: bool) -> tuple[int | None, UvTransform]:

@@ -27,6 +27,7 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.skinning import carried
 from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence, amount, times
 from renderer.settings import View
 
 __all__ = ["read"]
@@ -106,21 +107,38 @@ class _Reader:
         for camera in self._imported.cameras:
             self._camera(camera)
         if self._main.lower().endswith((".x3d", ".wrl")):
-            self._odd["viewpoints, which are X3D's cameras"] += self._files.read(self._main).count(b"Viewpoint ")
-        self._odd["meshes of lines and points"] += self._imported.loose
-        self._odd["concave polygons, which are filled as if convex"] += sum(m.unfilled for m in self._imported.meshes.values())
-        self._odd["sets of texture coordinates and of colours"] += sum(m.more_sets for m in self._imported.meshes.values())
-        self._odd["textures over others of the same kind"] += self._imported.stacked
-        self._odd["frames, of which the first is shown"] += _frames(self._main, self._files)
-        self._odd["parts that the importer could not finish"] += not self._imported.is_whole
+            self._odd[Sentence("viewpoints-which-are-x3d-s-cameras", "viewpoints, which are X3D's cameras")] += self._files.read(
+                self._main
+            ).count(b"Viewpoint ")
+        self._odd[Sentence("meshes-of-lines-and-points", "meshes of lines and points")] += self._imported.loose
+        self._odd[Sentence("concave-polygons-which-are-filled-as-x", "concave polygons, which are filled as if convex")] += sum(
+            m.unfilled for m in self._imported.meshes.values()
+        )
+        self._odd[Sentence("sets-of-texture-coordinates-and-of", "sets of texture coordinates and of colours")] += sum(
+            m.more_sets for m in self._imported.meshes.values()
+        )
+        self._odd[Sentence("textures-over-others-of-the-same", "textures over others of the same kind")] += self._imported.stacked
+        self._odd[Sentence("frames-of-which-the-first-is", "frames, of which the first is shown")] += _frames(
+            self._main, self._files
+        )
+        self._odd[
+            Sentence("parts-that-the-importer-could-not", "parts that the importer could not finish")
+        ] += not self._imported.is_whole
         self._odd += self._materials.odd
-        self._odd["morph targets"] += self._imported.morphs
-        self._odd["channels that animate meshes"] += self._movement.others
-        listed = ", ".join(f"{count} {words}" for words, count in self._odd.items() if count)
+        self._odd[Sentence("morph-targets", "morph targets")] += self._imported.morphs
+        self._odd[Sentence("channels-that-animate-meshes", "channels that animate meshes")] += self._movement.others
+        listed = [amount(count, words) for words, count in self._odd.items() if count]
         if listed:
-            self._shelf.warn(f"{self._main}: not taken over: {listed}.")
+            self._shelf.warn(Sentence("not-taken-over", "{file}: not taken over: {listed}.", file=self._main, listed=listed))
         for text, count in self._imported.said.items():
-            self._shelf.warn(f"{self._main}: the importer says: {text}{f' ({count} times)' if count > 1 else ''}.")
+            self._shelf.warn(
+                Sentence(
+                    "importer-says",
+                    "{file}: the importer says: {text}.",
+                    file=self._main,
+                    text=times(text, count),
+                )
+            )
 
     def _show(self, number: int, node: int, name: str) -> None:
         shape = self._imported.meshes[number]
@@ -156,7 +174,7 @@ class _Reader:
         for bone in shape.bones:
             at = self._by_name.get(bone.node)
             if at is None:
-                self._odd["bones without a node"] += 1
+                self._odd[Sentence("bones-without-a-node", "bones without a node")] += 1
                 continue
             places.append(self._world(at) @ bone.offset)
             vertex.append(bone.vertices.astype(np.int64))
@@ -184,7 +202,14 @@ class _Reader:
         found = self._movement.worlds[node]
         if not np.isfinite(found).all():
             name = self._imported.nodes[node].name[:80]
-            raise SceneError(f"{self._main}: {name} has a transform that is not finite; export the file again")
+            raise SceneError(
+                Sentence(
+                    "transform-not-finite-export",
+                    "{file}: {name} has a transform that is not finite; export the file again",
+                    file=self._main,
+                    name=name,
+                )
+            )
         return found
 
     def _middle(self, first: int) -> F64:
@@ -213,7 +238,9 @@ class _Reader:
         if lamp.kind != _DIRECTIONAL:
             far = float(np.linalg.norm(position - middle))
             if lamp.quadratic <= 1e-9 or lamp.linear > 1e-9:
-                self._odd["fadings of lights other than by the square of the distance"] += 1
+                self._odd[
+                    Sentence("fadings-of-lights-other-than-by", "fadings of lights other than by the square of the distance")
+                ] += 1
             scale *= 1 / lamp.quadratic if lamp.quadratic > 1e-9 else max(far, 1e-3) ** 2
         r, g, b = (clamped(float(np.nan_to_num(c)) * scale, 0.0, _MOST) for c in lamp.color)
         x, y, z = (float(c) for c in np.nan_to_num(position))
@@ -245,7 +272,7 @@ class _Reader:
                 tangent = math.tan(clamped(camera.fov, 1e-3, 3.0) / 2) / aspect
                 view = View(a, b, c, math.degrees(2 * math.atan(tangent)))
         except SettingsError as error:
-            self._shelf.warn(f"Camera {name}: {error}; it is left out.")
+            self._shelf.warn(Sentence("camera-left-out", "Camera {name}: {error}; it is left out.", name=name, error=error))
             return
         self._description.cameras.append(scene_description.Camera(name, view))
 

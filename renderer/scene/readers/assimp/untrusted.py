@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 from renderer.errors import SceneError
 from renderer.scene.readers.expansion_limits import collada_nodes, x3d_nodes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.sentences import Sentence
 from renderer.zips import DAMAGED, is_bomb
 
 __all__ = ["judge"]
@@ -36,7 +37,14 @@ def _judge_package(data: bytes, main: str) -> None:
         with zipfile.ZipFile(io.BytesIO(data)) as package:
             for entry in package.infolist():
                 if is_bomb(entry.file_size, entry.compress_size):
-                    raise SceneError(f"{main}: its part {entry.filename[:120]} unpacks to far more than it is, as zip bombs do")
+                    raise SceneError(
+                        Sentence(
+                            "part-unpacks-far-more-than",
+                            "{file}: its part {filename} unpacks to far more than it is, as zip bombs do",
+                            file=main,
+                            filename=entry.filename[:120],
+                        )
+                    )
                 if entry.filename.lower().endswith(".dae"):
                     inside = package.read(entry)
                     refuse_entities(inside, main, doctype_too=False)
@@ -44,4 +52,6 @@ def _judge_package(data: bytes, main: str) -> None:
     except ElementTree.ParseError:
         return
     except (*DAMAGED, OSError) as error:
-        raise SceneError(f"{main}: is damaged ({str(error)[:120]}); pack it again") from error
+        raise SceneError(
+            Sentence("damaged-pack-again", "{file}: is damaged ({error}); pack it again", file=main, error=str(error)[:120])
+        ) from error

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.scene.readers.fbx import layout
+from renderer.sentences import Sentence
 
 __all__ = [
     "Opened",
@@ -50,7 +51,11 @@ def _library() -> ctypes.CDLL:
             found = ctypes.CDLL(str(path))
             if hasattr(found, "ufbx_load_memory"):
                 return _declared(found)
-    raise SceneError("FBX files are read by the package ufbx, which is not installed here: pip install ufbx")
+    raise SceneError(
+        Sentence(
+            "fbx-files-read-by-package", "FBX files are read by the package ufbx, which is not installed here: pip install ufbx"
+        )
+    )
 
 
 def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
@@ -58,7 +63,11 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     if version not in _KNOWN:
         said = f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
         raise SceneError(
-            f"The package ufbx here has version {said} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has"
+            Sentence(
+                "package-ufbx-version-library",
+                "The package ufbx here has version {said} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has",
+                said=said,
+            )
         )
     opened: Any = ctypes.POINTER(layout.Scene)
     library.ufbx_load_memory.restype = opened
@@ -165,7 +174,15 @@ def _failed(error: Any, name: str) -> Any:
         raise MemoryError
     said = text(error.description) or "unknown"
     detail = f": {error.info.decode('utf-8', 'replace')[:100]}" if error.info_length else ""
-    raise SceneError(f"{name}: is damaged or no FBX file ({said}{detail}); export it again")
+    raise SceneError(
+        Sentence(
+            "damaged-no-fbx-file",
+            "{name}: is damaged or no FBX file ({said}{detail}); export it again",
+            name=name,
+            said=said,
+            detail=detail,
+        )
+    )
 
 
 def text(string: Any) -> str:

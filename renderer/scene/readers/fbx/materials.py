@@ -21,6 +21,7 @@ from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, w
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.scattering import attenuating
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Materials"]
 
@@ -30,10 +31,10 @@ _BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface an
 _MAX_RADIANCE = 1e9
 _MOST_SCATTER = 1e6
 _LEFT_OUT = {
-    "displacement_map": "displacement",
-    "diffuse_roughness": "the roughness of the matt part",
-    "transmission_extra_roughness": "what makes transmission rougher",
-    "matte_factor": "matte",
+    "displacement_map": Sentence("displacement", "displacement"),
+    "diffuse_roughness": Sentence("the-roughness-of-the-matt-part", "the roughness of the matt part"),
+    "transmission_extra_roughness": Sentence("what-makes-transmission-rougher", "what makes transmission rougher"),
+    "matte_factor": Sentence("matte", "matte"),
 }
 _PBR = {name: i for i, name in enumerate(layout.PBR_MAPS)}
 _FBX = {name: i for i, name in enumerate(layout.FBX_MAPS)}
@@ -77,10 +78,12 @@ class Materials:
         self._opacity(said, material)
         if said.feature("unlit"):
             material.kind, material.roughness, material.emission, material.emission_texture = "unlit", None, (0.0, 0.0, 0.0), None
-        left = [words for key, words in _LEFT_OUT.items() if said.has(key)]
+        left: list[str] = [words for key, words in _LEFT_OUT.items() if said.has(key)]
         left += [f"the texture of {name}" for name in said.unread()]
         if left:
-            self._shelf.warn_of_surface(f"Material {name}: not read and left out: {', '.join(left)}.")
+            self._shelf.warn_of_surface(
+                Sentence("material-not-read-left-out", "Material {name}: not read and left out: {left}.", name=name, left=[*left])
+            )
         return material
 
     def _emission(self, said: _Said, material: Material) -> None:
@@ -99,10 +102,16 @@ class Materials:
             texture = said.fbx_texture("bump")
             if texture is not None and holds_normals(self._shelf.image_of(texture)):
                 material.normal_texture = texture
-                self.guessed["bump maps of mostly blue pixels, which are read as normal maps"] += 1
+                self.guessed[
+                    Sentence("bump-maps-of-mostly-blue-pixels", "bump maps of mostly blue pixels, which are read as normal maps")
+                ] += 1
             elif texture is not None:
                 self._shelf.warn_of_surface(
-                    f"Material {material.name}: its bump map holds heights and is left out; bake it to a normal map."
+                    Sentence(
+                        "material-bump-map-holds-heights",
+                        "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
+                        name=material.name,
+                    )
                 )
 
     def _opacity(self, said: _Said, material: Material) -> None:
@@ -111,15 +120,21 @@ class Materials:
         if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
             material.opacity, material.alpha_mode = opacity, "blend"
         elif opacity < 1:
-            self.guessed["materials of opacity 0, which are read as opaque"] += 1
+            self.guessed[Sentence("materials-of-opacity-0-which-are", "materials of opacity 0, which are read as opaque")] += 1
         mask = said.fbx_texture("transparency_color") if is_old else said.texture("opacity")
         if mask is None:
             return
         if material.transmission > 0:
-            self.guessed["maps of opacity on materials that transmit light"] += 1
+            self.guessed[Sentence("maps-of-opacity-on-materials-that", "maps of opacity on materials that transmit light")] += 1
             return
         if is_old and (alpha(self._shelf.image_of(mask)) == 1).all():
-            self._shelf.warn_of_surface(f"Material {material.name}: its map of transparency has no alpha, and is left out.")
+            self._shelf.warn_of_surface(
+                Sentence(
+                    "material-map-transparency-no-alpha",
+                    "Material {name}: its map of transparency has no alpha, and is left out.",
+                    name=material.name,
+                )
+            )
             return
         same = mask == material.base_color_texture
         material.base_color_texture = mask if same else with_opacity(self._shelf, material.base_color_texture, mask)
@@ -276,7 +291,11 @@ class _Said:
 
     def _find(self, found: Any, srgb: bool) -> int | None:
         self._read.add(int(found.texture or 0))
-        return self._pictures.find(found.texture, f"Material {self._name}", srgb) if found.texture_enabled else None
+        return (
+            self._pictures.find(found.texture, Sentence("material", "Material {name}", name=self._name), srgb)
+            if found.texture_enabled
+            else None
+        )
 
     def unread(self) -> list[str]:
         """Returns the properties whose textures were not read; ambient occlusion is left out on purpose."""

@@ -17,6 +17,7 @@ from renderer.scene.readers.fbx import layout
 from renderer.scene.readers.fbx.library import each, matrix, pointed, text
 from renderer.scene.textures import UNMOVED, TextureShelf
 from renderer.scene.udim import composed, is_tiled, tiles_of
+from renderer.sentences import Sentence
 
 __all__ = ["Pictures"]
 
@@ -43,7 +44,9 @@ class Pictures:
         if source.kind != _FILE or not files:
             what = "layers" if source.kind == _LAYERED else "a network of nodes"
             used = "its lowest picture is shown" if files else "it is left out"
-            self._shelf.warn_of_surface(f"{user}: a texture of {what} is not read; {used}.")
+            self._shelf.warn_of_surface(
+                Sentence("texture-not-read", "{user}: a texture of {what} is not read; {used}.", user=user, what=what, used=used)
+            )
         if not files:
             return None
         picture = files[0]
@@ -51,8 +54,12 @@ class Pictures:
         uv_set = self._sets.get(text(picture.uv_set), 0)
         if uv_set > 1:
             self._shelf.warn_of_surface(
-                f"{user}: a texture lies by the UV set {text(picture.uv_set)[:60]}; only a mesh's first two are read, and the "
-                "first is taken."
+                Sentence(
+                    "texture-lies-by-uv-set",
+                    "{user}: a texture lies by the UV set {text}; only a mesh's first two are read, and the first is taken.",
+                    user=user,
+                    text=text(picture.uv_set)[:60],
+                )
             )
             uv_set = 0
         place = _transform(picture, self._by_blender)

@@ -12,6 +12,7 @@ from renderer.scene.files import SceneFiles, data_uri
 from renderer.scene.readers.gltf import meshopt
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
+from renderer.sentences import Sentence
 
 __all__ = ["Accessors", "as_floats"]
 
@@ -62,7 +63,11 @@ class Accessors:
         accessor = self.accessors[index]
         if finite and index not in self._finite:
             if not np.isfinite(values).all():
-                raise DamagedError(self._file, accessor.where, "holds values that are not finite numbers")
+                raise DamagedError(
+                    self._file,
+                    accessor.where,
+                    Sentence("holds-values-not-finite-numbers", "holds values that are not finite numbers"),
+                )
             self._finite.add(index)
         return values
 
@@ -70,7 +75,11 @@ class Accessors:
         """Returns (count,) indices in the integer type of the file."""
         values = self._values(index, (1,))
         if values.dtype.kind == "f":
-            raise DamagedError(self._file, self.accessors[index].where, "holds floats where indices belong")
+            raise DamagedError(
+                self._file,
+                self.accessors[index].where,
+                Sentence("holds-floats-where-indices-belong", "holds floats where indices belong"),
+            )
         return values.reshape(-1)
 
     def judge_bare(self, index: int) -> None:
@@ -83,8 +92,14 @@ class Accessors:
             self._bare += accessor.integer("count", high=MAX_ELEMENTS + 1)
         if self._bare > MAX_BARE:
             raise SceneError(
-                f"{self._file}: more than {MAX_BARE >> 20} million vertices or indices have no data "
-                f"({accessor.where}.bufferView is missing); export the file again"
+                Sentence(
+                    "more-than-million-vertices-indices",
+                    "{file}: more than {max_bare} million vertices or indices have no data "
+                    "({where}.bufferView is missing); export the file again",
+                    file=self._file,
+                    max_bare=MAX_BARE >> 20,
+                    where=accessor.where,
+                )
             )
 
     def view_bytes(self, index: int) -> memoryview:
@@ -97,7 +112,12 @@ class Accessors:
         offset = view.integer("byteOffset", 0)
         length = view.integer("byteLength")
         if offset + length > len(buffer):
-            raise DamagedError(self._file, view.where, "reads past its buffer's end", "the file is damaged, export it again")
+            raise DamagedError(
+                self._file,
+                view.where,
+                Sentence("reads-past-buffer-end", "reads past its buffer's end"),
+                Sentence("file-damaged", "the file is damaged, export it again"),
+            )
         return buffer[offset : offset + length]
 
     def _unpacked(self, index: int, packing: Json, length: int) -> memoryview:
@@ -106,7 +126,10 @@ class Accessors:
             offset, packed = packing.integer("byteOffset", 0), packing.integer("byteLength")
             if offset + packed > len(buffer):
                 raise DamagedError(
-                    self._file, packing.where, "reads past its buffer's end", "the file is damaged, export it again"
+                    self._file,
+                    packing.where,
+                    Sentence("reads-past-buffer-end", "reads past its buffer's end"),
+                    Sentence("file-damaged", "the file is damaged, export it again"),
                 )
             self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
         return self._unpacked_views[index]
@@ -124,7 +147,12 @@ class Accessors:
     def _open(self, buffer: Json, index: int) -> memoryview:
         if "uri" not in buffer:
             if index != 0 or self._binary is None:
-                raise DamagedError(self._file, buffer.where, "has no data", "the file is damaged, export it again")
+                raise DamagedError(
+                    self._file,
+                    buffer.where,
+                    Sentence("no-data", "has no data"),
+                    Sentence("file-damaged", "the file is damaged, export it again"),
+                )
             data = self._binary
         else:
             uri = buffer.text("uri", "")
@@ -133,12 +161,21 @@ class Accessors:
             else:
                 name = self._files.resolve_uri(uri, self._file)
                 if name is None:
-                    what = f"is {uri[:120]}, which is not among the files"
-                    raise DamagedError(self._file, buffer.where, what, "add it, or export as .glb")
+                    what = Sentence("not-among-files-3", "is {uri}, which is not among the files", uri=uri[:120])
+                    raise DamagedError(self._file, buffer.where, what, Sentence("add-export-glb", "add it, or export as .glb"))
                 data = memoryview(self._files.read(name))
         length = buffer.integer("byteLength")
         if length > len(data):
-            self._root.faults.note(f"{self._file}: {buffer.where} has {len(data)} of {length} bytes; what is there is read.")
+            self._root.faults.note(
+                Sentence(
+                    "bytes-read",
+                    "{file}: {where} has {n} of {length} bytes; what is there is read.",
+                    file=self._file,
+                    where=buffer.where,
+                    n=len(data),
+                    length=length,
+                )
+            )
         return data[:length]
 
     def _values(self, index: int, widths: tuple[int, ...]) -> npt.NDArray[Any]:
@@ -148,12 +185,25 @@ class Accessors:
         width = _WIDTH.get(kind, 0)
         if component is None or width not in widths:
             raise accessor.wrong(
-                "type", f"is {kind[:10]} of component type {accessor.value.get('componentType')}, which does not fit here"
+                "type",
+                Sentence(
+                    "component-type",
+                    "is {kind} of component type {get}, which does not fit here",
+                    kind=kind[:10],
+                    get=accessor.value.get("componentType"),
+                ),
             )
         count = accessor.integer("count", high=MAX_ELEMENTS + 1)
         self._values_given += count * width
         if self._values_given > MAX_VALUES:
-            raise SceneError(f"{self._file}: its arrays hold more than {MAX_VALUES >> 20} million values; simplify its meshes")
+            raise SceneError(
+                Sentence(
+                    "arrays-hold-more-than-million",
+                    "{file}: its arrays hold more than {max_values} million values; simplify its meshes",
+                    file=self._file,
+                    max_values=MAX_VALUES >> 20,
+                )
+            )
         if "bufferView" not in accessor or count == 0:
             values = np.zeros((count, width), component)
         else:
@@ -169,7 +219,12 @@ class Accessors:
             "byteStride", size, low=size, high=253 if "byteStride" in self._views[view] else 1 << 10
         )
         if offset + stride * (count - 1) + size > len(data):
-            raise DamagedError(self._file, where, "reads past the end of its data", "the file is damaged, export it again")
+            raise DamagedError(
+                self._file,
+                where,
+                Sentence("reads-past-end-data", "reads past the end of its data"),
+                Sentence("file-damaged", "the file is damaged, export it again"),
+            )
         little = component.newbyteorder("<")
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
 
@@ -178,17 +233,17 @@ class Accessors:
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")
         if places is None or replacements is None:
-            raise sparse.wrong("indices", "or values is missing")
+            raise sparse.wrong("indices", Sentence("values-missing", "or values is missing"))
         component = _COMPONENT.get(places.integer("componentType"))
         if component not in (np.uint8, np.uint16, np.uint32):
-            raise places.wrong("componentType", "is no unsigned integer")
+            raise places.wrong("componentType", Sentence("no-unsigned-integer", "is no unsigned integer"))
         arrays = []
         for part, width, dtype in ((places, 1, np.dtype(component)), (replacements, values.shape[1], values.dtype)):
             view = part.integer("bufferView", high=len(self._views))
             arrays.append(self._strided(view, part.integer("byteOffset", 0), count, width, dtype, part.where))
         at = arrays[0].reshape(-1).astype(np.int64)
         if at.max() >= len(values):
-            raise places.wrong("bufferView", "holds a place outside of the array")
+            raise places.wrong("bufferView", Sentence("holds-place-outside-array", "holds a place outside of the array"))
         result = values.copy()
         result[at] = arrays[1]
         return result

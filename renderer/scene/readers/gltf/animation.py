@@ -22,6 +22,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.replaced_values import Changed, Path
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSION", "Animations"]
 
@@ -135,7 +136,7 @@ class Animations:
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
             if (np.diff(times[np.isfinite(times)]) < 0).any():
-                raise sampler.wrong("input", "has times that do not grow")
+                raise sampler.wrong("input", Sentence("times-not-grow", "has times that do not grow"))
             self._times[at] = times
         return self._times[at]
 
@@ -162,7 +163,18 @@ class Animations:
             return found, moving, []
         more = ", ..." if len(left_out) > _NAMED else ""
         named = ", ".join(dict.fromkeys(left_out[:_NAMED]))
-        return found, moving, [f"What is animated but not read here, or not there, stands still: {named}{more}."]
+        return (
+            found,
+            moving,
+            [
+                Sentence(
+                    "animated-but-not-read",
+                    "What is animated but not read here, or not there, stands still: {named}{more}.",
+                    named=named,
+                    more=more,
+                )
+            ],
+        )
 
     def _is_fixed(self, path: Path) -> bool:
         """Whether a node has a matrix, which forbids animating its translation, rotation and scale (3.11)."""
@@ -176,11 +188,16 @@ class Animations:
         values = self._accessors.floats(at, _WIDTHS[kind], finite=False).astype(np.float64)
         way = sampler.text("interpolation", "LINEAR")
         if way not in ("STEP", "LINEAR", "CUBICSPLINE"):
-            sampler.fault("interpolation", f"is {way[:20]!r}; known are STEP, LINEAR, CUBICSPLINE")
+            sampler.fault(
+                "interpolation",
+                Sentence("known-step", "is {way}; known are STEP, LINEAR, CUBICSPLINE", way=repr(way[:20])),
+            )
             way = "LINEAR"
         rows = len(times) * (3 if way == "CUBICSPLINE" else 1)
         if not rows or len(values) % rows or (kind != "list" and len(values) != rows):
-            raise sampler.wrong("output", f"has {len(values)} values for {len(times)} times")
+            raise sampler.wrong(
+                "output", Sentence("values-for-times", "has {n} values for {n2} times", n=len(values), n2=len(times))
+            )
         values = values.reshape(len(times), -1)
         finite = np.isfinite(times) & np.isfinite(values).all(axis=1)
         if not finite.all():

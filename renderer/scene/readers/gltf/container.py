@@ -11,6 +11,7 @@ from typing import Any
 
 from renderer.errors import SceneError
 from renderer.scene.readers.gltf.faults import DamagedError, Faults
+from renderer.sentences import Sentence
 
 __all__ = ["Json", "parse"]
 
@@ -34,7 +35,7 @@ class Json:
     def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
         self.faults = Faults() if faults is None else faults
         if not isinstance(value, dict):
-            raise DamagedError(file, where or "the file", "is not a JSON object")
+            raise DamagedError(file, where or "the file", Sentence("not-json-object", "is not a JSON object"))
         self.file, self.where, self.value = file, where, value
 
     def __contains__(self, key: str) -> bool:
@@ -70,7 +71,7 @@ class Json:
         """Returns the list of objects under a key, empty if absent; an entry that is no object becomes an empty one."""
         values = self.value.get(key, [])
         if not isinstance(values, list):
-            self.fault(key, "is not a list")
+            self.fault(key, Sentence("not-list", "is not a list"))
             return []
         places = [f"{self.place(key)}[{i}]" for i in range(len(values))]
         return [
@@ -94,7 +95,15 @@ class Json:
             fault = self.wrong(key, "is missing" if value is None else "is not an integer")
         elif not low <= value < high:
             held = f"{low} to {high - 1}" if high > low else "none"
-            fault = self.wrong(key, f"is {value}, which points outside of what the file holds ({held})")
+            fault = self.wrong(
+                key,
+                Sentence(
+                    "points-outside-file-holds",
+                    "is {value}, which points outside of what the file holds ({held})",
+                    value=value,
+                    held=held,
+                ),
+            )
         else:
             return value
         if default is None:
@@ -125,7 +134,7 @@ class Json:
         """Returns the finite number under a key."""
         value = self.value.get(key, default)
         if not _is_finite(value):
-            self.fault(key, "is not a number")
+            self.fault(key, Sentence("not-number", "is not a number"))
             return default
         return float(value)
 
@@ -134,7 +143,7 @@ class Json:
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):
-            self.fault(key, f"is not a list of {len(default)} numbers")
+            self.fault(key, Sentence("not-list-numbers-2", "is not a list of {n} numbers", n=len(default)))
             return default
         return tuple(float(v) for v in values)
 
@@ -142,7 +151,7 @@ class Json:
         """Returns the list of numbers under a key, empty if absent; 0 for entries that are not finite numbers."""
         values = self.value.get(key, [])
         if not isinstance(values, list) or not all(map(_is_finite, values)):
-            self.fault(key, "is not a list of numbers")
+            self.fault(key, Sentence("not-list-numbers", "is not a list of numbers"))
             return tuple(float(v) if _is_finite(v) else 0.0 for v in values) if isinstance(values, list) else ()
         return tuple(float(v) for v in values)
 
@@ -150,7 +159,7 @@ class Json:
         """Returns the string under a key."""
         value = self.value.get(key, default)
         if not isinstance(value, str):
-            self.fault(key, "is not a string")
+            self.fault(key, Sentence("not-string", "is not a string"))
             return default
         return value[:MAX_NAME] if key == "name" else value
 
@@ -177,13 +186,29 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     if data[:4] != b"glTF":
         return _parse_json(data, file), None
     if len(data) < 20:
-        raise SceneError(f"{file}: ends inside its header; the upload or download was cut, take it again")
+        raise SceneError(
+            Sentence(
+                "ends-inside-header",
+                "{file}: ends inside its header; the upload or download was cut, take it again",
+                file=file,
+            )
+        )
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
-        raise SceneError(f"{file}: is GLB version {version}; export it as glTF 2.0")
+        raise SceneError(
+            Sentence("glb-version", "{file}: is GLB version {version}; export it as glTF 2.0", file=file, version=version)
+        )
     notes = []
     if length != len(data):
-        notes.append(f"{file}: has {len(data)} bytes, and its header says {length}; all of them are read.")
+        notes.append(
+            Sentence(
+                "bytes-header-says",
+                "{file}: has {n} bytes, and its header says {length}; all of them are read.",
+                file=file,
+                n=len(data),
+                length=length,
+            )
+        )
     chunks: dict[int, memoryview] = {}
     at = 12
     while at + 8 <= len(data):
@@ -191,18 +216,39 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         end = at + 8 + size
         if end > len(data):
             if kind == _JSON_CHUNK:
-                raise SceneError(f"{file}: ends inside its JSON; the upload or download was cut, take it again")
+                raise SceneError(
+                    Sentence(
+                        "ends-inside-json",
+                        "{file}: ends inside its JSON; the upload or download was cut, take it again",
+                        file=file,
+                    )
+                )
             if kind in _CHUNKS:
-                notes.append(f"{file}: its binary data has {len(data) - at - 8} of {size} bytes; what is there is read.")
+                notes.append(
+                    Sentence(
+                        "binary-data-bytes",
+                        "{file}: its binary data has {n} of {size} bytes; what is there is read.",
+                        file=file,
+                        n=len(data) - at - 8,
+                        size=size,
+                    )
+                )
         if kind in _CHUNKS:
             chunks.setdefault(kind, memoryview(data)[at + 8 : end])
         at = end
         if size % 4:
             is_padded = not _is_chunk(data, end) and (_is_chunk(data, end + -size % 4) or end + -size % 4 == len(data))
             at += -size % 4 if is_padded else 0
-            notes.append(f"{file}: a chunk has {size} bytes, which is no multiple of four; it is read as it is.")
+            notes.append(
+                Sentence(
+                    "chunk-bytes",
+                    "{file}: a chunk has {size} bytes, which is no multiple of four; it is read as it is.",
+                    file=file,
+                    size=size,
+                )
+            )
     if _JSON_CHUNK not in chunks:
-        raise SceneError(f"{file}: has no JSON chunk; the file is damaged, export it again")
+        raise SceneError(Sentence("no-json-chunk", "{file}: has no JSON chunk; the file is damaged, export it again", file=file))
     root = _parse_json(bytes(chunks[_JSON_CHUNK]), file)
     for sentence in notes:
         root.faults.note(sentence)
@@ -225,16 +271,35 @@ def _whole(value: Any) -> Any:
 def _parse_json(data: bytes, file: str) -> Json:
     if len(data) > MAX_JSON_BYTES:
         raise SceneError(
-            f"{file}: holds {len(data) >> 20} MiB of JSON; export it as .glb, or with its buffers in files of their own"
+            Sentence(
+                "holds-mib-json",
+                "{file}: holds {n} MiB of JSON; export it as .glb, or with its buffers in files of their own",
+                file=file,
+                n=len(data) >> 20,
+            )
         )
     try:
         text = data.decode("utf-8-sig").rstrip("\0 ")
         value = json.loads(text, parse_int=_integer)
         root = Json(file, "", _whole(value) if _SURROGATE.search(text) else value)
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{file}: is no glTF: its JSON is damaged ({str(error)[:120]}); export it again") from error
+        raise SceneError(
+            Sentence(
+                "no-gltf",
+                "{file}: is no glTF: its JSON is damaged ({error}); export it again",
+                file=file,
+                error=str(error)[:120],
+            )
+        ) from error
     asset = root.object("asset")
     version = asset.text("version", "") if asset else ""
     if not version.startswith("2."):
-        raise SceneError(f"{file}: is glTF version {version[:10] or 'unknown'}; only 2.0 is read, export it as that")
+        raise SceneError(
+            Sentence(
+                "gltf-version",
+                "{file}: is glTF version {version}; only 2.0 is read, export it as that",
+                file=file,
+                version=version[:10] or "unknown",
+            )
+        )
     return root

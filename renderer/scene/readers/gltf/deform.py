@@ -15,6 +15,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.skinning import carried
+from renderer.sentences import Sentence
 
 __all__ = ["Bones", "bind_matrices", "morphed", "skinned"]
 
@@ -34,7 +35,13 @@ def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accesso
             continue
         for key in target.value:
             if key.startswith(("TEXCOORD_", "COLOR_")):
-                target.fault(key, "is a displacement of texture coordinates or colours, which are not moved")
+                target.fault(
+                    key,
+                    Sentence(
+                        "displacement-texture-coordinates-colours",
+                        "is a displacement of texture coordinates or colours, which are not moved",
+                    ),
+                )
         moved = _displacement(target, "POSITION", len(mesh.positions), accessors)
         turned = _displacement(target, "NORMAL", len(mesh.positions), accessors)
         bent = _displacement(target, "TANGENT", len(mesh.positions), accessors)
@@ -56,7 +63,9 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
         target.faults.add(fault)
         return None
     if len(values) != count:
-        target.fault(key, f"has {len(values)} displacements of {count} vertices")
+        target.fault(
+            key, Sentence("displacements-vertices", "has {n} displacements of {count} vertices", n=len(values), count=count)
+        )
         return None
     return values
 
@@ -67,7 +76,10 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
         return np.tile(np.eye(4), (count, 1, 1))
     values = accessors.floats(skin.integer("inverseBindMatrices", high=len(accessors.accessors)), 16)
     if len(values) < count:
-        raise skin.wrong("inverseBindMatrices", f"has {len(values)} matrices for {count} joints")
+        raise skin.wrong(
+            "inverseBindMatrices",
+            Sentence("matrices-for-joints", "has {n} matrices for {count} joints", n=len(values), count=count),
+        )
     return values[:count].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)  # column-major
 
 

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.readers.gltf.accessors import MAX_ELEMENTS, Accessors
 from renderer.scene.readers.gltf.container import Json
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSION", "decode"]
 
@@ -25,7 +26,11 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
         import DracoPy
     except ImportError as error:
         raise SceneError(
-            f"{extension.file}: is compressed with Draco; install DracoPy, or export it without compression"
+            Sentence(
+                "compressed-with-draco",
+                "{file}: is compressed with Draco; install DracoPy, or export it without compression",
+                file=extension.file,
+            )
         ) from error
     block = bytes(accessors.view_bytes(extension.integer("bufferView", high=len(accessors.views))))
     try:
@@ -33,9 +38,25 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
         faces = np.asarray(mesh.faces, np.int64).reshape(-1)
         found = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
     except Exception as error:  # the decoder's own errors have no common type
-        raise SceneError(f"{extension.file}: {extension.where} is damaged ({error}); export the file again") from error
+        raise SceneError(
+            Sentence(
+                "damaged-export-file-again-2",
+                "{file}: {where} is damaged ({error}); export the file again",
+                file=extension.file,
+                where=extension.where,
+                error=error,
+            )
+        ) from error
     if faces.size > 3 * MAX_ELEMENTS:
-        raise SceneError(f"{extension.file}: {extension.where} holds {faces.size // 3} triangles; split the mesh")
+        raise SceneError(
+            Sentence(
+                "holds-triangles",
+                "{file}: {where} holds {size} triangles; split the mesh",
+                file=extension.file,
+                where=extension.where,
+                size=faces.size // 3,
+            )
+        )
     names = extension.object("attributes")
     attributes = {}
     for name in names.value if names else ():

@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence, listed
 
 __all__ = ["DamagedError", "Faults"]
 
 _NAMED = 6  # places that a warning lists
+EXPORT_AGAIN = Sentence("export-the-file-again", "export the file again")
 
 
 class DamagedError(SceneError):
     """Part of the file is unusable; the rest can be read without it. Limits and missing decoders raise other errors."""
 
-    def __init__(self, file: str, place: str, what: str, advice: str = "export the file again") -> None:
-        super().__init__(f"{file}: {place} {what}; {advice}")
+    def __init__(self, file: str, place: str, what: str, advice: str = EXPORT_AGAIN) -> None:
+        super().__init__(
+            Sentence("part-is-unusable", "{file}: {place} {what}; {advice}", file=file, place=place, what=what, advice=advice)
+        )
         self.file, self.place, self.what, self.advice = file, place, what, advice
 
 
@@ -49,12 +53,50 @@ class Faults:
         for sentence in self._notes:
             warn(sentence)
         for what, places in self._places.items():
-            parts = "1 unusable part is" if len(places) == 1 else f"{len(places)} unusable parts are"
-            warn(f"{self._file}: {parts} left out ({what}): {_listed(places)}.")
+            if len(places) == 1:
+                warn(
+                    Sentence(
+                        "unusable-part-left-out",
+                        "{file}: 1 unusable part is left out ({what}): {places}.",
+                        file=self._file,
+                        what=what,
+                        places=_listed(places),
+                    )
+                )
+                continue
+            warn(
+                Sentence(
+                    "unusable-parts-left-out",
+                    "{file}: {n} unusable parts are left out ({what}): {places}.",
+                    file=self._file,
+                    n=len(places),
+                    what=what,
+                    places=_listed(places),
+                )
+            )
         for what, places in self._replaced.items():
-            values = "1 value is" if len(places) == 1 else f"{len(places)} values are"
-            warn(f"{self._file}: {values} {what}: {_listed(places)}.")
+            if len(places) == 1:
+                warn(
+                    Sentence(
+                        "value-replaced",
+                        "{file}: 1 value is {what}: {places}.",
+                        file=self._file,
+                        what=what,
+                        places=_listed(places),
+                    )
+                )
+                continue
+            warn(
+                Sentence(
+                    "values-replaced",
+                    "{file}: {n} values are {what}: {places}.",
+                    file=self._file,
+                    n=len(places),
+                    what=what,
+                    places=_listed(places),
+                )
+            )
 
 
-def _listed(places: dict[str, None]) -> str:
-    return ", ".join(list(places)[:_NAMED]) + (", ..." if len(places) > _NAMED else "")
+def _listed(places: dict[str, None]) -> list[str]:
+    return listed(places, _NAMED)

@@ -9,6 +9,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.transforms import Matrix, compose
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSION", "instance_transforms"]
 
@@ -32,14 +33,21 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
                 count = accessors.accessors[at].integer("count", low=1)
                 if count > limit:
                     raise SceneError(
-                        f"{source.file}: {source.where} shows its mesh {count} times where {limit} are left; show it less often"
+                        Sentence(
+                            "shows-mesh-times-where-left",
+                            "{file}: {where} shows its mesh {count} times where {limit} are left; show it less often",
+                            file=source.file,
+                            where=source.where,
+                            count=count,
+                            limit=limit,
+                        )
                     )
                 found[key] = accessors.floats(at, width).astype(np.float64)
             except DamagedError as fault:
                 source.faults.add(fault)
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
-        raise source.wrong("attributes", "has no arrays of places, or arrays of different lengths")
+        raise source.wrong("attributes", Sentence("no-arrays-places", "has no arrays of places, or arrays of different lengths"))
     (count,) = counts
     translation, rotation, scale = (found.get(k, np.tile(np.array(_DEFAULTS[k]), (count, 1))) for k in _WIDTHS)
     return compose(translation, rotation, scale)

@@ -10,6 +10,7 @@ from renderer.scene.description import Light, LightKind, Vec3
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.transforms import Matrix, unit_vector, vec3
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSION", "forward_of", "read_light"]
 
@@ -23,7 +24,7 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
     """Returns the light on a node, whose scale is ignored. Its range, a hint for rasterisers, is ignored too."""
     kind = source.text("type", "")
     if kind not in _KINDS:
-        raise source.wrong("type", f"is {kind[:20]!r}; known are {', '.join(_KINDS)}")
+        raise source.wrong("type", Sentence("known", "is {kind}; known are {kinds}", kind=repr(kind[:20]), kinds=[*_KINDS]))
     color = [source.clamped("color", value, 0.0, 1.0) for value in source.vector("color", (1.0, 1.0, 1.0))]
     photometric = source.clamped("intensity", source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
     r, g, b = (c * photometric / LUMENS_PER_WATT for c in color)

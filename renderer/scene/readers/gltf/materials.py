@@ -14,6 +14,7 @@ from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossi
 from renderer.scene.readers.gltf.textures import UV_SETS, Textures, uv_sets_of
 from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSIONS", "Materials"]
 
@@ -90,7 +91,10 @@ class Materials:
     def _alpha_mode(self, source: Json, material: Material) -> None:
         mode = source.text("alphaMode", "OPAQUE")
         if mode not in _ALPHA_MODES:
-            source.fault("alphaMode", f"is {mode[:20]!r}; known are {', '.join(_ALPHA_MODES)}")
+            source.fault(
+                "alphaMode",
+                Sentence("known-3", "is {mode}; known are {alpha_modes}", mode=repr(mode[:20]), alpha_modes=[*_ALPHA_MODES]),
+            )
         material.alpha_mode = _ALPHA_MODES.get(mode, "opaque")
 
     def _emission(self, source: Json, material: Material) -> None:

@@ -21,6 +21,7 @@ from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
+from renderer.sentences import Sentence
 
 __all__ = ["Meshes"]
 
@@ -72,7 +73,15 @@ class Meshes:
             mesh, bones = morphed(primitive.mesh, primitive.targets, weights, self._accessors), primitive.bones
             if matrices is not None and bones is not None:
                 if bones.joints.max(initial=0) >= len(matrices):
-                    raise node.wrong("skin", f"has {len(matrices)} joints where the mesh names {int(bones.joints.max()) + 1}")
+                    raise node.wrong(
+                        "skin",
+                        Sentence(
+                            "joints-where-mesh-names",
+                            "has {n} joints where the mesh names {joints}",
+                            n=len(matrices),
+                            joints=int(bones.joints.max()) + 1,
+                        ),
+                    )
                 mesh = skinned(mesh, bones, matrices)
             found.append(mesh)
         return found
@@ -128,7 +137,14 @@ class Meshes:
         self._refract(primitives)
         self._vertices += sum(len(mesh.positions) for mesh, _ in primitives)
         if self._vertices > MAX_VERTICES:
-            raise SceneError(f"{self._file}: its meshes have more than {MAX_VERTICES} vertices, each shape of a skin by itself")
+            raise SceneError(
+                Sentence(
+                    "meshes-more-than-vertices-each",
+                    "{file}: its meshes have more than {max_vertices} vertices, each shape of a skin by itself",
+                    file=self._file,
+                    max_vertices=MAX_VERTICES,
+                )
+            )
         first = len(self._meshes)
         self._meshes += [mesh for mesh, _ in primitives]
         self.restless |= {first + i for i, (_, material) in enumerate(primitives) if material in self._moving.surfaces}

@@ -8,6 +8,7 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.readers.gltf.container import Json
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSIONS", "decode", "extension_of"]
 
@@ -27,23 +28,50 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     try:
         import meshopt
     except ImportError as error:
-        raise SceneError(f"{extension.file}: is packed by meshopt; install the package meshopt, or export it without") from error
+        raise SceneError(
+            Sentence(
+                "packed-by-meshopt",
+                "{file}: is packed by meshopt; install the package meshopt, or export it without",
+                file=extension.file,
+            )
+        ) from error
     count, stride = extension.integer("count"), extension.integer("byteStride", low=1, high=257)
     mode, filter = extension.text("mode", ""), extension.text("filter", "NONE")
     if mode not in _MODES or filter not in _FILTERS:
-        raise extension.wrong("mode", f"or its filter is not known ({mode[:20]}, {filter[:20]})")
+        raise extension.wrong(
+            "mode",
+            Sentence("filter-not-known", "or its filter is not known ({mode}, {filter})", mode=mode[:20], filter=filter[:20]),
+        )
     if count * stride != length or length > MAX_BYTES:
-        raise extension.wrong("count", f"and byteStride do not give the view's {length} bytes")
+        raise extension.wrong(
+            "count",
+            Sentence("bytestride-not-give-view-bytes", "and byteStride do not give the view's {length} bytes", length=length),
+        )
     if count == 0:
         return memoryview(b"")
     try:
         found: Any = meshopt.decode_gltf_buffer(bytes(packed), count, stride, mode, filter)
     except Exception as error:  # the decoder's own errors have no common type
-        raise SceneError(f"{extension.file}: {extension.where} is damaged ({error}); export the file again") from error
+        raise SceneError(
+            Sentence(
+                "damaged-export-file-again-2",
+                "{file}: {where} is damaged ({error}); export the file again",
+                file=extension.file,
+                where=extension.where,
+                error=error,
+            )
+        ) from error
     made = np.ascontiguousarray(found)
     if mode != "ATTRIBUTES":
         made = made.reshape(-1).astype({2: np.uint16, 4: np.uint32}.get(stride, made.dtype))
     data = made.tobytes()
     if len(data) != length:
-        raise SceneError(f"{extension.file}: {extension.where} is damaged; export the file again")
+        raise SceneError(
+            Sentence(
+                "damaged-export-file-again",
+                "{file}: {where} is damaged; export the file again",
+                file=extension.file,
+                where=extension.where,
+            )
+        )
     return memoryview(data)

@@ -20,6 +20,7 @@ from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.profiles import Profiles
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["RAYS", "VISIBILITY", "Nodes"]
 
@@ -66,7 +67,15 @@ class Nodes:
     def walk(self) -> None:
         """Adds the meshes, lights and cameras of all nodes of the scene."""
         if len(self._nodes) > MAX_NODES:
-            raise SceneError(f"{self._root.file}: has {len(self._nodes)} nodes; at most {MAX_NODES} fit")
+            raise SceneError(
+                Sentence(
+                    "nodes-most-fit",
+                    "{file}: has {n} nodes; at most {max_nodes} fit",
+                    file=self._root.file,
+                    n=len(self._nodes),
+                    max_nodes=MAX_NODES,
+                )
+            )
         self._parents, shown_nodes = self._tree()
         self._moving.inherit(self._parents)
         self._worlds = self._in_world(list(self._parents), {})
@@ -192,7 +201,11 @@ class Nodes:
             if bad.any():
                 for i in np.flatnonzero(bad):  # takes its parent's transform
                     node = self._nodes[level[i]]
-                    node.faults.add(DamagedError(node.file, node.where, "has a transform that is not finite"))
+                    node.faults.add(
+                        DamagedError(
+                            node.file, node.where, Sentence("transform-not-finite", "has a transform that is not finite")
+                        )
+                    )
                     places[i] = outer[i] if depth[level[0]] else np.eye(4)
             worlds.update(zip(level, places, strict=True))
         return worlds
@@ -222,7 +235,15 @@ class Nodes:
         if scenes:
             scene = scenes[self._root.integer("scene", 0, high=len(scenes))]
             if len(scenes) > 1:
-                self._shelf.warn(f"{self._root.file}: {len(scenes) - 1} of its {len(scenes)} scenes are left out.")
+                self._shelf.warn(
+                    Sentence(
+                        "scenes-left-out",
+                        "{file}: {n} of its {n2} scenes are left out.",
+                        file=self._root.file,
+                        n=len(scenes) - 1,
+                        n2=len(scenes),
+                    )
+                )
             self._description.name = scene.text("name", "") or self._description.name
             return scene.indices("nodes", self._nodes)
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
@@ -303,12 +324,14 @@ class Nodes:
 
     def _carried(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
-            raise skin.wrong("joints", "has none, or one outside of the scene")
+            raise skin.wrong("joints", Sentence("none-one-outside-scene", "has none, or one outside of the scene"))
         with np.errstate(over="ignore", invalid="ignore"):
             bind = bind_matrices(skin, len(joints), self._accessors)
             matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
         if not np.isfinite(matrices).all():
-            raise skin.wrong("inverseBindMatrices", "and the joints' places give no finite numbers")
+            raise skin.wrong(
+                "inverseBindMatrices", Sentence("joints-places-give-no-finite", "and the joints' places give no finite numbers")
+            )
         return matrices
 
     def _unique(self, name: str) -> str:
@@ -326,7 +349,7 @@ class Nodes:
         try:
             view = read_camera(source, world)
         except SettingsError as error:
-            self._shelf.warn(f"Camera {name}: {error}; it is left out.")
+            self._shelf.warn(Sentence("camera-left-out", "Camera {name}: {error}; it is left out.", name=name, error=error))
             self._lacks_view = True
             return
         self._views[index] = len(self._description.cameras)

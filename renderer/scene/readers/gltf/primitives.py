@@ -18,6 +18,7 @@ from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.points_and_lines import thickened
 from renderer.scene.readers.gltf.textures import UV_SETS
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Primitive", "read_primitive"]
 
@@ -48,8 +49,14 @@ def read_primitive(
     mode = source.integer("mode", high=7) if "mode" in source else _LIST
     if mode < _LIST and thickness is None:
         shelf.warn(
-            f"Mesh {name}: its points or lines have no surface and are left out. To see them, give them a thickness in a scene "
-            f"file: shapes: [{{type: mesh, file: {PurePosixPath(source.file).name}, thickness: 0.01}}]."
+            Sentence(
+                "mesh-points-lines-no-surface",
+                "Mesh {name}: its points or lines have no surface and are left out. To see them, give "
+                "them a thickness in a scene file: shapes: [{type: mesh, file: {name2}, thickness: "
+                "0.01}].",
+                name=name,
+                name2=PurePosixPath(source.file).name,
+            )
         )
         return None
     attributes = _Attributes(source, accessors)
@@ -57,27 +64,45 @@ def read_primitive(
         accessors.judge_bare(bare)
     positions = attributes.positions()
     if positions is None:
-        shelf.warn(f"Mesh {name}: has no positions and is left out.")
+        shelf.warn(Sentence("mesh-no-positions-left-out", "Mesh {name}: has no positions and is left out.", name=name))
         return None
     indices: npt.NDArray[np.integer] | None = attributes.indices
     if indices is None:
         at = source.integer("indices", high=len(accessors.accessors)) if "indices" in source else None
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
     if not indices.size:
-        raise source.wrong("attributes" if "indices" not in source else "indices", "has no vertices")
+        raise source.wrong("attributes" if "indices" not in source else "indices", Sentence("no-vertices", "has no vertices"))
     if mode < _LIST and thickness is not None:
         if _is_bad(indices, len(positions)).any() or not np.isfinite(positions).all():
-            raise source.wrong("indices", "has indices outside of its vertices, or positions that are not finite numbers")
+            raise source.wrong(
+                "indices",
+                Sentence(
+                    "indices-outside-vertices",
+                    "has indices outside of its vertices, or positions that are not finite numbers",
+                ),
+            )
         shown = thickened(name, positions, indices, mode, _with_alpha(attributes.get("COLOR_0", (3, 4))), thickness)
         if shown is None:
-            shelf.warn(f"Mesh {name}: its points or lines are all in one place, and left out.")
+            shelf.warn(
+                Sentence(
+                    "mesh-points-lines-one-place",
+                    "Mesh {name}: its points or lines are all in one place, and left out.",
+                    name=name,
+                )
+            )
             return None
         if source.objects("targets") or "JOINTS_0" in attributes:
-            shelf.warn(f"Mesh {name}: its points or lines are not bent by a skin or by morph targets.")
+            shelf.warn(
+                Sentence(
+                    "mesh-points-lines-not-bent",
+                    "Mesh {name}: its points or lines are not bent by a skin or by morph targets.",
+                    name=name,
+                )
+            )
         return Primitive(shown, [], None)
     mode = _LIST if attributes.indices is not None else mode
     if mode == _LIST and (left := len(indices) % 3):
-        source.fault("indices", f"end with {left} of a triangle's three")
+        source.fault("indices", Sentence("end-with-triangle-three", "end with {left} of a triangle's three", left=left))
     triangles = _triangles(indices, mode)
     positions, triangles = _usable(source, positions, triangles)
     mesh = Mesh(name, positions, triangles.astype(np.int32))
@@ -125,7 +150,7 @@ class _Attributes:
     def __init__(self, source: Json, accessors: Accessors) -> None:
         found = source.object("attributes")
         if found is None:
-            raise source.wrong("attributes", "is missing")
+            raise source.wrong("attributes", Sentence("missing", "is missing"))
         self._source, self._attributes, self._accessors = source, found, accessors
         compressed = source.extension(draco.EXTENSION)
         self.indices: npt.NDArray[np.int64] | None = None
@@ -166,7 +191,9 @@ class _Attributes:
         """Returns `get`'s values if there are `count` of them, one per vertex; otherwise None, and a fault is counted."""
         values = self.get(key, widths)
         if values is not None and len(values) != count:
-            self._attributes.fault(key, f"has {len(values)} values for {count} vertices")
+            self._attributes.fault(
+                key, Sentence("values-for-vertices", "has {n} values for {count} vertices", n=len(values), count=count)
+            )
             return None
         return values
 
@@ -177,9 +204,13 @@ class _Attributes:
         normalized = at is not None and self._accessors.accessors[at].value.get("normalized") is True
         values = as_floats(self._decoded[key], normalized)
         if values.shape[1] not in widths:
-            raise self._attributes.wrong(key, f"has {values.shape[1]} numbers for each vertex")
+            raise self._attributes.wrong(
+                key, Sentence("numbers-for-each-vertex", "has {shape} numbers for each vertex", shape=values.shape[1])
+            )
         if finite and not np.isfinite(values).all():
-            raise self._attributes.wrong(key, "holds values that are not finite numbers")
+            raise self._attributes.wrong(
+                key, Sentence("holds-values-not-finite-numbers", "holds values that are not finite numbers")
+            )
         return values
 
 
@@ -193,12 +224,18 @@ def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
         if of is None or by is None:
             continue
         if of.min(initial=0) < 0:
-            source.fault("attributes", f"has negative joints in JOINTS_{k}")
+            source.fault("attributes", Sentence("negative-joints-joints", "has negative joints in JOINTS_{k}", k=k))
             continue
         joints.append(of.astype(np.int64))
         weights.append(np.maximum(by, 0))
     if attributes.has_bones_beyond(k):
-        source.fault("attributes", "have joints without weights, weights without joints, or a gap between their sets")
+        source.fault(
+            "attributes",
+            Sentence(
+                "joints-without-weights",
+                "have joints without weights, weights without joints, or a gap between their sets",
+            ),
+        )
     return Bones(np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)) if joints else None
 
 

@@ -13,6 +13,7 @@ from renderer.scene.readers.ies import Photometry, read_ies
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, photometry_of
 from renderer.scene.readers.number_ranges import clamped, unit_color
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence, stopped
 
 __all__ = ["EXTENSION", "Profiles"]
 
@@ -38,10 +39,10 @@ class Profiles:
         try:
             photometry = self._photometry(profile)
         except SceneError as error:
-            self._shelf.warn(f"{error}; the light {name} is left out.")
+            self._shelf.warn(Sentence("light-left-out", "{error}; the light {name} is left out.", error=error, name=name))
             return None
         for note in photometry.notes:
-            self._shelf.warn(f"{note}.")
+            self._shelf.warn(stopped(note))
         scale = clamped(source.number("multiplier", 1.0), 0.0, _MOST) / LUMENS_PER_WATT
         r, g, b = (c * scale for c in unit_color(source.vector("color", (1.0, 1.0, 1.0))))
         # Vertical angles are in the XZ plane; horizontal ones go from X to Y, clockwise for types A and B.
@@ -57,7 +58,14 @@ class Profiles:
                 return self._files.recall(("IES", place), lambda: read_ies(data_uri(uri, place), place))
             name = self._files.resolve_uri(uri, self._root.file)
             if name is None:
-                raise SceneError(f"{place}: its profile {uri[:120]} is not among the files; add it")
+                raise SceneError(
+                    Sentence(
+                        "profile-not-among-files",
+                        "{place}: its profile {uri} is not among the files; add it",
+                        place=place,
+                        uri=uri[:120],
+                    )
+                )
             return photometry_of(self._files, name)
         view = profile.integer("bufferView", high=len(self._accessors.views))
         return self._files.recall(("IES", place), lambda: read_ies(bytes(self._accessors.view_bytes(view)), place))

@@ -24,6 +24,7 @@ from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import Moving
 from renderer.scene.readers.gltf.reevaluate import Again
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -92,10 +93,17 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
     for key in ("extensionsRequired", "extensionsUsed"):
         names = root.value.get(key, [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise root.wrong(key, "is not a list of names")
+            raise root.wrong(key, Sentence("not-list-names", "is not a list of names"))
         unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
         needed = [name for name in unknown if not name.startswith(_OF_CHARACTERS)]
         if needed and key == "extensionsRequired":
-            raise SceneError(f"{root.file}: needs {', '.join(needed[:8])}, which is not supported; export it without")
+            raise SceneError(
+                Sentence(
+                    "needs-not-supported",
+                    "{file}: needs {needed}, which is not supported; export it without",
+                    file=root.file,
+                    needed=[*needed[:8]],
+                )
+            )
         if unknown:
-            shelf.warn(f"Not supported and left out: {', '.join(unknown[:20])}.")
+            shelf.warn(Sentence("not-supported-left-out", "Not supported and left out: {unknown}.", unknown=[*unknown[:20]]))

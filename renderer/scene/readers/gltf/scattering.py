@@ -19,6 +19,7 @@ from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.scattering import single_albedo
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["NAMES", "read_scatter"]
 
@@ -44,12 +45,24 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
         color = unit_color(new.vector("multiscatterColorFactor", (1.0, 1.0, 1.0)))
         picture = textures.find(new, "multiscatterColorTexture", material.name, srgb=True)
         if new.object("scatterStrengthTexture") is not None:
-            shelf.warn_of_surface(f"Material {material.name}: the texture of how strongly it scatters is left out.")
+            shelf.warn_of_surface(
+                Sentence(
+                    "material-texture-how-strongly-scatters",
+                    "Material {name}: the texture of how strongly it scatters is left out.",
+                    name=material.name,
+                )
+            )
         if is_thin:
             _scatter_in_a_sheet(material, strength, color, picture, clamped(new.number("scatterAnisotropy", 0.0), -1.0, 1.0))
         else:
             if picture is not None:
-                shelf.warn_of_surface(f"Material {material.name}: what scatters inside of it has the mean colour of its texture.")
+                shelf.warn_of_surface(
+                    Sentence(
+                        "material-scatters-inside-mean-colour",
+                        "Material {name}: what scatters inside of it has the mean colour of its texture.",
+                        name=material.name,
+                    )
+                )
                 color = unit_color(_mean(shelf, picture) * np.array(color))
             _fill(material, unit_color(strength * c for c in color), _g(new, "scatterAnisotropy"))
     _read_ours(source, material)

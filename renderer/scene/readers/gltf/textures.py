@@ -11,6 +11,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSIONS", "UV_SETS", "Textures", "uv_sets_of"]
 
@@ -83,7 +84,14 @@ class Textures:
         if uv_set not in self.uv_sets:
             read = " and ".join(str(number) for number in self.uv_sets)
             self._shelf.warn_of_surface(
-                f"Material {user}: a texture uses UV set {uv_set}; only sets {read} are read, and {self.uv_sets[0]} is taken."
+                Sentence(
+                    "material-texture-uses-uv-set",
+                    "Material {user}: a texture uses UV set {uv_set}; only sets {read} are read, and {uv_sets} is taken.",
+                    user=user,
+                    uv_set=uv_set,
+                    read=read,
+                    uv_sets=self.uv_sets[0],
+                )
             )
             uv_set = self.uv_sets[0]
         uv_set = self.uv_sets.index(uv_set)
@@ -113,7 +121,13 @@ class Textures:
         other = next((found for name in _FORMATS if (found := texture.extension(name))), None)
         index = (other or texture).index("source", self._images)
         if index is None:
-            self._shelf.warn_of_surface(f"Material {user}: a texture has no image in a format that is read; rendered without it.")
+            self._shelf.warn_of_surface(
+                Sentence(
+                    "material-texture-no-image-format",
+                    "Material {user}: a texture has no image in a format that is read; rendered without it.",
+                    user=user,
+                )
+            )
             return None
         image = self._images[index]
         place = f"{self._root.file}: {image.where}"
@@ -123,7 +137,7 @@ class Textures:
                 return self._shelf.image_bytes(place, data_uri(uri, place), srgb)
             name = self._files.resolve_uri(uri, self._root.file)
             if name is None:
-                self._shelf.missing(uri, f"Material {user}")
+                self._shelf.missing(uri, Sentence("material-2", "Material {user}", user=user))
                 return None
             return self._shelf.image_file(name, srgb)
         view = image.integer("bufferView", high=len(self._accessors.views))

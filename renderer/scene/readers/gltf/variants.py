@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.name_lookup import number_of
+from renderer.sentences import Sentence
 
 __all__ = ["EXTENSION", "Variants"]
 
@@ -25,7 +26,7 @@ class Variants:
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):
                 if "material" not in mapping.value:
-                    mapping.fault("material", "is missing")
+                    mapping.fault("material", Sentence("missing", "is missing"))
                 elif (number := mapping.index("material", materials)) is not None:
                     return number
         return primitive.index("material", materials)

@@ -28,6 +28,7 @@ from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.number_ranges import clamped, unit
+from renderer.sentences import Sentence
 
 __all__ = ["Bsdfs"]
 
@@ -117,7 +118,9 @@ class Bsdfs:
 
     def _made(self, source: Element, depth: int) -> Material:
         if depth > _MAX_NESTED:
-            self._document.ignore(f"{source.what} is nested too deep: rendered grey")
+            self._document.ignore(
+                Sentence("nested-too-deep-rendered", "{what} is nested too deep: rendered grey", what=source.what)
+            )
             return Material(source.id or source.type)
         source.take()
         make = {
@@ -145,7 +148,13 @@ class Bsdfs:
         if source.type == "twosided" and inner:
             if len(inner) > 1:
                 inner[1].take()
-                self._document.ignore(f"{source.what}: has a material of its own for each side; both show the first")
+                self._document.ignore(
+                    Sentence(
+                        "material-own-for-each-side",
+                        "{what}: has a material of its own for each side; both show the first",
+                        what=source.what,
+                    )
+                )
             return self._made(inner[0], depth + 1)
         if source.type == "mask" and inner:
             return self._masked(source, self._made(inner[0], depth + 1))
@@ -156,9 +165,11 @@ class Bsdfs:
         if source.type == "blendbsdf" and len(inner) > 1:
             return self._mixed(source, inner, depth)
         if inner:
-            self._document.ignore(f"{source.what} is not read: rendered by the material in it")
+            self._document.ignore(Sentence("not-read", "{what} is not read: rendered by the material in it", what=source.what))
             return self._made(inner[0], depth + 1)
-        self._document.ignore(f"{source.what} is not read: rendered as a grey matt surface")
+        self._document.ignore(
+            Sentence("not-read-rendered", "{what} is not read: rendered as a grey matt surface", what=source.what)
+        )
         return Material(name, base_color=(0.5, 0.5, 0.5))
 
     def _mixed(self, source: Element, inner: list[Element], depth: int) -> Material:
@@ -166,7 +177,13 @@ class Bsdfs:
         first, second = (self._made(each, depth + 1) for each in inner[:2])
         made = mixed(first, second, weight)
         if made is None:
-            self._document.ignore(f"{source.what} mixes what ours cannot as one: the one that counts for more is rendered")
+            self._document.ignore(
+                Sentence(
+                    "mixes-ours-cannot-one",
+                    "{what} mixes what ours cannot as one: the one that counts for more is rendered",
+                    what=source.what,
+                )
+            )
             return second if weight > 0.5 else first
         return replace(made, name=source.id or source.type)
 
@@ -180,14 +197,24 @@ class Bsdfs:
     def _diffuse(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "reflectance", 0.5)
         if source.type == "roughdiffuse" and source.number("alpha", 0.2) > 0:
-            self._document.ignore(f"{source.what}: rendered as a matt surface without the roughness of its own")
+            self._document.ignore(
+                Sentence(
+                    "rendered-matt-surface-without-roughness",
+                    "{what}: rendered as a matt surface without the roughness of its own",
+                    what=source.what,
+                )
+            )
         return Material(base_color=color, base_color_texture=texture)
 
     def _glass(self, source: Element) -> Material:
         inside, outside = self._ior(source, "int_ior", "bk7"), self._ior(source, "ext_ior", "air")
         color, texture = self._textures.color(source, "specular_transmittance", 1.0)
         if rgb(source.get("specular_reflectance", 1.0)) != (1.0, 1.0, 1.0):
-            self._document.ignore(f"{source.what}: the colour of its reflection is not taken over")
+            self._document.ignore(
+                Sentence(
+                    "colour-reflection-not-taken-over", "{what}: the colour of its reflection is not taken over", what=source.what
+                )
+            )
         ior = max(inside / outside, outside / inside)
         is_thin = source.type == "thindielectric"
         rough = self._rough(source, 0.1) if source.type == "roughdielectric" else {"roughness": 0.0}
@@ -213,7 +240,14 @@ class Bsdfs:
         if named is not None:
             known = CONDUCTORS.get(str(named).partition("_")[0])
             if known is None:
-                self._document.ignore(f"{source.what}: the metal {str(named)[:40]} is not known here; rendered as aluminium")
+                self._document.ignore(
+                    Sentence(
+                        "metal-not-known",
+                        "{what}: the metal {named} is not known here; rendered as aluminium",
+                        what=source.what,
+                        named=str(named)[:40],
+                    )
+                )
             eta, k = known or CONDUCTORS["Al"]
             if source.get("ext_eta") is not None:
                 outside = self._ior(source, "ext_eta", "air")
@@ -248,7 +282,13 @@ class Bsdfs:
         color, texture = self._textures.color(source, "diffuse_reflectance", 0.5)
         shine, pattern = self._textures.color(source, "specular_reflectance", 0.2)
         if pattern is not None:
-            self._document.ignore(f"specular_reflectance of {source.what} varies over the surface: its mean is taken")
+            self._document.ignore(
+                Sentence(
+                    "specular-reflectance-varies-over-surface",
+                    "specular_reflectance of {what} varies over the surface: its mean is taken",
+                    what=source.what,
+                )
+            )
             r, g, b = (unit(float(v)) for v in linear(self._textures.shelf.image_of(pattern))[..., :3].mean(axis=(0, 1)))
             shine = r, g, b
         exponent = min(max(source.number("exponent", 30.0), 0.0), 1e6)
@@ -258,7 +298,11 @@ class Bsdfs:
 
     def _hair(self, source: Element) -> Material:
         self._document.ignore(
-            f"{source.what} is rendered as a glossy surface in its colour: light does not go through its fibres"
+            Sentence(
+                "rendered-glossy-surface-colour",
+                "{what} is rendered as a glossy surface in its colour: light does not go through its fibres",
+                what=source.what,
+            )
         )
         source.used.add("scale_tilt")
         along, around = (source.number(f"{name}_roughness", 0.3) for name in ("longitudinal", "azimuthal"))
@@ -274,7 +318,13 @@ class Bsdfs:
         if texture is None:
             opacity = rgb(source.get("opacity", 0.5))
             if len({*opacity}) > 1:
-                self._document.ignore(f"{source.what}: its opacity is a colour, of which the mean is taken")
+                self._document.ignore(
+                    Sentence(
+                        "opacity-colour",
+                        "{what}: its opacity is a colour, of which the mean is taken",
+                        what=source.what,
+                    )
+                )
             return replace(inner, opacity=unit(sum(opacity) / 3), alpha_mode="blend")
         mask = self._textures.texture(texture, False)
         if mask is None:
@@ -285,7 +335,10 @@ class Bsdfs:
         texture = source.child("normalmap") or next(iter(source.of("texture")), None)
         if source.flag("use_shadowing_function", True):
             self._document.ignore(
-                "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba"
+                Sentence(
+                    "normal-maps-not-darkened-by",
+                    "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba",
+                )
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
@@ -301,13 +354,22 @@ class Bsdfs:
         """Returns microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
         named = str(source.get("distribution", "beckmann"))
         if named not in ("ggx", "beckmann"):
-            self._document.ignore(f"{source.what}: its distribution {named[:40]!r} is rendered as Beckmann's with the same alpha")
+            self._document.ignore(
+                Sentence(
+                    "distribution-rendered-beckmann-with-same",
+                    "{what}: its distribution {named} is rendered as Beckmann's with the same alpha",
+                    what=source.what,
+                    named=repr(named[:40]),
+                )
+            )
         facets: dict[str, Any] = {"distribution": "ggx" if named == "ggx" else "beckmann"}
         if any(source.child(name) is not None or source.get(name) is not None for name in ("alpha_u", "alpha_v")):
             along, across = (unit(self._textures.number(source, name, default)) for name in ("alpha_u", "alpha_v"))
             if brushes or along == across:
                 return facets | brushed(along, across)
-            self._document.ignore(f"{source.what}: it is as rough in both directions here")
+            self._document.ignore(
+                Sentence("rough-both-directions-2", "{what}: it is as rough in both directions here", what=source.what)
+            )
             return facets | {"roughness": math.sqrt(math.sqrt(along * across))}
         roughness, texture = self._textures.amount(source, "alpha", default, 0.5)
         packed = None if texture is None else self._textures.roughness_and_metal(texture, None)
@@ -317,7 +379,14 @@ class Bsdfs:
         found = source.get(name, default)
         if isinstance(found, str):
             if found.lower() not in _IORS:
-                self._document.ignore(f"{source.what}: the material {found[:40]!r} is not known here; its index is taken as 1.5")
+                self._document.ignore(
+                    Sentence(
+                        "material-not-known-index",
+                        "{what}: the material {found} is not known here; its index is taken as 1.5",
+                        what=source.what,
+                        found=repr(found[:40]),
+                    )
+                )
             return _IORS.get(found.lower(), 1.5)
         return max(source.number(name, _IORS[default]), 1e-3)
 

@@ -11,6 +11,7 @@ from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.readers.mitsuba.values import Matrix, numbers
 from renderer.scene.readers.strands import Strand, line_of, together
+from renderer.sentences import Sentence
 
 __all__ = ["CURVES", "mesh_of_curves"]
 
@@ -25,12 +26,21 @@ def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
     strands: list[Strand] = []
     for block in _blocks(data.decode("utf-8", "replace"), name):
         if len(block) < CURVES[kind]:
-            raise SceneError(f"{name}: a curve has {len(block)} points; a {kind} takes {CURVES[kind]} or more")
+            raise SceneError(
+                Sentence(
+                    "curve-points",
+                    "{name}: a curve has {n} points; a {kind} takes {curves} or more",
+                    name=name,
+                    n=len(block),
+                    kind=kind,
+                    curves=CURVES[kind],
+                )
+            )
         placed = np.column_stack([block[:, :3] @ world[:3, :3].T + world[:3, 3], np.maximum(block[:, 3], 0)])
         line = line_of(placed, "bspline") if kind == "bsplinecurve" else placed
         strands.append((line[:, :3], line[:, 3]))
     if not strands:
-        raise SceneError(f"{name}: has no curves; export it again")
+        raise SceneError(Sentence("no-curves", "{name}: has no curves; export it again", name=name))
     return together(strands)
 
 
@@ -43,8 +53,16 @@ def _blocks(text: str, name: str) -> list[Matrix]:
         try:
             row = numbers(line)
         except ValueError as error:
-            raise SceneError(f"{name}, line {number}: {error}") from None
+            raise SceneError(Sentence("line", "{name}, line {number}: {error}", name=name, number=number, error=error)) from None
         if len(row) < 4:
-            raise SceneError(f"{name}, line {number}: has {len(row)} numbers; a curve's point has x, y, z and a radius")
+            raise SceneError(
+                Sentence(
+                    "line-numbers",
+                    "{name}, line {number}: has {n} numbers; a curve's point has x, y, z and a radius",
+                    name=name,
+                    number=number,
+                    n=len(row),
+                )
+            )
         blocks[-1].append(row[:4])
     return [np.array(block) for block in blocks if block]

@@ -19,6 +19,7 @@ from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.warning_list import Warned
+from renderer.sentences import Sentence, times
 
 __all__ = ["Document", "Element"]
 
@@ -75,7 +76,16 @@ class Element:
         if isinstance(found, values.Spectrum):
             return found.mean
         if isinstance(found, str):
-            raise SceneError(f"{self.file}: {name} of {self.what} is {found[:40]!r}; it takes a number")
+            raise SceneError(
+                Sentence(
+                    "takes-number-2",
+                    "{file}: {name} of {what} is {found}; it takes a number",
+                    file=self.file,
+                    name=name,
+                    what=self.what,
+                    found=repr(found[:40]),
+                )
+            )
         return float(found)
 
     def flag(self, name: str, default: bool) -> bool:
@@ -138,7 +148,14 @@ class Document:
         self._ignored: Counter[str] = Counter()
         root = self._parsed(main)
         if root.tag != "scene":
-            raise SceneError(f"{main}: begins with <{root.tag[:40]}>; a scene of Mitsuba begins with <scene>")
+            raise SceneError(
+                Sentence(
+                    "begins-with",
+                    "{file}: begins with <{tag}>; a scene of Mitsuba begins with <scene>",
+                    file=main,
+                    tag=root.tag[:40],
+                )
+            )
         self.is_old = root.get("version", "3").startswith("0.")
         self._waiting: list[tuple[Element, int, str, str, str]] = []
         self.scene = self._object(root, main, 0)
@@ -161,7 +178,7 @@ class Document:
     def say_ignored(self) -> None:
         """Adds a warning for each kind of unsupported content, with its count."""
         for what, count in self._ignored.items():
-            self.warn(f"{what}{f' ({count} times)' if count > 1 else ''}")
+            self.warn(times(what, count))
 
     def _parsed(self, name: str) -> ElementTree.Element:
         data = self.files.read(name)
@@ -169,12 +186,20 @@ class Document:
         try:
             return ElementTree.fromstring(data)
         except ElementTree.ParseError as error:
-            raise SceneError(f"{name}: is no XML that can be read ({error}); mend it there") from None
+            raise SceneError(
+                Sentence("no-xml-read", "{name}: is no XML that can be read ({error}); mend it there", name=name, error=error)
+            ) from None
 
     def _object(self, source: ElementTree.Element, file: str, depth: int) -> Element:
         self._elements += 1
         if depth > MAX_DEPTH or self._elements > MAX_ELEMENTS:
-            raise SceneError(f"{file}: its elements are nested too deep, or too many; make the scene smaller")
+            raise SceneError(
+                Sentence(
+                    "elements-nested-too-deep",
+                    "{file}: its elements are nested too deep, or too many; make the scene smaller",
+                    file=file,
+                )
+            )
         tag = _OLD_NAMES.get(source.tag, source.tag)
         made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
         self._left_of(source, _OF_OBJECTS)
@@ -190,10 +215,23 @@ class Document:
             elif part.tag != "path":  # files are found regardless of search paths
                 name = self._key(part.get("name", ""))
                 if name in made.values:
-                    self.ignore(f"{name[:60]} of {made.what} is given more than once: the last one counts")
+                    self.ignore(
+                        Sentence(
+                            "given-more-than-once",
+                            "{name} of {what} is given more than once: the last one counts",
+                            name=name[:60],
+                            what=made.what,
+                        )
+                    )
                 made.values[name] = self._value(part, where)
         if made.id and made.id in self._by_id:
-            self.ignore(f"{made.what} has the id of another object: references after it mean the later one")
+            self.ignore(
+                Sentence(
+                    "id-another-object",
+                    "{what} has the id of another object: references after it mean the later one",
+                    what=made.what,
+                )
+            )
         if made.id:
             self._by_id[made.id] = made
         return made
@@ -208,9 +246,23 @@ class Document:
             wanted = self._text(part, "filename", file)
             found = self.files.find(wanted, file)
             if self._includes > MAX_INCLUDES:
-                raise SceneError(f"{file}: more than {MAX_INCLUDES} files are included; do they include each other?")
+                raise SceneError(
+                    Sentence(
+                        "more-than-files-included-include",
+                        "{file}: more than {max_includes} files are included; do they include each other?",
+                        file=file,
+                        max_includes=MAX_INCLUDES,
+                    )
+                )
             if found is None:
-                raise SceneError(f"{file}: includes {PurePosixPath(wanted).name[:120]}, which is not among the files; add it")
+                raise SceneError(
+                    Sentence(
+                        "includes-not-among-files-add",
+                        "{file}: includes {name}, which is not among the files; add it",
+                        file=file,
+                        name=PurePosixPath(wanted).name[:120],
+                    )
+                )
             yield from self._parts(self._parsed(found), found)
 
     def _refer(self, part: ElementTree.Element, made: Element, file: str) -> None:
@@ -224,7 +276,14 @@ class Document:
     def _referred(self, wanted: str, name: str, file: str) -> Element:
         found = self._by_id.get(wanted)
         if found is None:
-            raise SceneError(f"{file}: refers to {wanted[:80]!r}, which is not in the scene; mend the reference")
+            raise SceneError(
+                Sentence(
+                    "refers-not-scene",
+                    "{file}: refers to {wanted}, which is not in the scene; mend the reference",
+                    file=file,
+                    wanted=repr(wanted[:80]),
+                )
+            )
         if name and name != found.name:
             return Element(found.tag, found.type, found.id, name, found.file, found.values, found.children, found.used)
         return found
@@ -232,14 +291,28 @@ class Document:
     def _rename(self, part: ElementTree.Element, file: str) -> None:
         wanted, name = self._text(part, "id", file), self._text(part, "as", file)
         if wanted not in self._by_id:
-            raise SceneError(f"{file}: gives {wanted[:80]!r}, which does not stand before, another name; mend the alias")
+            raise SceneError(
+                Sentence(
+                    "gives-not-stand-before",
+                    "{file}: gives {wanted}, which does not stand before, another name; mend the alias",
+                    file=file,
+                    wanted=repr(wanted[:80]),
+                )
+            )
         self._by_id[name] = self._by_id[wanted]
 
     def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
         """Counts unknown attributes of an element."""
         for key in part.keys():  # noqa: SIM118 - an element is no dict
             if key not in known:
-                self.ignore(f"The attribute {key[:40]} of <{part.tag[:40]}> is not taken over")
+                self.ignore(
+                    Sentence(
+                        "attribute-not-taken-over",
+                        "The attribute {key} of <{tag}> is not taken over",
+                        key=key[:40],
+                        tag=part.tag[:40],
+                    )
+                )
 
     def _value(self, part: ElementTree.Element, file: str) -> Any:
         def attributes(source: ElementTree.Element) -> _Attributes:
@@ -250,11 +323,20 @@ class Document:
         if part.tag in ("transform", "animation"):
             inner = part if part.tag == "transform" else next(iter(part), part)
             if part.tag == "animation":
-                self.ignore("The file moves things over time: what is shown is their first place")
+                self.ignore(
+                    Sentence("file-moves-things-over-time", "The file moves things over time: what is shown is their first place")
+                )
             steps = [(step.tag, attributes(step)) for step in inner]
         elif len(part):
             name = part.get("name", "")
-            self.ignore(f"What stands within <{part.tag[:40]} name={name[:40]!r}> is not taken over")
+            self.ignore(
+                Sentence(
+                    "stands-within-name-not-taken",
+                    "What stands within <{tag} name={name}> is not taken over",
+                    tag=part.tag[:40],
+                    name=repr(name[:40]),
+                )
+            )
         try:
             found = values.value(part.tag, written, steps, lambda name: self._curve(name, file))
             self._left_of(part, written.asked | _OF_VALUES)
@@ -263,7 +345,16 @@ class Document:
             is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1
             return values.Spectrum.even(float(found[0])) if is_even else found
         except ValueError as error:
-            raise SceneError(f"{file}: <{part.tag[:40]} name={written.get('name', '')[:40]!r}>: {error}") from None
+            raise SceneError(
+                Sentence(
+                    "name",
+                    "{file}: <{tag} name={get}>: {error}",
+                    file=file,
+                    tag=part.tag[:40],
+                    get=repr(written.get("name", "")[:40]),
+                    error=error,
+                )
+            ) from None
 
     def _curve(self, name: str, file: str) -> str:
         found = self.files.find(name, file)
@@ -280,7 +371,15 @@ class Document:
         def default(match: re.Match[str]) -> str:
             name = match.group(1) or match.group(2)
             if name not in self._defaults:
-                raise SceneError(f"{file}: ${name[:40]} has no value; write <default name={name[:40]!r} value=...> before it")
+                raise SceneError(
+                    Sentence(
+                        "no-value",
+                        "{file}: ${name} has no value; write <default name={name2} value=...> before it",
+                        file=file,
+                        name=name[:40],
+                        name2=repr(name[:40]),
+                    )
+                )
             return self._defaults[name]
 
         return re.sub(r"\$(?:\{(\w+)\}|(\w+))", default, text)

@@ -15,6 +15,7 @@ from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
 from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["add_emitter"]
 
@@ -53,7 +54,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         if sun is not None:
             description.lights.append(sun)
     else:
-        document.ignore(f"{source.what} is no light that is read: it is left out")
+        document.ignore(Sentence("no-light-read", "{what} is no light that is read: it is left out", what=source.what))
 
 
 def _placed(light: Light, world: np.ndarray) -> Light:
@@ -97,13 +98,25 @@ def _side(source: Element) -> float:
 
 def _pixels(source: Element, number: int, document: Document, shelf: TextureShelf) -> np.ndarray:
     if shelf.texture_of(number).transform != UNMOVED:
-        document.ignore(f"{source.what}: its picture is thrown as it is, not moved, turned or scaled")
+        document.ignore(
+            Sentence(
+                "picture-thrown",
+                "{what}: its picture is thrown as it is, not moved, turned or scaled",
+                what=source.what,
+            )
+        )
     return np.maximum(linear(shelf.image_of(number)), 0)
 
 
 def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:
     if description.environment is not None:
-        document.ignore(f"{source.what}: a scene has one light from all around; this one is left out")
+        document.ignore(
+            Sentence(
+                "scene-one-light-from-around",
+                "{what}: a scene has one light from all around; this one is left out",
+                what=source.what,
+            )
+        )
         return
     description.environment = environment
 

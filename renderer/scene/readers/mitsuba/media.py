@@ -11,6 +11,7 @@ from renderer.scene.readers.mitsuba.textures import constant_of
 from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.scattering import filled_with, medium
 from renderer.scene.readers.substances import substance
+from renderer.sentences import Sentence
 
 __all__ = ["Media"]
 
@@ -56,7 +57,7 @@ class Media:
             return replace(made, **filled_with(found))
         if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
             why = "is thin" if lets_through else "has holes"
-            self._document.ignore(f"{shape.what} {why}: no medium fills it")
+            self._document.ignore(Sentence("no-medium-fills", "{what} {why}: no medium fills it", what=shape.what, why=why))
         return made
 
     def surround(self, description: SceneDescription) -> None:
@@ -66,10 +67,21 @@ class Media:
         found = NOTHING if around is None else self._of(around)
         fill_world(description, found)
         if self._unsaid and any(key != _key(NOTHING) for key in (*self._inside, *self._outside, _key(found))):
-            self._document.ignore("Glass that names no medium is clear inside, where Mitsuba goes on with what is around it")
+            self._document.ignore(
+                Sentence(
+                    "glass-names-no-medium-clear",
+                    "Glass that names no medium is clear inside, where Mitsuba goes on with what is around it",
+                )
+            )
         for key, what in self._outside.items():
             if key not in self._inside and key not in (_key(found), _key(NOTHING)):
-                self._document.ignore(f"The medium around {what} fills no shape: what is around it is not changed")
+                self._document.ignore(
+                    Sentence(
+                        "medium-around-fills-no-shape",
+                        "The medium around {what} fills no shape: what is around it is not changed",
+                        what=what,
+                    )
+                )
 
     def _of(self, source: Element) -> Medium:
         key = id(source.values)  # shared by references
@@ -79,10 +91,18 @@ class Media:
 
     def _read(self, source: Element) -> Medium:
         if source.type in _SCATTERING_SKIN:
-            self._document.ignore(f"{source.what}: light beneath the surface is not followed by it")
+            self._document.ignore(
+                Sentence(
+                    "light-beneath-surface-not-followed",
+                    "{what}: light beneath the surface is not followed by it",
+                    what=source.what,
+                )
+            )
             return NOTHING
         if source.type not in ("homogeneous", "heterogeneous"):
-            self._document.ignore(f"{source.what} is no medium that is read: it is left out")
+            self._document.ignore(
+                Sentence("no-medium-read", "{what} is no medium that is read: it is left out", what=source.what)
+            )
             return NOTHING
         scale, g = source.number("scale", 1.0), self._direction(source)
         named = source.get("material", _OLD_SUBSTANCE if self._document.is_old and not _says(source) else None)
@@ -90,9 +110,22 @@ class Media:
             known = substance(str(named))
             if known is not None:
                 if g:
-                    self._document.ignore(f"{source.what}: its phase function is not taken over, as its material is named")
+                    self._document.ignore(
+                        Sentence(
+                            "phase-function-not-taken-over",
+                            "{what}: its phase function is not taken over, as its material is named",
+                            what=source.what,
+                        )
+                    )
                 return medium(known[1], known[0], 0.0, scale)
-            self._document.ignore(f"{source.what}: the material {str(named)[:40]} is not known here; its numbers count")
+            self._document.ignore(
+                Sentence(
+                    "material-not-known",
+                    "{what}: the material {named} is not known here; its numbers count",
+                    what=source.what,
+                    named=str(named)[:40],
+                )
+            )
         absorbed, scattered = (self._color(source, name) for name in ("sigma_a", "sigma_s"))
         if absorbed is not None or scattered is not None:
             return medium(absorbed or (0.0,) * 3, scattered or (0.0,) * 3, g, scale)
@@ -112,7 +145,14 @@ class Media:
         child.used.add("")
         constant = constant_volume(child)
         if constant is None:
-            self._document.ignore(f"{source.what}: its {name} is not the same everywhere: it is left out, as if it were clear")
+            self._document.ignore(
+                Sentence(
+                    "not-same-everywhere",
+                    "{what}: its {name} is not the same everywhere: it is left out, as if it were clear",
+                    what=source.what,
+                    name=name,
+                )
+            )
             child.used.update(child.values)
             return None
         return rgb(constant)
@@ -126,7 +166,13 @@ class Media:
             return 0.0
         if phase.type == "hg":
             return phase.number("g", 0.8)
-        self._document.ignore(f"{phase.what} is no phase function that is read: light is scattered evenly")
+        self._document.ignore(
+            Sentence(
+                "no-phase-function-read",
+                "{what} is no phase function that is read: light is scattered evenly",
+                what=phase.what,
+            )
+        )
         phase.used.update(phase.values)
         return 0.0
 

@@ -17,6 +17,7 @@ from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.mitsuba import parametric_shapes
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
+from renderer.sentences import Sentence
 
 __all__ = ["FORMULAS", "MESH_FILES", "file_of", "meshes_of", "turned", "wound_by_normals"]
 
@@ -54,7 +55,14 @@ def file_of(shape: Element, document: Document) -> str:
     wanted = str(shape.get("filename", ""))
     name = document.files.find(wanted, shape.file)
     if name is None:
-        raise SceneError(f"{shape.file}: {PurePosixPath(wanted).name[:120] or shape.what} is not among the files; add it")
+        raise SceneError(
+            Sentence(
+                "not-among-files-6",
+                "{file}: {name} is not among the files; add it",
+                file=shape.file,
+                name=PurePosixPath(wanted).name[:120] or shape.what,
+            )
+        )
     return name
 
 
@@ -132,7 +140,7 @@ def _between(shape: Element) -> np.ndarray:
     axis = p1 - p0
     length = float(np.linalg.norm(axis))
     if not length > 0 or not radius > 0:
-        raise SceneError(f"{shape.file}: {shape.what} has no length, or no radius")
+        raise SceneError(Sentence("no-length", "{file}: {what} has no length, or no radius", file=shape.file, what=shape.what))
     z = axis / length
     # Mitsuba's frame about an axis: Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
     sign = float(np.copysign(1.0, z[2]))

@@ -13,6 +13,7 @@ from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
 from renderer.scene.readers.mitsuba.unused_properties import left_over
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -34,7 +35,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         elif part.tag == "integrator":
             add_integrator(part, document, description)
     if len(document.scene.of("integrator")) > 1:
-        document.ignore("The scene has more than one integrator: the last one counts")
+        document.ignore(Sentence("scene-more-than-one-integrator", "The scene has more than one integrator: the last one counts"))
     for part in document.scene.of("sensor"):
         note_what_lies_beyond(part, document, description)
     media.surround(description)

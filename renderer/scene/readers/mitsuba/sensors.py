@@ -12,6 +12,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.description import Camera, SceneDescription, Vec3
 from renderer.scene.readers.crop_window import Window, cropped
 from renderer.scene.readers.mitsuba.document import Document, Element
+from renderer.sentences import Sentence
 from renderer.settings import MAX_DEPTH, View
 
 __all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond", "vertical_fov"]
@@ -30,7 +31,13 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
     world = source.matrix()
     eye, forward, up = world[:3, 3], world[:3, 2], world[:3, 1]
     if np.linalg.det(world[:3, :3]) < 0:
-        document.ignore(f"{source.what}: its transform mirrors the picture, which is shown unmirrored")
+        document.ignore(
+            Sentence(
+                "transform-mirrors-picture",
+                "{what}: its transform mirrors the picture, which is shown unmirrored",
+                what=source.what,
+            )
+        )
     near = max(source.number("near_clip", 1e-2), 0.0)
     near = 0.0 if near <= 1e-2 else near
     fields: dict[str, Any] = {"eye": _vec(eye), "target": _vec(eye + forward), "up": _vec(up)}
@@ -48,13 +55,13 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         across = float(np.linalg.norm(world[:3, 0]))
         more = {"projection": "orthographic", "height": 2 * across * height / width, "near": near}
     else:
-        document.ignore(f"{source.what} is no camera that is read: it is left out")
+        document.ignore(Sentence("no-camera-read", "{what} is no camera that is read: it is left out", what=source.what))
         return
     try:
         view = View(**cropped(fields | more, (width, height), window))
         description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", view))
     except SettingsError as error:
-        document.ignore(f"{source.what} sees nothing here: {error}")
+        document.ignore(Sentence("sees-nothing", "{what} sees nothing here: {error}", what=source.what, error=error))
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
@@ -67,7 +74,15 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
     else:
         half, axis = _DIAGONAL_MM / 2 / _millimetres(source), "diagonal"
     if axis not in ("x", "y", "diagonal", "larger", "smaller"):
-        raise SceneError(f"{source.file}: {source.what}: its fov_axis is {axis[:40]!r}; it is x, y, diagonal, smaller or larger")
+        raise SceneError(
+            Sentence(
+                "fov-axis",
+                "{file}: {what}: its fov_axis is {axis}; it is x, y, diagonal, smaller or larger",
+                file=source.file,
+                what=source.what,
+                axis=repr(axis[:40]),
+            )
+        )
     if axis == "larger":
         axis = "x" if ratio > 1 else "y"
     elif axis == "smaller":
@@ -87,7 +102,15 @@ def _millimetres(source: Element) -> float:
     except ValueError:
         found = math.nan
     if not (0 < found < math.inf):
-        raise SceneError(f"{source.file}: {source.what}: its focal_length is {written[:40]!r}; write it in millimetres, as 50mm")
+        raise SceneError(
+            Sentence(
+                "focal-length",
+                "{file}: {what}: its focal_length is {written}; write it in millimetres, as 50mm",
+                file=source.file,
+                what=source.what,
+                written=repr(written[:40]),
+            )
+        )
     return found
 
 
@@ -104,9 +127,22 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         width, height = (max(int(film.number(key, size)), 1) for key, size in zip(("width", "height"), _FILM, strict=True))
         window = _window(film, width, height)
         if film.type != "hdrfilm":
-            document.ignore(f"{film.what}: an image of red, green and blue in linear light is rendered")
+            document.ignore(
+                Sentence(
+                    "image-red-green",
+                    "{what}: an image of red, green and blue in linear light is rendered",
+                    what=film.what,
+                )
+            )
         if (pixels := str(film.get("pixel_format", "rgb"))) not in ("rgb", "rgba"):
-            document.ignore(f"{film.what}: its pixel_format {pixels[:40]} is not taken over: red, green and blue are rendered")
+            document.ignore(
+                Sentence(
+                    "pixel-format-not-taken-over",
+                    "{what}: its pixel_format {pixels} is not taken over: red, green and blue are rendered",
+                    what=film.what,
+                    pixels=pixels[:40],
+                )
+            )
     else:
         window = Window(0, 0, width, height)
     if is_first:
@@ -114,19 +150,43 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         if sampler is not None:
             description.defaults["spp"] = max(int(sampler.number("sample_count", 4)), 1)
             if sampler.type not in _SAMPLERS:
-                document.ignore(f"{sampler.what} is not known: the number of samples that it names is taken")
+                document.ignore(
+                    Sentence(
+                        "not-known",
+                        "{what} is not known: the number of samples that it names is taken",
+                        what=sampler.what,
+                    )
+                )
         if named is not None and named.type in _WIDTHS:
             parameter, usual = _WIDTHS[named.type]
             if (width_of := named.number(parameter, usual)) != usual:
-                document.ignore(f"{named.what}: its {parameter} of {width_of:g} is not taken over: it is {usual:g}")
+                document.ignore(
+                    Sentence(
+                        "not-taken-over-5",
+                        "{what}: its {parameter} of {width_of} is not taken over: it is {usual}",
+                        what=named.what,
+                        parameter=parameter,
+                        width_of=f"{width_of:g}",
+                        usual=f"{usual:g}",
+                    )
+                )
         if named is not None and named.type in _FILTERS:
             description.defaults["filter"] = _FILTERS[named.type]
         else:
             description.defaults["filter"] = "tent"  # closer to Mitsuba's Gaussian than Blackman-Harris, which is half as wide
             if named is not None and named.type != "gaussian":
-                document.ignore(f"{named.what}: pixels are filtered by a tent of two pixels")
+                document.ignore(
+                    Sentence(
+                        "pixels-filtered-by-tent-two", "{what}: pixels are filtered by a tent of two pixels", what=named.what
+                    )
+                )
     elif (window.width, window.height) != (description.defaults["width"], description.defaults["height"]):
-        document.ignore("The films of sensors after the first have sizes of their own: pictures have that of the first")
+        document.ignore(
+            Sentence(
+                "films-sensors-after-first-sizes",
+                "The films of sensors after the first have sizes of their own: pictures have that of the first",
+            )
+        )
     return width, height, window
 
 
@@ -135,7 +195,16 @@ def _window(film: Element, width: int, height: int) -> Window:
     x, y = (int(film.number(f"crop_offset_{axis}", 0)) for axis in "xy")
     across, down = int(film.number("crop_width", width)), int(film.number("crop_height", height))
     if not (0 <= x < x + across <= width and 0 <= y < y + down <= height):
-        raise SceneError(f"{film.file}: {film.what}: its crop window lies outside of its {width}x{height} pixels")
+        raise SceneError(
+            Sentence(
+                "crop-window-lies-outside-x",
+                "{file}: {what}: its crop window lies outside of its {width}x{height} pixels",
+                file=film.file,
+                what=film.what,
+                width=width,
+                height=height,
+            )
+        )
     return Window(x, y, across, down)
 
 
@@ -147,12 +216,12 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         add_integrator(inner, document, description)
         return
     if source.flag("hide_emitters", False):
-        document.ignore(f"{source.what}: lights that it hides are seen here")
+        document.ignore(Sentence("lights-hides-seen", "{what}: lights that it hides are seen here", what=source.what))
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
     if source.type not in ("path", "volpath", "volpathmis"):
-        document.ignore(f"{source.what}: rendered by path tracing")
+        document.ignore(Sentence("rendered-by-path-tracing", "{what}: rendered by path tracing", what=source.what))
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
     if depth >= 0:
@@ -170,7 +239,9 @@ def note_what_lies_beyond(source: Element, document: Document, description: Scen
         box = np.array(list(itertools.product(*np.stack([points.min(axis=0), points.max(axis=0)], axis=1))), np.float64)
         corners += list(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
     if corners and ((np.array(corners) - eye) @ forward).max() > far:
-        document.ignore(f"{source.what}: what lies beyond its far_clip is seen here")
+        document.ignore(
+            Sentence("lies-beyond-far-clip-seen", "{what}: what lies beyond its far_clip is seen here", what=source.what)
+        )
 
 
 def _vec(vector: np.ndarray) -> Vec3:

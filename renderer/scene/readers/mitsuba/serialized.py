@@ -12,6 +12,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.origin import exact
+from renderer.sentences import Sentence
 
 __all__ = ["read_serialized"]
 
@@ -22,14 +23,26 @@ _MAX_UNPACKED = 4 << 30
 
 def read_serialized(data: bytes, name: str, index: int) -> Mesh:
     """Returns the mesh with an index. Raises SceneError if the file is damaged or has no such mesh."""
-    damaged = SceneError(f"{name}: is damaged, or no file of meshes of Mitsuba; export it again")
+    damaged = SceneError(
+        Sentence(
+            "damaged-no-file-meshes-mitsuba", "{name}: is damaged, or no file of meshes of Mitsuba; export it again", name=name
+        )
+    )
     try:
         magic, version = struct.unpack_from("<HH", data, 0)
         count = struct.unpack_from("<I", data, len(data) - 4)[0]
         if magic != _MAGIC or version not in (3, 4):
             raise damaged
         if not 0 <= index < count:
-            raise SceneError(f"{name}: has {count} meshes; there is none with the number {index}")
+            raise SceneError(
+                Sentence(
+                    "meshes-none-with-number",
+                    "{name}: has {count} meshes; there is none with the number {index}",
+                    name=name,
+                    count=count,
+                    index=index,
+                )
+            )
         width, form = (8, "<Q") if version == 4 else (4, "<I")
         table = len(data) - 4 - width * count
         if table < 0:

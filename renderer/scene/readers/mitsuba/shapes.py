@@ -18,6 +18,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_by_normals
 from renderer.scene.readers.mitsuba.parametric_shapes import sphere
 from renderer.scene.readers.mitsuba.values import Matrix
+from renderer.sentences import Sentence
 
 __all__ = ["Shapes"]
 
@@ -40,13 +41,20 @@ class Shapes:
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
         """Adds a shape at the transform of its group. Raises SceneError."""
         if depth > _MAX_NESTED:
-            raise SceneError(f"{shape.file}: {shape.what} is nested too deep")
+            raise SceneError(Sentence("nested-too-deep", "{file}: {what} is nested too deep", file=shape.file, what=shape.what))
         shape.take()
         if shape.type == "shapegroup":
             return  # added by its instances
         world = (np.eye(4) if place is None else place) @ shape.matrix()
         if not np.isfinite(world).all():
-            raise SceneError(f"{shape.file}: {shape.what} stands nowhere: its transform has numbers that are not finite")
+            raise SceneError(
+                Sentence(
+                    "stands-nowhere",
+                    "{file}: {what} stands nowhere: its transform has numbers that are not finite",
+                    file=shape.file,
+                    what=shape.what,
+                )
+            )
         if shape.type == "instance":
             for group in shape.of("shape"):
                 group.take()
@@ -62,7 +70,7 @@ class Shapes:
         elif shape.type in CURVES:
             self._curves(shape, world)
         else:
-            self._document.ignore(f"{shape.what} is no shape that is read: it is left out")
+            self._document.ignore(Sentence("no-shape-read", "{what} is no shape that is read: it is left out", what=shape.what))
 
     def _mesh(self, shape: Element, world: Matrix) -> None:
         if id(shape) not in self._meshes:
@@ -89,7 +97,14 @@ class Shapes:
         if attribute and (attribute != "vertex_color" or any(mesh.colors is None for mesh, _ in found)):
             found = meshes_of(shape, self._document, attribute)
             if any(mesh.colors is None for mesh, _ in found):
-                self._document.ignore(f"{shape.what}: its mesh has no attribute {attribute[:60]}: it is rendered in one colour")
+                self._document.ignore(
+                    Sentence(
+                        "mesh-no-attribute",
+                        "{what}: its mesh has no attribute {attribute}: it is rendered in one colour",
+                        what=shape.what,
+                        attribute=attribute[:60],
+                    )
+                )
         for number, (mesh, _) in zip(numbers, found, strict=True):
             mesh.material = number
             mesh.colors = mesh.colors if attribute else None

@@ -17,6 +17,7 @@ from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.turned_sky import seen_upright
 from renderer.scene.sky import image_of_sky, sun_of_sky
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["SKIES", "sky_of"]
 
@@ -30,10 +31,22 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     """Returns the sky of an emitter, black below the horizon, and its sun; None for either that it lacks."""
     world = source.matrix()[:3, :3]
     up = _unit(world @ ((0.0, 1.0, 0.0) if document.is_old else (0.0, 0.0, 1.0)))
-    document.ignore(f"{source.what}: rendered with the sky of Rayfarm, which is another model, as bright as Mitsuba's")
+    document.ignore(
+        Sentence(
+            "rendered-with-sky-rayfarm",
+            "{what}: rendered with the sky of Rayfarm, which is another model, as bright as Mitsuba's",
+            what=source.what,
+        )
+    )
     towards = source.get("sun_direction")
     if towards is None:
-        document.ignore(f"{source.what}: where its sun stands is not told as sun_direction; it stands at 45 degrees")
+        document.ignore(
+            Sentence(
+                "where-sun-stands-not-told",
+                "{what}: where its sun stands is not told as sun_direction; it stands at 45 degrees",
+                what=source.what,
+            )
+        )
         towards = up + _across(up)
     towards = _unit(np.asarray(towards, float))
     elevation = math.degrees(math.asin(min(max(float(towards @ up), -1.0), 1.0)))

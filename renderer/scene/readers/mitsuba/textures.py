@@ -15,6 +15,7 @@ from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, pla
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import unit
 from renderer.scene.textures import UNMOVED, TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Textures", "radiance_of"]
 
@@ -43,7 +44,15 @@ class Textures:
             self.attribute = attribute
             scale = texture.number("scale", 1.0)
             if not 0 <= scale <= 1:
-                self._document.ignore(f"{texture.what}: its scale of {scale:g} is taken as {unit(scale):g}")
+                self._document.ignore(
+                    Sentence(
+                        "scale-taken",
+                        "{what}: its scale of {scale} is taken as {unit}",
+                        what=texture.what,
+                        scale=f"{scale:g}",
+                        unit=f"{unit(scale):g}",
+                    )
+                )
             return (unit(scale),) * 3, None
         number = self.texture(texture, True)
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
@@ -59,7 +68,14 @@ class Textures:
         image = self.texture(texture, False)
         if image is None:
             return default
-        self._document.ignore(f"{name} of {owner.what} varies over the surface: its mean is taken")
+        self._document.ignore(
+            Sentence(
+                "varies-over-surface",
+                "{name} of {what} varies over the surface: its mean is taken",
+                name=name,
+                what=owner.what,
+            )
+        )
         return float(linear(self.shelf.image_of(image)).mean())
 
     def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
@@ -99,13 +115,17 @@ class Textures:
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
         """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
-            self._document.ignore("A texture of metallic lies here as that of roughness does")
+            self._document.ignore(
+                Sentence("texture-metallic-lies-roughness", "A texture of metallic lies here as that of roughness does")
+            )
         return with_roughness_and_metal(self.shelf, roughness, metal)
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
         """Returns a colour texture (white for None) with the brightness of another as alpha."""
         if color is not None and not self._lie_alike(color, opacity):
-            self._document.ignore("A mask lies here as the texture of the colour beneath does")
+            self._document.ignore(
+                Sentence("mask-lies-texture-colour-beneath", "A mask lies here as the texture of the colour beneath does")
+            )
         grey = self._grey(opacity)
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
 
@@ -134,9 +154,11 @@ class Textures:
             image = self.shelf.add(Image(f"checkerboard {len(source.values)} {dark} {light}", pixels, srgb=False))
             return self.shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
-            self._document.ignore(f"{source.what}: its texture is taken without it")
+            self._document.ignore(Sentence("texture-taken-without", "{what}: its texture is taken without it", what=source.what))
             return self.texture(source.children[0], is_color)
-        self._document.ignore(f"{source.what} is not read: its surface is rendered in one colour")
+        self._document.ignore(
+            Sentence("not-read-surface", "{what} is not read: its surface is rendered in one colour", what=source.what)
+        )
         return None
 
     def _bitmap(self, source: Element, is_color: bool, transform: UvTransform) -> int | None:
@@ -148,15 +170,32 @@ class Textures:
         is_raw = source.flag("raw", source.number("gamma", -1.0) == 1.0)  # `gamma` is Mitsuba 0.6's
         if not is_raw and not is_color:
             self._document.ignore(
-                f"{source.what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true"
+                Sentence(
+                    "decoded-colour",
+                    "{what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true",
+                    what=source.what,
+                    name=name,
+                )
             )
         gamma, mode = source.number("gamma", -1.0), str(source.get("wrap_mode", "repeat"))
         if gamma not in (-1.0, 1.0):
             self._document.ignore(
-                f"{source.what}: its gamma of {gamma:g} is not taken over: the picture is decoded as its kind says"
+                Sentence(
+                    "gamma-not-taken-over",
+                    "{what}: its gamma of {gamma} is not taken over: the picture is decoded as its kind says",
+                    what=source.what,
+                    gamma=f"{gamma:g}",
+                )
             )
         if mode not in _WRAPS:
-            self._document.ignore(f"{source.what}: the wrap_mode {mode[:40]!r} is not known: the picture repeats")
+            self._document.ignore(
+                Sentence(
+                    "wrap-mode-not-known",
+                    "{what}: the wrap_mode {mode} is not known: the picture repeats",
+                    what=source.what,
+                    mode=repr(mode[:40]),
+                )
+            )
         wrap = _WRAPS.get(mode, "repeat")
         filter: TexelFilter = "nearest" if source.get("filter_type") == "nearest" else "linear"
         return self.shelf.texture(self.shelf.image_file(name, not is_raw), wrap, wrap, 0, transform, (), filter)
@@ -199,7 +238,9 @@ def constant_of(source: Element) -> Any:
         first, last = (source.number(f"wavelength_{end}", at) for end, at in (("min", 360.0), ("max", 830.0)))
         return Spectrum(list(np.linspace(first, last, len(values))), list(values))
     except ValueError as error:
-        raise SceneError(f"{source.file}: {source.what}: {error}") from None
+        raise SceneError(
+            Sentence("fault-of-object", "{file}: {what}: {fault}", file=source.file, what=source.what, fault=error)
+        ) from None
 
 
 def radiance_of(owner: Element, name: str) -> Vec3:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from renderer.scene.readers.mitsuba.document import Element
+from renderer.sentences import Sentence
 
 __all__ = ["left_over"]
 
@@ -46,7 +47,9 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
         for name in element.values:
             if name not in element.used and name and _counts(element, name):
                 of_type = f" of the type {element.type}" if element.type else ""
-                yield f"{name} of {element.tag}s{of_type} is not taken over"
+                yield Sentence(
+                    "s-not-taken-over", "{name} of {tag}s{of_type} is not taken over", name=name, tag=element.tag, of_type=of_type
+                )
         for child in element.children:
             if child.tag == "volume":
                 continue  # reported by its medium
@@ -55,7 +58,13 @@ def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
                 stack.append(child)
             elif not is_named:
                 owner = f"a {element.tag} ({element.type})" if element.type else f"the {element.tag}"
-                yield f"The {child.tag} ({child.type}) of {owner} is not taken over"
+                yield Sentence(
+                    "not-taken-over-4",
+                    "The {tag} ({type}) of {owner} is not taken over",
+                    tag=child.tag,
+                    type=child.type,
+                    owner=owner,
+                )
 
 
 def _counts(element: Element, name: str) -> bool:

@@ -14,6 +14,7 @@ from renderer.scene.readers.crop_window import Window, cropped
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.spectra import balanced
+from renderer.sentences import Sentence
 from renderer.settings import MAX_DEPTH, MAX_SIZE, MAX_SPP, View
 
 __all__ = [
@@ -47,7 +48,11 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
     found = abs(seconds) * speed / 100
     if not 0 < found < 1e9:
         raise (film or camera).place.wrong(  # type: ignore[union-attr]
-            f"the film sees {found:g} times the light: give an iso above 0, and a shutterclose after shutteropen"
+            Sentence(
+                "film-sees-times-light",
+                "the film sees {found} times the light: give an iso above 0, and a shutterclose after shutteropen",
+                found=f"{found:g}",
+            )
         )
     return found
 
@@ -57,13 +62,23 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
-            raise source.place.wrong(f"{name} is {size}; it is at least 1")
+            raise source.place.wrong(Sentence("least-1", "{name} is {size}; it is at least 1", name=name, size=size))
         description.defaults[key] = min(size, MAX_SIZE)
     if source.type not in ("rgb", "gbuffer"):
-        notes.add(source.place, f"{source}: an image of red, green and blue is rendered")
+        notes.add(
+            source.place,
+            Sentence("image-red", "{source}: an image of red, green and blue is rendered", source=source),
+        )
     sensor = source.text("sensor", "cie1931")
     if sensor != "cie1931":
-        notes.add(source.place, f"The film sees as the CIE's observer, and not as the sensor {sensor[:40]!r}")
+        notes.add(
+            source.place,
+            Sentence(
+                "film-sees-cie-observer",
+                "The film sees as the CIE's observer, and not as the sensor {sensor}",
+                sensor=repr(sensor[:40]),
+            ),
+        )
     source.used.update(_UNSAID)
     return _rendered(source, description.defaults["width"], description.defaults["height"])
 
@@ -79,17 +94,36 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
     elif bounds is None and window is None:
         return Window(0, 0, width, height)
     else:
-        raise source.place.wrong("pixelbounds and cropwindow take four numbers: left, right, top and bottom")
+        raise source.place.wrong(
+            Sentence(
+                "pixelbounds-cropwindow-take-four-numbers",
+                "pixelbounds and cropwindow take four numbers: left, right, top and bottom",
+            )
+        )
     left, right, top, bottom = max(ends[0], 0), min(ends[1], width), max(ends[2], 0), min(ends[3], height)
     if not (left < right and top < bottom):
-        raise source.place.wrong(f"no pixel of the film of {width}x{height} lies within its pixelbounds or cropwindow")
+        raise source.place.wrong(
+            Sentence(
+                "no-pixel-film-x-lies",
+                "no pixel of the film of {width}x{height} lies within its pixelbounds or cropwindow",
+                width=width,
+                height=height,
+            )
+        )
     return Window(left, top, right - left, bottom - top)
 
 
 def set_sampler(source: Parameters, description: SceneDescription, notes: Notes) -> None:
     """Sets the samples per pixel."""
     if source.type not in _SAMPLERS:
-        notes.add(source.place, f"{source} is no sampler of pbrt's: the number of samples that it names is taken")
+        notes.add(
+            source.place,
+            Sentence(
+                "no-sampler-pbrt",
+                "{source} is no sampler of pbrt's: the number of samples that it names is taken",
+                source=source,
+            ),
+        )
     count = source.integer("pixelsamples", 16)
     if source.type == "stratified":
         count = source.integer("xsamples", 4) * source.integer("ysamples", 4)
@@ -103,8 +137,20 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
     if film is None or not kelvin > 0:
         return None
     if not 1000 <= kelvin <= 1e5:
-        raise film.place.wrong(f"whitebalance is {kelvin:g} kelvins; give a temperature from 1000 to 100000")
-    notes.add(film.place, "whitebalance is that of the lights here: strongly coloured surfaces come out a little otherwise")
+        raise film.place.wrong(
+            Sentence(
+                "whitebalance-kelvins",
+                "whitebalance is {kelvin} kelvins; give a temperature from 1000 to 100000",
+                kelvin=f"{kelvin:g}",
+            )
+        )
+    notes.add(
+        film.place,
+        Sentence(
+            "whitebalance-lights",
+            "whitebalance is that of the lights here: strongly coloured surfaces come out a little otherwise",
+        ),
+    )
     return balanced(kelvin, film.space)
 
 
@@ -112,11 +158,25 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
     """Sets the pixel filter."""
     description.defaults["filter"] = _FILTERS.get(source.type, FILTER)
     if source.type not in _FILTERS:
-        notes.add(source.place, f"{source}: pixels are filtered by a tent of two pixels")
+        notes.add(
+            source.place,
+            Sentence(
+                "pixels-filtered-by-tent-two-pixels", "{source}: pixels are filtered by a tent of two pixels", source=source
+            ),
+        )
     elif source.type == "triangle":
         radii = [source.number(f"{axis}radius", 2.0) for axis in "xy"]
         if radii != [1.0, 1.0]:
-            notes.add(source.place, f"{source} is two pixels wide here, and not {2 * radii[0]:g} by {2 * radii[1]:g}")
+            notes.add(
+                source.place,
+                Sentence(
+                    "two-pixels-wide",
+                    "{source} is two pixels wide here, and not {value} by {value2}",
+                    source=source,
+                    value=f"{2 * radii[0]:g}",
+                    value2=f"{2 * radii[1]:g}",
+                ),
+            )
     source.used.add("")  # so that its parameters are reported as unused
 
 
@@ -130,9 +190,14 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
         source.used.add("cossample")
         return
     if source.type not in ("path", "volpath", "simplepath", "simplevolpath", "randomwalk"):
-        notes.add(source.place, f"{source}: rendered by path tracing")
+        notes.add(source.place, Sentence("rendered-by-path-tracing-2", "{source}: rendered by path tracing", source=source))
     if source.flag("regularize", False):
-        notes.add(source.place, "regularize of the integrator is not taken over: nothing is made rougher")
+        notes.add(
+            source.place,
+            Sentence(
+                "regularize-integrator-not-taken-over", "regularize of the integrator is not taken over: nothing is made rougher"
+            ),
+        )
     description.defaults["max_depth"] = min(max(source.integer("maxdepth", 5) + 1, 1), MAX_DEPTH)
     description.defaults["transmission_depth"] = 0  # pbrt counts every bounce
     source.used.update(source.values)
@@ -153,17 +218,32 @@ def add_camera(
     if source.type == "orthographic":
         tall = (high - low) * float(np.linalg.norm(up))
         if source.number("lensradius", 0.0) > 0:
-            notes.add(source.place, "An orthographic camera is sharp everywhere here")
+            notes.add(
+                source.place, Sentence("orthographic-camera-sharp-everywhere", "An orthographic camera is sharp everywhere here")
+            )
         source.used.add("focaldistance")
         fields |= {"projection": "orthographic", "height": tall, **shift}
     elif source.type == "spherical":
         if source.text("mapping", "equalarea") != "equirectangular":
-            notes.add(source.place, "A spherical camera's picture is equirectangular here, and not of equal area")
+            notes.add(
+                source.place,
+                Sentence(
+                    "spherical-camera-picture-equirectangular",
+                    "A spherical camera's picture is equirectangular here, and not of equal area",
+                ),
+            )
         fields |= {"projection": "panorama", "target": _vec(eye - _unit(right))}
     else:
         fov = source.number("fov", 90.0)
         if source.type != "perspective":
-            notes.add(source.place, f"{source} is rendered as a perspective camera of 40 degrees; its lenses are not followed")
+            notes.add(
+                source.place,
+                Sentence(
+                    "rendered-perspective-camera-40-degrees",
+                    "{source} is rendered as a perspective camera of 40 degrees; its lenses are not followed",
+                    source=source,
+                ),
+            )
             source.used.update(source.values)
             fov = 40.0
         half = math.tan(math.radians(min(max(fov, 1e-3), 179.0)) / 2) * (high - low) / 2
@@ -175,30 +255,51 @@ def add_camera(
             fields |= {"aperture": lens, "focus": focus}
     if rendered is not None and rendered != (0, 0, width, height):
         if source.type == "spherical":
-            notes.add(source.place, "A spherical camera's picture is rendered as a whole, without the window of its film")
+            notes.add(
+                source.place,
+                Sentence(
+                    "spherical-camera-picture-rendered-whole",
+                    "A spherical camera's picture is rendered as a whole, without the window of its film",
+                ),
+            )
         else:
             description.defaults["width"], description.defaults["height"] = rendered.width, rendered.height
             fields = cropped(fields, (width, height), rendered)
     try:
         description.cameras.append(Camera(source.type, View(**fields)))
     except SettingsError as error:
-        notes.add(source.place, f"{source} sees nothing here: {error}")
+        notes.add(source.place, Sentence("sees-nothing-2", "{source} sees nothing here: {error}", source=source, error=error))
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
     """Returns the screen window as left, right, bottom, top."""
     frame = source.number("frameaspectratio", ratio)
     if not frame > 0:
-        raise source.place.wrong(f"frameaspectratio of {source} is {frame:g}; it is above 0")
+        raise source.place.wrong(
+            Sentence(
+                "frameaspectratio-above-0",
+                "frameaspectratio of {source} is {frame}; it is above 0",
+                source=source,
+                frame=f"{frame:g}",
+            )
+        )
     window = (-frame, frame, -1.0, 1.0) if frame > 1 else (-1.0, 1.0, -1 / frame, 1 / frame)
     said = source.numbers("screenwindow", "float")
     if said is not None:
         if len(said) != 4 or not said[0] < said[1] or not said[2] < said[3]:
-            raise source.place.wrong("screenwindow takes four numbers: left, right, low and high")
+            raise source.place.wrong(
+                Sentence("screenwindow-takes-four-numbers", "screenwindow takes four numbers: left, right, low and high")
+            )
         window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))
     left, right, low, high = window
     if abs((right - left) / (high - low) / ratio - 1) > 1e-3:
-        notes.add(source.place, "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here")
+        notes.add(
+            source.place,
+            Sentence(
+                "picture-shape-not-screenwindow-frameaspectratio",
+                "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here",
+            ),
+        )
     return window
 
 

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.strands import Strand, line_of
+from renderer.sentences import Sentence
 
 __all__ = ["strand_of"]
 
@@ -20,13 +21,22 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
     if kind != "cylinder":
-        notes.add(source.place, f"curves of the type {kind[:20]} are tubes as wide")
+        notes.add(source.place, Sentence("curves-type-tubes-wide", "curves of the type {kind} are tubes as wide", kind=kind[:20]))
     source.used.update(("N", "splitdepth"))
     if basis not in ("bezier", "bspline") or degree not in (2, 3):
-        raise source.place.wrong("a curve is of the basis bezier or bspline, and of the degree 2 or 3")
+        raise source.place.wrong(
+            Sentence("curve-basis-bezier-bspline", "a curve is of the basis bezier or bspline, and of the degree 2 or 3")
+        )
     least = degree + 1
     if points is None or len(points) < least or (basis == "bezier" and (len(points) - 1) % degree):
-        raise source.place.wrong(f"a curve of degree {degree} takes {least} points, and for a bezier {degree} more for each part")
+        raise source.place.wrong(
+            Sentence(
+                "curve-degree-takes-points",
+                "a curve of degree {degree} takes {least} points, and for a bezier {degree} more for each part",
+                degree=degree,
+                least=least,
+            )
+        )
     width = source.number("width", 1.0)
     wide = np.array([source.number("width0", width), source.number("width1", width)])
     if degree == 2:

@@ -25,6 +25,7 @@ from renderer.scene.readers.pbrt.spectra import SPACES, Colors
 from renderer.scene.readers.pbrt.statements import MAX_DEPTH, Statement, Statements
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.pbrt.transforms import Ctm
+from renderer.sentences import Sentence
 
 __all__ = ["Graphics"]
 
@@ -80,7 +81,11 @@ class Graphics:
             do = self._do.get(statement.directive)
             if do is None:
                 raise statement.place.wrong(
-                    f"{statement.directive[:40]!r} is no directive of pbrt-v4; an older scene becomes one by `pbrt --upgrade`"
+                    Sentence(
+                        "no-directive-pbrt-v4",
+                        "{directive} is no directive of pbrt-v4; an older scene becomes one by `pbrt --upgrade`",
+                        directive=repr(statement.directive[:40]),
+                    )
                 )
             do(statement)
 
@@ -88,10 +93,12 @@ class Graphics:
         """Ends the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
             raise Place(PurePosixPath(main).name, 1).wrong(
-                "has no WorldBegin: nothing is in its world; give the scene's main file"
+                Sentence("no-worldbegin", "has no WorldBegin: nothing is in its world; give the scene's main file")
             )
         if self._saved:
-            raise Place(PurePosixPath(main).name, 1).wrong(f"{self._saved[-1][0]} has no end to it; close it")
+            raise Place(PurePosixPath(main).name, 1).wrong(
+                Sentence("no-end", "{saved} has no end to it; close it", saved=self._saved[-1][0])
+            )
         self._shapes.flush()
         place = self._camera[0].place if self._camera is not None else Place(PurePosixPath(main).name, 1)
         self._media.surround(self._description, self._camera_medium, place)
@@ -105,9 +112,21 @@ class Graphics:
         wanted = self._name(statement)
         found = self._files.find(wanted, statement.place.file)
         if found is None:
-            raise statement.place.wrong(f"includes {PurePosixPath(wanted).name[:120]!r}, which is not among the files; add it")
+            raise statement.place.wrong(
+                Sentence(
+                    "includes-not-among-files",
+                    "includes {name}, which is not among the files; add it",
+                    name=repr(PurePosixPath(wanted).name[:120]),
+                )
+            )
         if self._depth >= MAX_DEPTH:
-            raise statement.place.wrong(f"files include each other {MAX_DEPTH} deep; take one out of the circle")
+            raise statement.place.wrong(
+                Sentence(
+                    "files-include-each-other-deep",
+                    "files include each other {max_depth} deep; take one out of the circle",
+                    max_depth=MAX_DEPTH,
+                )
+            )
         self._depth += 1
         self.run(found)
         self._depth -= 1
@@ -123,7 +142,15 @@ class Graphics:
         found = [each for each in statement.arguments if isinstance(each, np.ndarray)]
         numbers = np.concatenate(found) if found else np.zeros(0)
         if len(found) != len(statement.arguments) or len(numbers) != count:
-            raise statement.place.wrong(f"{statement.directive} takes {count} number{'s' if count > 1 else ''}")
+            raise statement.place.wrong(
+                Sentence(
+                    "takes-number",
+                    "{directive} takes {count} number{value}",
+                    directive=statement.directive,
+                    count=count,
+                    value="s" if count > 1 else "",
+                )
+            )
         return numbers
 
     def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
@@ -164,7 +191,13 @@ class Graphics:
     def _on_coord_sys_transform(self, statement: Statement) -> None:
         name = self._name(statement)
         if name not in self._named:
-            raise statement.place.wrong(f"there is no coordinate system {name[:60]!r}; CoordinateSystem names one before")
+            raise statement.place.wrong(
+                Sentence(
+                    "no-coordinate-system",
+                    "there is no coordinate system {name}; CoordinateSystem names one before",
+                    name=repr(name[:60]),
+                )
+            )
         self._state.ctm = self._named[name]
 
     def _on_active_transform(self, statement: Statement) -> None:
@@ -182,19 +215,31 @@ class Graphics:
     def _on_transform_times(self, statement: Statement) -> None:
         start, end = (float(v) for v in self._numbers(statement, 2))
         if not start < end:
-            raise statement.place.wrong("TransformTimes takes a time and a later one")
+            raise statement.place.wrong(
+                Sentence("transformtimes-takes-time-later-one", "TransformTimes takes a time and a later one")
+            )
         self._times = start, end
 
     # Blocks
 
     def _save(self, statement: Statement) -> None:
         if len(self._saved) >= _MOST_STATES:
-            raise statement.place.wrong(f"blocks are nested more than {_MOST_STATES} deep; close some")
+            raise statement.place.wrong(
+                Sentence(
+                    "blocks-nested-more-than-deep",
+                    "blocks are nested more than {most_states} deep; close some",
+                    most_states=_MOST_STATES,
+                )
+            )
         self._saved.append((statement.directive, replace(self._state)))
 
     def _restore(self, statement: Statement, opened: str) -> _State:
         if not self._saved or self._saved[-1][0] != opened:
-            raise statement.place.wrong(f"{statement.directive} has no {opened} that it could end")
+            raise statement.place.wrong(
+                Sentence(
+                    "no-could-end", "{directive} has no {opened} that it could end", directive=statement.directive, opened=opened
+                )
+            )
         return self._saved.pop()[1]
 
     def _on_attribute_begin(self, statement: Statement) -> None:
@@ -213,7 +258,9 @@ class Graphics:
     def _on_object_begin(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong("an object cannot stand in another; end the first one before")
+            raise statement.place.wrong(
+                Sentence("object-cannot-stand-another", "an object cannot stand in another; end the first one before")
+            )
         self._save(statement)
         shapes.begin(self._name(statement))
 
@@ -224,13 +271,22 @@ class Graphics:
     def _on_object_instance(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong("an object cannot be shown within another")
+            raise statement.place.wrong(
+                Sentence("object-cannot-shown-within-another", "an object cannot be shown within another")
+            )
         shapes.instance(self._name(statement), self._state.ctm, statement.place)
 
     def _on_attribute(self, statement: Statement) -> None:
         (target,), found = Parameters.of("Attribute", statement, 1, self._state.space)
         if target not in _ATTRIBUTES:
-            raise statement.place.wrong(f"Attribute speaks of {', '.join(_ATTRIBUTES)}, and not of {target[:40]!r}")
+            raise statement.place.wrong(
+                Sentence(
+                    "attribute-speaks",
+                    "Attribute speaks of {attributes}, and not of {target}",
+                    attributes=[*_ATTRIBUTES],
+                    target=repr(target[:40]),
+                )
+            )
         known = dict(self._state.attributes)
         known[target] = known.get(target, {}) | {name: (each, found.used) for name, each in found.values.items()}
         self._state.attributes = known
@@ -242,7 +298,14 @@ class Graphics:
     def _on_color_space(self, statement: Statement) -> None:
         name = self._name(statement).lower()
         if name not in SPACES:
-            raise statement.place.wrong(f"{name[:40]!r} is no colour space of pbrt's; they are {', '.join(SPACES)}")
+            raise statement.place.wrong(
+                Sentence(
+                    "no-colour-space-pbrt",
+                    "{name} is no colour space of pbrt's; they are {spaces}",
+                    name=repr(name[:40]),
+                    spaces=[*SPACES],
+                )
+            )
         self._state.space = name
 
     # Before the world
@@ -274,7 +337,7 @@ class Graphics:
 
     def _on_world_begin(self, statement: Statement) -> None:
         if self._shapes is not None:
-            raise statement.place.wrong("the world has begun before; take this WorldBegin out")
+            raise statement.place.wrong(Sentence("world-begun-before", "the world has begun before; take this WorldBegin out"))
         description = self._description
         source = self._camera[0] if self._camera else None
         self._lights.exposure = cameras.exposure_of(source, self._film)
@@ -315,22 +378,46 @@ class Graphics:
         found.defaults = self._state.attributes.get("material", {})
         self._all.append((found, len(found.used)))
         if name in self._materials.named:
-            self._notes.add(statement.place, f"The material {name[:60]!r} is made again: what follows has the later one")
+            self._notes.add(
+                statement.place,
+                Sentence(
+                    "material-made-again",
+                    "The material {name} is made again: what follows has the later one",
+                    name=repr(name[:60]),
+                ),
+            )
         self._materials.named[name] = found
 
     def _on_named_material(self, statement: Statement) -> None:
         name = self._name(statement)
         if name not in self._materials.named:
-            raise statement.place.wrong(f"there is no material {name[:60]!r}; MakeNamedMaterial names one before it is used")
+            raise statement.place.wrong(
+                Sentence(
+                    "no-material",
+                    "there is no material {name}; MakeNamedMaterial names one before it is used",
+                    name=repr(name[:60]),
+                )
+            )
         self._state.material = self._materials.named[name]
 
     def _on_texture(self, statement: Statement) -> None:
         (name, kind, _), found = Parameters.of("texture", statement, 3, self._state.space)
         if kind not in ("float", "spectrum", "color"):
-            raise statement.place.wrong(f"a texture is of floats or of spectra, and not of {kind[:40]!r}")
+            raise statement.place.wrong(
+                Sentence(
+                    "texture-floats-spectra", "a texture is of floats or of spectra, and not of {kind}", kind=repr(kind[:40])
+                )
+            )
         found.defaults = self._state.attributes.get("texture", {})
         if ("float" if kind == "float" else "spectrum", name) in self._textures.named:
-            self._notes.add(statement.place, f"The texture {name[:60]!r} is made again: what follows has the later one")
+            self._notes.add(
+                statement.place,
+                Sentence(
+                    "texture-made-again",
+                    "The texture {name} is made again: what follows has the later one",
+                    name=repr(name[:60]),
+                ),
+            )
         self._textures.define(name, kind, found, self._state.ctm[0])
         self._all.append((found, len(found.used)))
 
@@ -339,7 +426,7 @@ class Graphics:
         source = self._parameters(statement, "light")
         ctm = self._state.ctm
         if ctm[0] is not ctm[1]:
-            self._notes.add(statement.place, "A light that moves stands still, as in pbrt")
+            self._notes.add(statement.place, Sentence("light-moves-stands-still", "A light that moves stands still, as in pbrt"))
         self._lights.add(source, product(self._outer, ctm[0]))
         source.say_unused(self._notes)
 
@@ -363,21 +450,34 @@ class Graphics:
     def _on_medium_interface(self, statement: Statement) -> None:
         names = [each for each in statement.arguments if isinstance(each, str)]
         if len(names) != len(statement.arguments) or not 1 <= len(names) <= 2:
-            raise statement.place.wrong("MediumInterface takes the names of one medium or two in quotes: inside and outside")
+            raise statement.place.wrong(
+                Sentence(
+                    "mediuminterface-takes-names-one-medium",
+                    "MediumInterface takes the names of one medium or two in quotes: inside and outside",
+                )
+            )
         self._state.medium = names[0], names[-1]
 
     # Helpers
 
     def _in_world(self, statement: Statement) -> Shapes:
         if self._shapes is None:
-            raise statement.place.wrong(f"{statement.directive} stands before WorldBegin; put it behind that")
+            raise statement.place.wrong(
+                Sentence(
+                    "stands-before-worldbegin",
+                    "{directive} stands before WorldBegin; put it behind that",
+                    directive=statement.directive,
+                )
+            )
         return self._shapes
 
     def _name(self, statement: Statement) -> str:
         first = statement.arguments[0] if statement.arguments else ""
         name = first if isinstance(first, str) else first[0] if isinstance(first, tuple) and first else ""
         if not isinstance(name, str) or not name:
-            raise statement.place.wrong(f"{statement.directive} takes a name in quotes")
+            raise statement.place.wrong(
+                Sentence("takes-name-quotes", "{directive} takes a name in quotes", directive=statement.directive)
+            )
         return name
 
     def _parameters(self, statement: Statement, what: str) -> Parameters:

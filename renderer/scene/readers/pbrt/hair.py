@@ -9,13 +9,20 @@ from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures, Varying
+from renderer.sentences import Sentence
 
 __all__ = ["hair"]
 
 
 def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
     """Returns the material of a `hair`."""
-    notes.add(source.place, "hair is rendered as a glossy surface in its colour: light does not go through its fibres")
+    notes.add(
+        source.place,
+        Sentence(
+            "hair-rendered-glossy-surface-colour",
+            "hair is rendered as a glossy surface in its colour: light does not go through its fibres",
+        ),
+    )
     along, around = (textures.one_number(source, name, 0.3) for name in ("beta_m", "beta_n"))
     source.used.update(("alpha", "sigma_a", "color", "reflectance", "eumelanin", "pheomelanin"))
     color = _color(source, textures, around)

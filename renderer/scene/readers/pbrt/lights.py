@@ -20,6 +20,7 @@ from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.projected_lights import goniometric, projected_power, projection
 from renderer.scene.readers.pbrt.spectra import luminance
 from renderer.scene.readers.pbrt.textures import Textures
+from renderer.sentences import Sentence
 
 __all__ = ["Lights"]
 
@@ -40,7 +41,13 @@ class Lights:
         """Adds a light. world: (4, 4) from light space."""
         place = source.place
         if len(self._description.lights) >= _MOST_LIGHTS:
-            raise place.wrong(f"there are more than {_MOST_LIGHTS} lights; leave some out")
+            raise place.wrong(
+                Sentence(
+                    "more-than-lights",
+                    "there are more than {most_lights} lights; leave some out",
+                    most_lights=_MOST_LIGHTS,
+                )
+            )
         if source.type == "infinite":
             self._infinite(source, world)
         elif source.type == "distant":
@@ -62,12 +69,17 @@ class Lights:
             self._spot(source, world)
         else:
             source.used.update(source.values)
-            self._notes.add(place, f"{source} is no light that is read: it is left out")
+            self._notes.add(
+                place, Sentence("no-light-read-left", "{source} is no light that is read: it is left out", source=source)
+            )
 
     def shines(self, source: Parameters, areas: np.ndarray) -> Emission:
         """Returns the emission of a surface. areas: (n,) of the parts that pbrt treats as lights, to convert a power."""
         if source.type != "diffuse":
-            self._notes.add(source.place, f"{source} is no light that is read: its surface does not shine")
+            self._notes.add(
+                source.place,
+                Sentence("no-light-read-surface", "{source} is no light that is read: its surface does not shine", source=source),
+            )
             return Emission()
         both = source.flag("twosided", False)
         factor = source.number("scale", 1.0)
@@ -83,7 +95,11 @@ class Lights:
                 return Emission()
             if len(areas) > 1 and areas.max() > 1.01 * areas.min():
                 self._notes.add(
-                    source.place, "A light of a power has it for each of its triangles; they shine evenly here, with as much"
+                    source.place,
+                    Sentence(
+                        "light-power-for-each-triangles",
+                        "A light of a power has it for each of its triangles; they shine evenly here, with as much",
+                    ),
                 )
             factor *= power * len(areas) / (math.pi * spread * (2 if both else 1) * max(mean, 1e-9))
         rgb = self._times(self._color(source, "L"), factor)
@@ -121,12 +137,21 @@ class Lights:
         if name is None and source.text("filename"):
             self._textures.shelf.missing(source.text("filename"), str(source.place))
         if image is None and is_projection:
-            self._notes.add(source.place, "A projection light without a picture is left out")
+            self._notes.add(
+                source.place,
+                Sentence("projection-light-without-picture-left", "A projection light without a picture is left out"),
+            )
             return
         scale, power, fov = source.number("scale", 1.0), source.number("power", -1.0), source.number("fov", 90.0)
         pixels = np.ones((1, 1, 3), np.float32) if image is None else np.maximum(linear(self._description.images[image]), 0)
         if not is_projection and pixels.shape[0] != pixels.shape[1]:
-            self._notes.add(source.place, "The picture of a goniometric light is not square, as pbrt's are: it shines evenly")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "picture-goniometric-light-not-square",
+                    "The picture of a goniometric light is not square, as pbrt's are: it shines evenly",
+                ),
+            )
             pixels = np.full((1, 1, 3), pixels.mean(), np.float32)
         if power > 0:
             whole = projected_power(pixels, fov) if is_projection else 4 * math.pi * float(pixels.mean())
@@ -167,7 +192,13 @@ class Lights:
 
     def _infinite(self, source: Parameters, world: Matrix) -> None:
         if source.numbers("portal", "point3", "point") is not None:
-            self._notes.add(source.place, "The portal of an infinite light is not taken over: it shines from everywhere")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "portal-infinite-light-not-taken",
+                    "The portal of an infinite light is not taken over: it shines from everywhere",
+                ),
+            )
         scale, illuminance = source.number("scale", 1.0), source.number("illuminance", -1.0)
         if not source.text("filename"):
             factor = scale * (illuminance / math.pi if illuminance > 0 else 1.0)
@@ -185,7 +216,10 @@ class Lights:
         if pixels.shape[0] != pixels.shape[1]:
             self._notes.add(
                 source.place,
-                "The picture of an infinite light is not square, as pbrt's are: it is taken as equirectangular, +Z up",
+                Sentence(
+                    "picture-infinite-light-not-square",
+                    "The picture of an infinite light is not square, as pbrt's are: it is taken as equirectangular, +Z up",
+                ),
             )
             pixels = _square(pixels)
         if illuminance > 0:
@@ -205,7 +239,12 @@ class Lights:
             return
         images = [each.image for each in (first, environment)]
         if None not in images:
-            self._notes.add(source.place, "A scene has one picture of light from all around: this one is left out")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "scene-one-picture-light-from", "A scene has one picture of light from all around: this one is left out"
+                ),
+            )
             return
         if images == [None, None]:
             r, g, b = (a + c for a, c in zip(first.color, environment.color, strict=True))

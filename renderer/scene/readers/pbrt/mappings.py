@@ -15,6 +15,7 @@ import numpy.typing as npt
 from renderer.scene.description import Mesh, UvTransform, Vec3
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.sentences import Sentence
 
 __all__ = ["UPRIGHT", "Mapping", "mapped", "mapping_of"]
 
@@ -58,7 +59,14 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
     if kind == "uv":
         return None
     if kind not in ("planar", "spherical", "cylindrical"):
-        raise source.place.wrong(f"{source} has the mapping {kind[:30]!r}; there are uv, planar, spherical and cylindrical")
+        raise source.place.wrong(
+            Sentence(
+                "mapping-uv",
+                "{source} has the mapping {kind}; there are uv, planar, spherical and cylindrical",
+                source=source,
+                kind=repr(kind[:30]),
+            )
+        )
     of_world = tuple(tuple(float(v) for v in row) for row in np.linalg.pinv(ctm))
     if kind != "planar":
         return Mapping(kind, of_world)

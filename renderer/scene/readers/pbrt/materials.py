@@ -26,6 +26,7 @@ from renderer.scene.readers.pbrt.media import Interface, Media, subsurface
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures, Varying
+from renderer.sentences import Sentence
 
 __all__ = ["Emission", "Materials", "is_nothing"]
 
@@ -105,7 +106,14 @@ class Materials:
             if ways:
                 self.mappings[self._numbers[key]] = ways[0]
             if source is not None and len(set(ways)) > 1:
-                self._notes.add(source.place, f"The textures of {source} lie on things in several ways: all lie as the first")
+                self._notes.add(
+                    source.place,
+                    Sentence(
+                        "textures-lie-things-several-ways",
+                        "The textures of {source} lie on things in several ways: all lie as the first",
+                        source=source,
+                    ),
+                )
         return self._numbers[key]
 
     def of(self, source: Parameters, depth: int) -> Material:
@@ -120,7 +128,11 @@ class Materials:
 
     def _make(self, source: Parameters, depth: int) -> Material:
         if depth > _MAX_NESTED:
-            raise source.place.wrong(f"{source} is made of materials that are nested too deep")
+            raise source.place.wrong(
+                Sentence(
+                    "made-materials-nested-too-deep", "{source} is made of materials that are nested too deep", source=source
+                )
+            )
         make = {
             "diffuse": self._diffuse,
             "coateddiffuse": self._coated,
@@ -222,7 +234,10 @@ class Materials:
         coat = self._rough(source, "interface.")
         self._notes.add(
             source.place,
-            "coatedconductor is rendered as a metal under a clear coat of index 1.5, with what bounces between them head on",
+            Sentence(
+                "coatedconductor-rendered-metal-under-clear",
+                "coatedconductor is rendered as a metal under a clear coat of index 1.5, with what bounces between them head on",
+            ),
         )
         metal = self._rough(source, "conductor.")
         clear = float(coat.get("roughness", 0.0))
@@ -233,9 +248,16 @@ class Materials:
     def _glass(self, source: Parameters) -> Material:
         ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
-            raise source.place.wrong(f"{source} has the index {ior:g}; it is above 0")
+            raise source.place.wrong(
+                Sentence("index-above-0", "{source} has the index {ior}; it is above 0", source=source, ior=f"{ior:g}")
+            )
         if ior < 1:
-            self._notes.add(source.place, f"{source}: an index below 1 is rendered as its inverse")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "index-below-1-rendered-inverse", "{source}: an index below 1 is rendered as its inverse", source=source
+                ),
+            )
         thin = source.type == "thindielectric"
         rough = {} if thin else self._rough(source, "", brushes=False)
         return Material(
@@ -284,13 +306,20 @@ class Materials:
             missing = [name for name, part in zip(names, parts, strict=True) if part is None]
             raise source.place.wrong(
                 f"{source} takes the names of two materials that stand before"
-                + (f"; there is no {missing[0][:60]!r}" if missing else "")
+                + (Sentence("no", "; there is no {missing}", missing=repr(missing[0][:60])) if missing else "")
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
         first, second = (self.of(part, depth + 1) for part in parts if part is not None)
         made = mixed(first, second, amount)
         if made is None:
-            self._notes.add(source.place, f"{source} mixes what ours cannot as one: the one that counts for more is rendered")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "mixes-ours-cannot-one-one",
+                    "{source} mixes what ours cannot as one: the one that counts for more is rendered",
+                    source=source,
+                ),
+            )
             return second if amount > 0.5 else first
         return made
 
@@ -298,7 +327,10 @@ class Materials:
         """Returns a substitute for materials that are not supported."""
         if is_nothing(source):
             return Material(kind="interface")
-        self._notes.add(source.place, f"{source} is not read: rendered as a grey matt surface")
+        self._notes.add(
+            source.place,
+            Sentence("not-read-rendered-grey", "{source} is not read: rendered as a grey matt surface", source=source),
+        )
         source.used.update(source.values)
         return Material(base_color=_HALF)
 
@@ -324,7 +356,12 @@ class Materials:
             albedo is not None
             and (albedo.type == "texture" or self._textures.mean(self._textures.color(source, "albedo", _NO_LIGHT)) != _NO_LIGHT)
         ):
-            self._notes.add(source.place, f"{source}: what scatters within its coat is not taken over")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "scatters-within-coat-not-taken", "{source}: what scatters within its coat is not taken over", source=source
+                ),
+            )
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
         """Returns roughness and anisotropy as material fields."""
@@ -349,7 +386,9 @@ class Materials:
         rough = [_ours(self._textures.one_number(source, each, 0.0), power) for each in (u, v)]
         along, across = (value**2 for value in rough)
         if not brushes and along != across:
-            self._notes.add(source.place, f"{source} is as rough in both directions here")
+            self._notes.add(
+                source.place, Sentence("rough-both-directions", "{source} is as rough in both directions here", source=source)
+            )
             return {
                 "roughness": math.sqrt(math.sqrt(along * across)) if along * across > 0 else math.sqrt(max(along, across) / 2)
             }
@@ -362,7 +401,13 @@ class Materials:
         texture = self._textures.with_alpha(made.base_color_texture, alpha)
         if texture is None:
             if source is not None:
-                self._notes.add(source.place, "Holes of another place than the colour's are not cut: their mean is taken")
+                self._notes.add(
+                    source.place,
+                    Sentence(
+                        "holes-another-place-than-colour",
+                        "Holes of another place than the colour's are not cut: their mean is taken",
+                    ),
+                )
             return replace(made, opacity=min(max(self._textures.mean(alpha)[0], 0.0), 1.0), alpha_mode="blend")
         return replace(made, base_color_texture=texture, alpha_mode="blend")
 

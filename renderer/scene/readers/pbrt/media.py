@@ -16,6 +16,7 @@ from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures
 from renderer.scene.readers.scattering import filled_with, medium, seen_through_a_boundary, within
 from renderer.scene.readers.substances import SUBSTANCES
+from renderer.sentences import Sentence
 
 __all__ = ["NOTHING", "Interface", "Media", "subsurface"]
 
@@ -39,7 +40,10 @@ class Media:
         """Defines a medium by name."""
         kind = source.type
         if name in self._named:
-            self._notes.add(source.place, f"The medium {name[:60]!r} is made again: the later one counts")
+            self._notes.add(
+                source.place,
+                Sentence("medium-made-again", "The medium {name} is made again: the later one counts", name=repr(name[:60])),
+            )
         if kind == "homogeneous":
             self._named[name] = self._homogeneous(source)
             return
@@ -47,13 +51,24 @@ class Media:
         self._named[name] = NOTHING
         self._notes.add(
             source.place,
-            f"The medium {name[:60]!r} is not the same everywhere ({kind[:40]}): it is left out, as if it were clear",
+            Sentence(
+                "medium-not-same-everywhere",
+                "The medium {name} is not the same everywhere ({kind}): it is left out, as if it were clear",
+                name=repr(name[:60]),
+                kind=kind[:40],
+            ),
         )
 
     def find(self, name: str, place: Place) -> Medium:
         """Returns a medium by name. Raises SceneError if it is undefined."""
         if name not in self._named:
-            raise place.wrong(f"there is no medium {name[:60]!r}; MakeNamedMedium names one before it is used")
+            raise place.wrong(
+                Sentence(
+                    "no-medium",
+                    "there is no medium {name}; MakeNamedMedium names one before it is used",
+                    name=repr(name[:60]),
+                )
+            )
         return self._named[name]
 
     def bounds(self, between: Interface, place: Place) -> bool:
@@ -77,31 +92,49 @@ class Media:
         if lets_through and not made.thin:
             return replace(made, **filled_with(found))
         if found != NOTHING and lets_through:
-            self._notes.add(place, f"{source} is thin: no medium fills it")
+            self._notes.add(place, Sentence("thin-no-medium-fills", "{source} is thin: no medium fills it", source=source))
         return made
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
         """Sets the world's medium if the camera is in one. Call it after all shapes are added."""
         fill_world(description, self.find(camera, place))
         if self._unsaid and any(each != NOTHING for each in self._named.values()):
-            self._notes.add(place, "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it")
+            self._notes.add(
+                place,
+                Sentence(
+                    "glass-without-mediuminterface-clear-inside",
+                    "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it",
+                ),
+            )
         for name, where in self._outside.items():
             if name not in self._inside and name != camera and self._named[name] != NOTHING:
                 self._notes.add(
-                    where, f"The medium {name[:60]!r} is said to be around a shape, but fills none: what is around is not changed"
+                    where,
+                    Sentence(
+                        "medium-said-around-shape",
+                        "The medium {name} is said to be around a shape, but fills none: what is around is not changed",
+                        name=repr(name[:60]),
+                    ),
                 )
 
     def _homogeneous(self, source: Parameters) -> Medium:
         known = SUBSTANCES.get(source.text("preset")) if source.get("preset") is not None else None
         if known is None and source.get("preset") is not None:
-            self._notes.add(source.place, f"{source.text('preset')[:40]!r} is no substance that is known: its numbers count")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "no-substance-known",
+                    "{text} is no substance that is known: its numbers count",
+                    text=repr(source.text("preset")[:40]),
+                ),
+            )
         source.used.update(("sigma_a", "sigma_s", "type", "Le", "Lescale"))
         scattered, absorbed = known or (
             coefficients(source, "sigma_s", (1.0,) * 3, self._textures),
             coefficients(source, "sigma_a", (1.0,) * 3, self._textures),
         )
         if source.get("Le") is not None:
-            self._notes.add(source.place, f"{source}: it does not shine (Le) here")
+            self._notes.add(source.place, Sentence("not-shine-le", "{source}: it does not shine (Le) here", source=source))
         return medium(absorbed, scattered, source.number("g", 0.0), source.number("scale", 1.0))
 
 
@@ -123,13 +156,25 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
     wanted, is_given = source.text("name"), source.get("sigma_a") is not None or source.get("sigma_s") is not None
     if not wanted and not is_given and source.get("reflectance") is not None:
         if g:
-            notes.add(source.place, f"'g' of {source} is not taken over where its reflectance is given")
+            notes.add(
+                source.place,
+                Sentence(
+                    "g-not-taken-over-where", "'g' of {source} is not taken over where its reflectance is given", source=source
+                ),
+            )
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
         path = coefficients(source, "mfp", (1.0,) * 3, textures)
         radius = seen_through_a_boundary(textures.mean(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
         return replace(made, base_color=color.value, base_color_texture=color.texture, subsurface_radius=radius)
     if wanted and wanted not in SUBSTANCES:
-        notes.add(source.place, f"{wanted[:40]!r} is no substance that is known: rendered as milk")
+        notes.add(
+            source.place,
+            Sentence(
+                "no-substance-known-rendered",
+                "{wanted} is no substance that is known: rendered as milk",
+                wanted=repr(wanted[:40]),
+            ),
+        )
     scattered, absorbed = SUBSTANCES.get(wanted, _MILK)
     if not wanted and is_given:
         absorbed = coefficients(source, "sigma_a", (0.0,) * 3, textures)

@@ -20,6 +20,7 @@ from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.statements import unpacked
+from renderer.sentences import Sentence
 
 __all__ = ["MESHES", "mesh_of", "turned", "with_uvs"]
 
@@ -47,7 +48,10 @@ def _triangles(source: Parameters, notes: Notes) -> Mesh:
     mesh = Mesh("trianglemesh", exact(points), indices.astype(np.int32))
     mesh.normals, mesh.uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
     if source.get("S") is not None:
-        notes.add(source.place, "Tangents of a mesh (S) are not taken over: they are those of its UVs")
+        notes.add(
+            source.place,
+            Sentence("tangents-mesh-s-not-taken", "Tangents of a mesh (S) are not taken over: they are those of its UVs"),
+        )
     return _facing(mesh)
 
 
@@ -55,10 +59,21 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
     wanted = source.text("filename")
     name = files.find(wanted, source.place.file)
     if name is None:
-        raise source.place.wrong(f"{PurePosixPath(wanted).name[:120] or 'its file'!r} is not among the files; add it")
+        raise source.place.wrong(
+            Sentence(
+                "not-among-files-add",
+                "{name} is not among the files; add it",
+                name=repr(PurePosixPath(wanted).name[:120] or "its file"),
+            )
+        )
     for each in ("displacement", "displacement.edgelength"):
         if source.get(each) is not None:
-            notes.add(source.place, "displacement of meshes is not taken over: they are as in their file")
+            notes.add(
+                source.place,
+                Sentence(
+                    "displacement-meshes-not-taken-over", "displacement of meshes is not taken over: they are as in their file"
+                ),
+            )
     part: SceneDescription = files.recall(("ply", name), lambda: _read(files, name))
     mesh = _one(part)
     return replace(_facing(mesh))
@@ -86,7 +101,13 @@ def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     corners = _indices(source, len(points), 4, None if len(points) != 4 else np.arange(4))
     normals, uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
     if source.text("emissionfilename"):
-        notes.add(source.place, "emissionfilename of a bilinearmesh is not taken over: it shines evenly")
+        notes.add(
+            source.place,
+            Sentence(
+                "emissionfilename-bilinearmesh-not-taken-over",
+                "emissionfilename of a bilinearmesh is not taken over: it shines evenly",
+            ),
+        )
     quads = points[corners]  # (Q, 4, 3): 00, 10, 01, 11
     cross = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     away = np.abs(np.einsum("qc,qc->q", cross, quads[:, 3] - quads[:, 0]))
@@ -126,7 +147,16 @@ def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
         levels -= 1
     growth.add(len(triangles) * (4**levels - 1))
     if levels < wanted:
-        notes.add(source.place, f"{source} is refined {levels} times and not {wanted}, so that it does not grow too large")
+        notes.add(
+            source.place,
+            Sentence(
+                "refined-times-not",
+                "{source} is refined {levels} times and not {wanted}, so that it does not grow too large",
+                source=source,
+                levels=levels,
+                wanted=wanted,
+            ),
+        )
     fine, faces = subdivided(points, triangles, levels)
     mesh = Mesh("loopsubdiv", exact(fine), faces.astype(np.int32))
     return turned(smoothed(mesh, _EVERY_EDGE))  # pbrt's normals are on the clockwise side
@@ -163,7 +193,7 @@ def _facing(mesh: Mesh) -> Mesh:
 def _points(source: Parameters) -> npt.NDArray[np.float64]:
     found = source.numbers("P", "point3", "point")
     if found is None or not len(found):
-        raise source.place.wrong(f'{source} has no points; give them as "point3 P" [ ... ]')
+        raise source.place.wrong(Sentence("no-points", '{source} has no points; give them as "point3 P" [ ... ]', source=source))
     return found
 
 
@@ -171,13 +201,35 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
     found = source.numbers("indices", "integer")
     if found is None:
         if default is None:
-            raise source.place.wrong(f'{source} has no indices; give them as "integer indices" [ ... ]')
+            raise source.place.wrong(
+                Sentence(
+                    "no-indices",
+                    '{source} has no indices; give them as "integer indices" [ ... ]',
+                    source=source,
+                )
+            )
         found = default.astype(float)
     if len(found) % corners or not len(found):
-        raise source.place.wrong(f"{source} has {len(found)} indices; it takes a multiple of {corners}")
+        raise source.place.wrong(
+            Sentence(
+                "indices-takes-multiple",
+                "{source} has {n} indices; it takes a multiple of {corners}",
+                source=source,
+                n=len(found),
+                corners=corners,
+            )
+        )
     if found.min() < 0 or found.max() >= count:
         worst = found.max() if found.max() >= count else found.min()
-        raise source.place.wrong(f"{source} has the index {worst:.0f} where there are {count} points")
+        raise source.place.wrong(
+            Sentence(
+                "index-where-points",
+                "{source} has the index {worst} where there are {count} points",
+                source=source,
+                worst=f"{worst:.0f}",
+                count=count,
+            )
+        )
     return found.astype(np.int64).reshape(-1, corners)
 
 
@@ -186,7 +238,11 @@ def _vectors(source: Parameters, name: str, count: int) -> npt.NDArray[np.float3
     if found is None:
         return None
     if len(found) != count:
-        raise source.place.wrong(f"{source} has {len(found)} of {name} and {count} points")
+        raise source.place.wrong(
+            Sentence(
+                "points", "{source} has {n} of {name} and {count} points", source=source, n=len(found), name=name, count=count
+            )
+        )
     return found.astype(np.float32)
 
 
@@ -197,6 +253,10 @@ def _uvs(source: Parameters, count: int) -> npt.NDArray[np.float32] | None:
     if found is None:
         return None
     if found.size != 2 * count:
-        raise source.place.wrong(f"{source} has {found.size // 2} of uv and {count} points")
+        raise source.place.wrong(
+            Sentence(
+                "uv-points", "{source} has {size} of uv and {count} points", source=source, size=found.size // 2, count=count
+            )
+        )
     pairs = found.reshape(-1, 2)
     return np.column_stack([pairs[:, 0], 1 - pairs[:, 1]]).astype(np.float32)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from renderer.errors import SceneError
 from renderer.scene.description import SceneDescription
+from renderer.sentences import Sentence, times
 
 __all__ = ["Notes", "Place"]
 
@@ -23,7 +24,7 @@ class Place(NamedTuple):
 
     def wrong(self, sentence: str) -> SceneError:
         """Returns an error with the position and the sentence."""
-        return SceneError(f"{self}: {sentence}")
+        return SceneError(Sentence("at-place", "{place}: {fault}", place=self, fault=sentence))
 
 
 class Notes:
@@ -44,7 +45,8 @@ class Notes:
     def say(self, description: SceneDescription) -> None:
         """Adds one warning per note."""
         for sentence, (place, count) in self._found.items():
-            times = f" ({count} times)" if count > 1 else ""
-            description.warnings.append(f"{place}: {sentence}{times}")
+            description.warnings.append(Sentence("at-place", "{place}: {fault}", place=place, fault=times(sentence, count)))
         if self._left:
-            description.warnings.append(f"{self._left} more things of this file are not taken over")
+            description.warnings.append(
+                Sentence("more-things-file-not-taken", "{left} more things of this file are not taken over", left=self._left)
+            )

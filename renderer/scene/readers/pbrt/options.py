@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.statements import Statement
+from renderer.sentences import Sentence
 
 __all__ = ["note_option"]
 
@@ -25,6 +26,17 @@ def note_option(name: str, statement: Statement, notes: Notes) -> None:
     said = statement.arguments[1] if len(statement.arguments) > 1 else ""
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))
     if is_on and key in _OF_THE_PICTURE:
-        notes.add(statement.place, f"The option {key} is not taken over: {_OF_THE_PICTURE[key]}")
+        notes.add(
+            statement.place,
+            Sentence(
+                "option-not-taken-over",
+                "The option {key} is not taken over: {of_the_picture}",
+                key=key,
+                of_the_picture=_OF_THE_PICTURE[key],
+            ),
+        )
     elif key not in _OF_THE_PICTURE and key not in _OF_THE_RUN:
-        notes.add(statement.place, f"The option {name[:60]!r} is not known, and not taken over")
+        notes.add(
+            statement.place,
+            Sentence("option-not-known", "The option {name} is not known, and not taken over", name=repr(name[:60])),
+        )

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from renderer.scene.description import Vec3
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.statements import Argument, Statement
+from renderer.sentences import Sentence
 
 __all__ = ["Parameter", "Parameters"]
 
@@ -54,7 +55,15 @@ class Parameters:
         place, arguments = statement.place, statement.arguments
         first = arguments[:names]
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
-            raise place.wrong(f'{statement.directive} takes {names} name{"s" if names > 1 else ""} in quotes, as "diffuse"')
+            raise place.wrong(
+                Sentence(
+                    "takes-name-quotes-diffuse",
+                    '{directive} takes {names} name{value} in quotes, as "diffuse"',
+                    directive=statement.directive,
+                    names=names,
+                    value="s" if names > 1 else "",
+                )
+            )
         called = [each if isinstance(each, str) else str(each[0]) if len(each) else "" for each in first]
         made = cls(what, called[-1] if called else "", place, space=space)
         rest = arguments[names:]
@@ -64,7 +73,13 @@ class Parameters:
                 made.repeated.add(name)
             made.values[name] = parameter
         if len(rest) % 2:
-            raise place.wrong(f'{made} has a parameter without a value; write it as "float radius" 2')
+            raise place.wrong(
+                Sentence(
+                    "parameter-without-value",
+                    '{made} has a parameter without a value; write it as "float radius" 2',
+                    made=made,
+                )
+            )
         return called, made
 
     def __str__(self) -> str:
@@ -80,7 +95,16 @@ class Parameters:
         if found is None:
             return None
         if types and found.type not in types:
-            raise found.place.wrong(f"{name!r} of {self} is of type {found.type}; it takes {' or '.join(dict.fromkeys(types))}")
+            raise found.place.wrong(
+                Sentence(
+                    "type-takes",
+                    "{name} of {what} is of type {type}; it takes {fromkeys}",
+                    name=repr(name),
+                    what=self,
+                    type=found.type,
+                    fromkeys=" or ".join(dict.fromkeys(types)),
+                )
+            )
         return found
 
     def number(self, name: str, default: float) -> float:
@@ -128,7 +152,16 @@ class Parameters:
         values = self._some(found, name, 0)
         width = _WIDTHS.get(found.type, 1)
         if len(values) % width:
-            raise found.place.wrong(f"{name!r} of {self} has {len(values)} numbers; it takes a multiple of {width}")
+            raise found.place.wrong(
+                Sentence(
+                    "numbers-takes-multiple",
+                    "{name} of {what} has {n} numbers; it takes a multiple of {width}",
+                    name=repr(name),
+                    what=self,
+                    n=len(values),
+                    width=width,
+                )
+            )
         return values.reshape(-1, width) if width > 1 else values
 
     def names_texture(self, name: str) -> bool:
@@ -144,16 +177,45 @@ class Parameters:
         """Adds notes about parameters that are unused, repeated, or used in part."""
         for name, parameter in self.values.items():
             if name not in self.used:
-                notes.add(parameter.place, f"{name[:60]!r} of {self} is not taken over")
+                notes.add(
+                    parameter.place,
+                    Sentence("not-taken-over-2", "{name} of {what} is not taken over", name=repr(name[:60]), what=self),
+                )
             elif name in self.repeated:
-                notes.add(parameter.place, f"{name[:60]!r} of {self} is given more than once: the last one counts")
+                notes.add(
+                    parameter.place,
+                    Sentence(
+                        "given-more-than-once",
+                        "{name} of {what} is given more than once: the last one counts",
+                        name=repr(name[:60]),
+                        what=self,
+                    ),
+                )
             elif name in self.cut:
                 count, least = self.cut[name]
-                notes.add(parameter.place, f"{name[:60]!r} of {self} has {count} numbers: the first {least} count")
+                notes.add(
+                    parameter.place,
+                    Sentence(
+                        "numbers-first-count",
+                        "{name} of {what} has {count} numbers: the first {least} count",
+                        name=repr(name[:60]),
+                        what=self,
+                        count=count,
+                        least=least,
+                    ),
+                )
 
     def _some(self, found: Parameter, name: str, least: int) -> F64:
         if not isinstance(found.value, np.ndarray) or len(found.value) < least:
-            raise found.place.wrong(f"{name!r} of {self} takes {'numbers' if least != 1 else 'a number'}")
+            raise found.place.wrong(
+                Sentence(
+                    "takes",
+                    "{name} of {what} takes {value}",
+                    name=repr(name),
+                    what=self,
+                    value="numbers" if least != 1 else "a number",
+                )
+            )
         if 0 < least < len(found.value):
             self.cut[name] = len(found.value), least
         return found.value
@@ -172,9 +234,16 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
     if len(words) != 2 or words[0] not in _TYPES:
         said = declared[:40] if isinstance(declared, str) else "a value"
         raise statement.place.wrong(
-            f'{said!r} of {statement.directive} is no parameter; it takes a type and a name, as "float radius"'
+            Sentence(
+                "no-parameter",
+                '{said} of {directive} is no parameter; it takes a type and a name, as "float radius"',
+                said=repr(said),
+                directive=statement.directive,
+            )
         )
     kind, name = words
     if kind in _NUMBERS and not isinstance(value, np.ndarray):
-        raise statement.place.wrong(f"{name[:60]!r} of {statement.directive} takes numbers")
+        raise statement.place.wrong(
+            Sentence("takes-numbers", "{name} of {directive} takes numbers", name=repr(name[:60]), directive=statement.directive)
+        )
     return Parameter(kind, value, statement.place, space), name

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Mesh
 from renderer.scene.readers.pbrt.parameters import Parameters
+from renderer.sentences import Sentence
 
 __all__ = ["QUADRICS", "Quadric", "quadric", "shape_key", "whole_sphere"]
 
@@ -64,7 +65,13 @@ def quadric(source: Parameters, coarser: int = 1) -> Quadric:
         normals = _surface(ring, np.zeros(2), around)
         positions = _surface(ring * radius, height, around)
     if not high > low or not turn > 0:
-        raise source.place.wrong(f"nothing is left of {source}: its zmin, zmax or phimax cut all of it off")
+        raise source.place.wrong(
+            Sentence(
+                "nothing-left",
+                "nothing is left of {source}: its zmin, zmax or phimax cut all of it off",
+                source=source,
+            )
+        )
     return Quadric(_mesh(source.type, positions, normals), radius * turn * (high - low))
 
 
@@ -72,7 +79,13 @@ def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadri
     inner = min(max(source.number("innerradius", 0.0), 0.0), radius)
     height = source.number("height", 0.0)
     if not inner < radius or not turn > 0:
-        raise source.place.wrong(f"nothing is left of {source}: its innerradius or phimax cut all of it off")
+        raise source.place.wrong(
+            Sentence(
+                "nothing-left-innerradius",
+                "nothing is left of {source}: its innerradius or phimax cut all of it off",
+                source=source,
+            )
+        )
     positions = _surface(np.array([radius, inner]), np.full(2, height), around)
     normals = np.broadcast_to(np.array([0.0, 0.0, 1.0]), positions.shape)
     return Quadric(_mesh("disk", positions, normals), turn / 2 * (radius**2 - inner**2))
@@ -81,7 +94,9 @@ def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadri
 def _radius(source: Parameters) -> float:
     radius = source.number("radius", 1.0)
     if not 0 < radius < 1e15:
-        raise source.place.wrong(f"{source} has the radius {radius:g}; it is above 0")
+        raise source.place.wrong(
+            Sentence("radius-above-0", "{source} has the radius {radius}; it is above 0", source=source, radius=f"{radius:g}")
+        )
     return radius
 
 

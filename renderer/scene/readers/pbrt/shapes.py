@@ -25,6 +25,7 @@ from renderer.scene.readers.pbrt.quadrics import QUADRICS, Quadric, quadric, sha
 from renderer.scene.readers.pbrt.textures import Textures, Varying
 from renderer.scene.readers.pbrt.transforms import Ctm, between
 from renderer.scene.readers.strands import Strand, together
+from renderer.sentences import Sentence
 
 __all__ = ["Looks", "Part", "Shapes"]
 
@@ -97,7 +98,13 @@ class Shapes:
     def instance(self, name: str, ctm: Ctm, place: Place) -> None:
         """Adds an instance of an object. Raises SceneError if it is undefined."""
         if name not in self.objects:
-            raise place.wrong(f"there is no object {name[:60]!r}; its ObjectBegin stands before it is shown")
+            raise place.wrong(
+                Sentence(
+                    "no-object",
+                    "there is no object {name}; its ObjectBegin stands before it is shown",
+                    name=repr(name[:60]),
+                )
+            )
         parts = self.objects[name]
         self._make_room(len(parts), place)
         if name not in self._places:
@@ -112,12 +119,21 @@ class Shapes:
         """Adds a shape to the world or to the open object."""
         if source.type not in (*MESHES, *QUADRICS, "curve"):
             source.used.update(source.values)
-            self._notes.add(source.place, f"{source} is no shape that is read: it is left out")
+            self._notes.add(
+                source.place,
+                Sentence("no-shape-read-left", "{source} is no shape that is read: it is left out", source=source),
+            )
             return
         is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
         if is_nothing(looks.material) and is_idle:
             source.used.update(source.values)
-            self._notes.add(source.place, "A surface without a material, and with no medium on either side, is left out")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "surface-without-material",
+                    "A surface without a material, and with no medium on either side, is left out",
+                ),
+            )
             return
         if source.type in QUADRICS and float(np.linalg.det(looks.ctm[0][:3, :3])) < 0:
             self._note_mirrored(source, looks)
@@ -151,7 +167,13 @@ class Shapes:
         if mapping is not None:
             mesh = mapped(mesh, mapping, between(looks.ctm, self._time))
             if self.in_object:
-                self._notes.add(source.place, "Textures that lie by place move with the objects that are shown many times")
+                self._notes.add(
+                    source.place,
+                    Sentence(
+                        "textures-lie-by-place-move",
+                        "Textures that lie by place move with the objects that are shown many times",
+                    ),
+                )
         self._add_mesh(replace(mesh, material=number), looks.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
@@ -162,7 +184,12 @@ class Shapes:
         if heights is None:
             return None
         if self.in_object:
-            self._notes.add(source.place, "Bumps of an object that is shown in several sizes are as steep in each")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "bumps-object-shown-several-sizes", "Bumps of an object that is shown in several sizes are as steep in each"
+                ),
+            )
         bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
         place = between(looks.ctm, self._time)
         if heights.mapping is not None:
@@ -173,7 +200,14 @@ class Shapes:
     def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
         """Adds a note about a mirrored quadric: pbrt's faces inwards for intersected rays, and outwards for light sampling."""
         if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
-            self._notes.add(source.place, f"{source} is mirrored: its inside stays inside, where pbrt turns it inside out")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "mirrored-inside-stays-inside",
+                    "{source} is mirrored: its inside stays inside, where pbrt turns it inside out",
+                    source=source,
+                ),
+            )
 
     def flush(self) -> None:
         """Adds the pending curves as meshes."""
@@ -203,7 +237,10 @@ class Shapes:
         if key not in self._made:
             coarser = self._growth.coarser()
             if coarser > 1:
-                self._notes.add(source.place, "Of very many round shapes the later ones are drawn coarser")
+                self._notes.add(
+                    source.place,
+                    Sentence("very-many-round-shapes-later", "Of very many round shapes the later ones are drawn coarser"),
+                )
             self._made[key] = quadric(source, coarser)
         return self._made[key]
 
@@ -211,7 +248,12 @@ class Shapes:
         if looks.area is None:
             return Emission()
         if self.in_object:
-            self._notes.add(looks.area.place, "Shapes of an object that is shown many times do not shine, as in pbrt")
+            self._notes.add(
+                looks.area.place,
+                Sentence(
+                    "shapes-object-shown-many-times", "Shapes of an object that is shown many times do not shine, as in pbrt"
+                ),
+            )
             return Emission()
         return self._lights.shines(looks.area, areas)
 
@@ -240,7 +282,13 @@ class Shapes:
 
     def _make_room(self, more: int, place: Place) -> None:
         if len(self._description.instances) + len(self._description.spheres) + more > _MOST_INSTANCES:
-            raise place.wrong(f"with it more than {_MOST_INSTANCES} shapes are shown; show fewer")
+            raise place.wrong(
+                Sentence(
+                    "with-more-than-shapes-shown",
+                    "with it more than {most_instances} shapes are shown; show fewer",
+                    most_instances=_MOST_INSTANCES,
+                )
+            )
 
     def _place(self, part: Part) -> None:
         """Adds a part to the world."""

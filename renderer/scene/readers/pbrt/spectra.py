@@ -19,6 +19,7 @@ from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.text_encoding import decoded
+from renderer.sentences import Sentence
 
 __all__ = ["SPACES", "WEIGHTS", "Colors", "balanced", "luminance"]
 
@@ -89,7 +90,9 @@ class Colors:
         if found.type == "blackbody":
             kelvin = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             if not 0 < kelvin < 1e9:
-                raise found.place.wrong("a black body has a temperature above 0, in kelvins")
+                raise found.place.wrong(
+                    Sentence("black-body-temperature-above-0", "a black body has a temperature above 0, in kelvins")
+                )
             return self._shown(planck(kelvin), found)
         name = text_of(found)
         if name in CHROMATICITIES:
@@ -103,7 +106,9 @@ class Colors:
             into = _INTO_709[found.space]
             rgb = (into @ self._three(found)) / into.sum(axis=1)
         elif found.type == "blackbody":
-            raise found.place.wrong("a black body shines, it is no colour of a surface; give an rgb or a spectrum")
+            raise found.place.wrong(
+                Sentence("black-body-shines", "a black body shines, it is no colour of a surface; give an rgb or a spectrum")
+            )
         else:
             rgb = WEIGHTS @ self.spectrum(found)
         r, g, b = (float(min(max(v, 0.0), 1.0)) for v in rgb)
@@ -137,36 +142,66 @@ class Colors:
         else:
             values = self._file(text_of(found), found)
         if len(values) < 2 or len(values) % 2:
-            raise found.place.wrong("a spectrum takes pairs of a wavelength in nanometres and a value")
+            raise found.place.wrong(
+                Sentence(
+                    "spectrum-takes-pairs-wavelength-nanometres",
+                    "a spectrum takes pairs of a wavelength in nanometres and a value",
+                )
+            )
         return at_wavelengths(values[::2], values[1::2])
 
     def _file(self, wanted: str, found: Parameter) -> F64:
         metal = wanted.removeprefix("metal-").rpartition("-")
         if metal[0] in METALS and metal[2] in ("eta", "k"):
-            raise found.place.wrong(f"{wanted[:60]!r} is an index of refraction, and no colour")
+            raise found.place.wrong(
+                Sentence("index-refraction", "{wanted} is an index of refraction, and no colour", wanted=repr(wanted[:60]))
+            )
         name = self._files.find(wanted, found.place.file)
         if name is None:
             raise found.place.wrong(
-                f"{PurePosixPath(wanted).name[:80]!r} is no spectrum that is known, and no file of the scene; add the file"
+                Sentence(
+                    "no-spectrum-known",
+                    "{name} is no spectrum that is known, and no file of the scene; add the file",
+                    name=repr(PurePosixPath(wanted).name[:80]),
+                )
             )
         words = [line.partition("#")[0].split() for line in decoded(self._files.read(name)).splitlines()]
         try:
             values = np.array([float(word) for line in words for word in line])
         except ValueError:
-            raise found.place.wrong(f"{name} holds what are no numbers; a spectrum's file has pairs of them") from None
+            raise found.place.wrong(
+                Sentence(
+                    "holds-no-numbers",
+                    "{name} holds what are no numbers; a spectrum's file has pairs of them",
+                    name=name,
+                )
+            ) from None
         if not np.isfinite(values).all():
-            raise found.place.wrong(f"{name} holds numbers that are infinite, or none")
+            raise found.place.wrong(
+                Sentence("holds-numbers-infinite", "{name} holds numbers that are infinite, or none", name=name)
+            )
         return values
 
     def _shown(self, spectrum: F64, found: Parameter) -> Vec3:
         xyz = MATCHING @ spectrum
         if not xyz[1] > 0:
-            raise found.place.wrong("a light's spectrum is dark wherever an eye sees; give one between 380 and 780 nanometres")
+            raise found.place.wrong(
+                Sentence(
+                    "light-spectrum-dark-wherever-eye",
+                    "a light's spectrum is dark wherever an eye sees; give one between 380 and 780 nanometres",
+                )
+            )
         return self._sound(_FROM_XYZ @ (xyz / xyz[1]), found)
 
     def _sound(self, rgb: F64, found: Parameter) -> Vec3:
         if rgb.min() < -1e-3 * max(float(rgb.max()), 1e-9):
-            self._notes.add(found.place, "A colour is stronger than Rec.709 has any: it is the nearest that a screen shows")
+            self._notes.add(
+                found.place,
+                Sentence(
+                    "colour-stronger-than-rec-709",
+                    "A colour is stronger than Rec.709 has any: it is the nearest that a screen shows",
+                ),
+            )
         r, g, b = (float(min(max(v, 0.0), _MOST)) for v in rgb)
         return r, g, b
 
@@ -174,5 +209,5 @@ class Colors:
     def _three(found: Parameter) -> F64:
         values = np.asarray(found.value, float).reshape(-1)
         if len(values) != 3:
-            raise found.place.wrong("an rgb takes three numbers")
+            raise found.place.wrong(Sentence("rgb-takes-three-numbers", "an rgb takes three numbers"))
         return values

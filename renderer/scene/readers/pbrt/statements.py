@@ -19,6 +19,7 @@ from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.readers.pbrt.notes import Place
 from renderer.scene.text_encoding import decoded
+from renderer.sentences import Sentence
 from renderer.zips import most_unpacked
 
 __all__ = ["MAX_DEPTH", "MAX_STATEMENTS", "Argument", "Statement", "Statements", "unpacked"]
@@ -57,22 +58,48 @@ class Statements:
     def of(self, name: str, depth: int = 0) -> Iterator[Statement]:
         """Yields the statements of a file, including Include and Import statements."""
         if depth > MAX_DEPTH:
-            raise SceneError(f"{name}: is included {MAX_DEPTH} files deep; do files include each other?")
+            raise SceneError(
+                Sentence(
+                    "included-files-deep",
+                    "{name}: is included {max_depth} files deep; do files include each other?",
+                    name=name,
+                    max_depth=MAX_DEPTH,
+                )
+            )
         self._opened += 1
         if self._opened > MAX_FILES:
-            raise SceneError(f"{name}: more than {MAX_FILES} files are included; put them together")
+            raise SceneError(
+                Sentence(
+                    "more-than-files-included",
+                    "{name}: more than {max_files} files are included; put them together",
+                    name=name,
+                    max_files=MAX_FILES,
+                )
+            )
         data = self._files.read(name)
         if name.lower().endswith(".gz"):
             data = unpacked(data, name)
         self._bytes += len(data)
         if self._bytes > MAX_TEXT:
-            raise SceneError(f"{name}: with it the scene has more than {MAX_TEXT >> 30} GiB of text; make it smaller")
+            raise SceneError(
+                Sentence(
+                    "with-scene-more-than-gib",
+                    "{name}: with it the scene has more than {max_text} GiB of text; make it smaller",
+                    name=name,
+                    max_text=MAX_TEXT >> 30,
+                )
+            )
         if name in self._seen:
             self._again += len(data)
         if self._again > MAX_AGAIN:
             raise SceneError(
-                f"{name}: more than {MAX_AGAIN >> 20} MiB are included that were included before; make an object "
-                "of what is shown many times (ObjectBegin)"
+                Sentence(
+                    "more-than-mib-included-included",
+                    "{name}: more than {max_again} MiB are included that were included before; make an "
+                    "object of what is shown many times (ObjectBegin)",
+                    name=name,
+                    max_again=MAX_AGAIN >> 20,
+                )
             )
         self._seen.add(name)
         yield from self._parsed(decoded(data), PurePosixPath(name).name)
@@ -84,7 +111,13 @@ class Statements:
             found = _TOKEN.match(text, at)
             if found is None:
                 line += text.count("\n", counted, at)
-                raise Place(file, line).wrong(f"{text[at : at + 20]!r} is nothing that pbrt knows; mend it there")
+                raise Place(file, line).wrong(
+                    Sentence(
+                        "nothing-pbrt-knows",
+                        "{text} is nothing that pbrt knows; mend it there",
+                        text=repr(text[at : at + 20]),
+                    )
+                )
             end = found.end()
             word = found["word"]
             if word is not None and word not in _TRUTHS and not _starts_number(word):
@@ -94,7 +127,13 @@ class Statements:
                 directive, arguments, place = word, [], Place(file, line)
             elif found.lastgroup is not None:
                 if not directive:
-                    raise place.wrong(f"begins with {text[at : at + 20]!r}, and not with a directive; is it a scene of pbrt?")
+                    raise place.wrong(
+                        Sentence(
+                            "begins-with-not",
+                            "begins with {text}, and not with a directive; is it a scene of pbrt?",
+                            text=repr(text[at : at + 20]),
+                        )
+                    )
                 if found["open"] is not None:
                     value, end = _listed(text, end, place)
                     arguments.append(value)
@@ -108,7 +147,11 @@ class Statements:
         self._count += 1
         if self._count > MAX_STATEMENTS:
             raise statement.place.wrong(
-                f"there are more than {MAX_STATEMENTS // 10**6} million statements; make the scene smaller"
+                Sentence(
+                    "more-than-million-statements",
+                    "there are more than {max_statements} million statements; make the scene smaller",
+                    max_statements=MAX_STATEMENTS // 10**6,
+                )
             )
         return statement
 
@@ -120,7 +163,9 @@ def unpacked(data: bytes, name: str) -> bytes:
     try:
         found = packed.decompress(data, most)
     except zlib.error as error:
-        raise SceneError(f"{name}: could not be unpacked ({error}); pack it again") from None
+        raise SceneError(
+            Sentence("could-not-unpacked", "{name}: could not be unpacked ({error}); pack it again", name=name, error=error)
+        ) from None
     if not packed.eof:
         is_bomb = len(found) >= most
         raise SceneError(
@@ -146,7 +191,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
         end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
     if end < 0:
-        raise place.wrong("a list in brackets does not end; close it with ]")
+        raise place.wrong(Sentence("list-brackets-not-end", "a list in brackets does not end; close it with ]"))
     if "#" in inside:
         inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
@@ -156,7 +201,11 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
     words = inside.split()
     if words and words[0] in _TRUTHS:
         if any(word not in _TRUTHS for word in words):
-            raise place.wrong(f"{inside[:40]!r} are neither numbers nor true and false")
+            raise place.wrong(
+                Sentence(
+                    "neither-numbers-nor-true-false", "{inside} are neither numbers nor true and false", inside=repr(inside[:40])
+                )
+            )
         return tuple(_TRUTHS[word] for word in words), end + 1
     return _numbers(words, place), end + 1
 
@@ -166,7 +215,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
         found: npt.NDArray[Any] = np.array(words, np.float64)
     except ValueError:
         odd = next((word for word in words if not _is_number(word)), "")
-        raise place.wrong(f"{odd[:40]!r} is no number; mend it there") from None
+        raise place.wrong(Sentence("no-number", "{odd} is no number; mend it there", odd=repr(odd[:40]))) from None
     return _finite(found, place)
 
 
@@ -182,7 +231,7 @@ def _at_once(text: str) -> npt.NDArray[np.float64] | None:
 
 def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
     if not np.isfinite(found).all():
-        raise place.wrong("a number is infinite, or none; mend it there")
+        raise place.wrong(Sentence("number-infinite", "a number is infinite, or none; mend it there"))
     return found
 
 

@@ -21,6 +21,7 @@ from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters, text_of
 from renderer.scene.readers.pbrt.spectra import Colors
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Definition", "Textures", "Varying"]
 
@@ -100,7 +101,15 @@ class Textures:
             return found.parameters.get("value", "float", "rgb", "spectrum")
         kind = "float" if ("spectrum", wanted) not in self.named else "spectrum"
         mean = self.mean(self._of_name(owner, name, kind, _ONE))
-        self._notes.add(owner.place, f"{name} of {owner} varies over the surface: its mean is taken")
+        self._notes.add(
+            owner.place,
+            Sentence(
+                "varies-over-surface-mean",
+                "{name} of {owner} varies over the surface: its mean is taken",
+                name=name,
+                owner=owner,
+            ),
+        )
         return Parameter("rgb", np.array(mean), owner.place, owner.space)
 
     def mean(self, varying: Varying) -> Vec3:
@@ -114,7 +123,15 @@ class Textures:
         """Returns a number; the mean, with a note, of a texture."""
         found = self.number(owner, name, default)
         if not found.is_constant:
-            self._notes.add(owner.place, f"{name} of {owner} varies over the surface: its mean is taken")
+            self._notes.add(
+                owner.place,
+                Sentence(
+                    "varies-over-surface-mean",
+                    "{name} of {owner} varies over the surface: its mean is taken",
+                    name=name,
+                    owner=owner,
+                ),
+            )
         return self.mean(found)[0]
 
     def normals(self, wanted: str, owner: Parameters) -> int | None:
@@ -167,7 +184,14 @@ class Textures:
         definition = self.named.get((kind, wanted))
         if definition is None:
             raise owner.place.wrong(
-                f"{owner} has the texture {wanted[:60]!r} as {name}, but no {kind} texture of this name stands before"
+                Sentence(
+                    "texture-but-no-texture-name",
+                    "{owner} has the texture {wanted} as {name}, but no {kind} texture of this name stands before",
+                    owner=owner,
+                    wanted=repr(wanted[:60]),
+                    name=name,
+                    kind=kind,
+                )
             )
         found = self.of(definition, default)
         self.mappings += [found.mapping] if found.mapping is not None else []
@@ -186,12 +210,17 @@ class Textures:
     def _make(self, definition: Definition, default: Vec3, depth: int) -> Varying:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+            raise source.place.wrong(
+                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+            )
         if source.type == "imagemap":
             return self._image(definition, default)
         if source.type in _SOLID or source.type in ("marble", "ptex"):
             value = _SOLID.get(source.type, 0.5)
-            self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
+            self._notes.add(
+                source.place,
+                Sentence("not-read-one", "{source} is not read: one value stands for all of it", source=source),
+            )
             source.used.update(source.values)
             return Varying((value,) * 3)
         constant = self._constant(definition, depth)
@@ -220,7 +249,9 @@ class Textures:
     def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+            raise source.place.wrong(
+                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+            )
         if source.type == "constant":
             return self._value(source, "value", kind, _ONE)
         if source.type == "scale":
@@ -244,7 +275,14 @@ class Textures:
         wanted = source.text(name)
         found = definition.parts.get(("float" if kind == "float" else "spectrum", wanted))
         if found is None:
-            raise source.place.wrong(f"{source} is made of the texture {wanted[:60]!r}, which does not stand before")
+            raise source.place.wrong(
+                Sentence(
+                    "made-texture",
+                    "{source} is made of the texture {wanted}, which does not stand before",
+                    source=source,
+                    wanted=repr(wanted[:60]),
+                )
+            )
         return found
 
     def _value(self, source: Parameters, name: str, kind: str, default: Vec3) -> Vec3:
@@ -275,13 +313,29 @@ class Textures:
             return Varying(default)
         encoding = source.text("encoding", "sRGB")
         if encoding.startswith("gamma"):
-            self._notes.add(source.place, f"{source}: its encoding {encoding[:20]!r} is taken as sRGB")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "encoding-taken-srgb",
+                    "{source}: its encoding {encoding} is taken as sRGB",
+                    source=source,
+                    encoding=repr(encoding[:20]),
+                ),
+            )
         image = self.shelf.image_file(name, encoding.lower() != "linear")
         if image is None:
             return Varying(default)
         said = source.text("wrap", "repeat")
         if said not in ("repeat", "clamp"):
-            self._notes.add(source.place, f"{source}: beyond its edges it is {said[:30]}; its edges go on here")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "beyond-edges",
+                    "{source}: beyond its edges it is {said}; its edges go on here",
+                    source=source,
+                    said=said[:30],
+                ),
+            )
         wrap = _WRAPS.get(said, "clamp")
         filter: TexelFilter = "nearest" if source.text("filter", "bilinear") == "point" else "linear"
         source.used.add("maxanisotropy")
@@ -323,11 +377,26 @@ class Textures:
         image = self.shelf.add(
             Image(f"{source.type} {len(self._description.images)}", np.ascontiguousarray(pixels, np.float32), False)
         )
-        self._notes.add(source.place, f"{source} is worked out as a picture of {SIZE} x {SIZE}, which repeats with the UVs")
+        self._notes.add(
+            source.place,
+            Sentence(
+                "worked-out-picture-x",
+                "{source} is worked out as a picture of {size} x {size}, which repeats with the UVs",
+                source=source,
+                size=SIZE,
+            ),
+        )
         ways = self._ways(definition, {})
         mapping = next((way for way in ways if way is not None), None)
         if len(ways) > 1:
-            self._notes.add(source.place, f"{source} is made of textures that lie on things in several ways: all lie as one")
+            self._notes.add(
+                source.place,
+                Sentence(
+                    "made-textures-lie-things-several",
+                    "{source} is made of textures that lie on things in several ways: all lie as one",
+                    source=source,
+                ),
+            )
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
     def _ways(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
@@ -346,14 +415,22 @@ class Textures:
         key = id(definition.parameters)
         if key not in known:
             if len(known) >= _MOST_PARTS:
-                raise definition.parameters.place.wrong(f"a texture is made of more than {_MOST_PARTS} others; make it of fewer")
+                raise definition.parameters.place.wrong(
+                    Sentence(
+                        "texture-made-more-than-others",
+                        "a texture is made of more than {most_parts} others; make it of fewer",
+                        most_parts=_MOST_PARTS,
+                    )
+                )
             known[key] = np.asarray(self._on_new_grid(definition, at, depth, known), np.float32)
         return known[key]
 
     def _on_new_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
-            raise source.place.wrong(f"{source} is made of textures that are nested too deep")
+            raise source.place.wrong(
+                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+            )
 
         def part(name: str, of: str, default: Vec3) -> np.ndarray:
             if source.names_texture(name):
@@ -367,7 +444,12 @@ class Textures:
             return part("tex1", kind, _BLACK) * (1 - amount) + part("tex2", kind, _ONE) * amount
         if source.type == "checkerboard":
             if source.integer("dimension", 2) != 2:
-                self._notes.add(source.place, f"{source} of cubes in space is laid on as squares, by UVs")
+                self._notes.add(
+                    source.place,
+                    Sentence(
+                        "cubes-space-laid-squares", "{source} of cubes in space is laid on as squares, by UVs", source=source
+                    ),
+                )
             return np.where(checks(at, self._place(definition)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
         if source.type == "bilerp":
             corners = [np.array(self._value(source, f"v{k}", kind, (float(k[1]),) * 3)) for k in ("00", "01", "10", "11")]
@@ -381,7 +463,10 @@ class Textures:
             return (
                 looked_up(self._description.textures[found.texture], linear(self.shelf.image_of(found.texture)), at) * found.value
             )
-        self._notes.add(source.place, f"{source} is not read: one value stands for all of it")
+        self._notes.add(
+            source.place,
+            Sentence("not-read-one", "{source} is not read: one value stands for all of it", source=source),
+        )
         source.used.update(source.values)
         return np.full((SIZE, SIZE, 3), 0.5)
 

@@ -9,6 +9,7 @@ import numpy as np
 from renderer.scene.animation.curves import slerp
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.pbrt.notes import Place
+from renderer.sentences import Sentence
 from renderer.trigonometry import sin_cos
 
 __all__ = ["Ctm", "between", "inverse", "look_at", "matrix", "rotation", "scaling", "translation"]
@@ -27,7 +28,7 @@ def translation(numbers: Matrix) -> Matrix:
 def scaling(numbers: Matrix, place: Place) -> Matrix:
     """Returns a scale by three numbers. Raises SceneError if any is 0."""
     if not np.abs(numbers).min() > 0:
-        raise place.wrong("a scale is 0: nothing is left of what it scales; give another")
+        raise place.wrong(Sentence("scale-0", "a scale is 0: nothing is left of what it scales; give another"))
     return np.diag([*numbers, 1.0])
 
 
@@ -35,7 +36,7 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
     """Returns a rotation about an axis. Raises SceneError."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
-        raise place.wrong("Rotate takes degrees and an axis that is not 0 0 0")
+        raise place.wrong(Sentence("rotate-takes-degrees-axis-not", "Rotate takes degrees and an axis that is not 0 0 0"))
     x, y, z = (float(v) / length for v in axis)
     sine, cosine = sin_cos(math.radians(degrees))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -53,7 +54,12 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
     forward = _unit(target - eye)
     right = _unit(np.cross(_unit(up), forward))
     if not forward.any() or not right.any():
-        raise place.wrong("LookAt looks nowhere, or along its up direction; move the eye, or give another up")
+        raise place.wrong(
+            Sentence(
+                "lookat-looks-nowhere",
+                "LookAt looks nowhere, or along its up direction; move the eye, or give another up",
+            )
+        )
     found = np.eye(4)
     found[:3, :3] = np.stack([right, np.cross(forward, right), forward])
     found[:3, 3] = [-float((row * eye).sum()) for row in found[:3, :3]]
@@ -139,12 +145,22 @@ def _turn(quaternion: list[float]) -> Matrix:
 def inverse(transform: Matrix, place: Place) -> Matrix:
     """Returns the inverse transformation. Raises SceneError if it is singular."""
     if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
-        raise place.wrong("a transformation of a perspective has no place here; its last row is 0 0 0 1")
+        raise place.wrong(
+            Sentence(
+                "transformation-perspective-no-place",
+                "a transformation of a perspective has no place here; its last row is 0 0 0 1",
+            )
+        )
     x, y, z = transform[:3, 0], transform[:3, 1], transform[:3, 2]
     rows = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
     determinant = float((x * rows[0]).sum())
     if determinant == 0 or not np.isfinite(determinant):
-        raise place.wrong("a transformation leaves nothing of space: it cannot be undone; mend it")
+        raise place.wrong(
+            Sentence(
+                "transformation-leaves-nothing-space",
+                "a transformation leaves nothing of space: it cannot be undone; mend it",
+            )
+        )
     found = np.eye(4)
     found[:3, :3] = rows / determinant
     found[:3, 3] = -product(found[:3, :3], transform[:3, 3:])[:, 0]

@@ -6,6 +6,7 @@ from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
@@ -21,7 +22,11 @@ def read(
         from renderer.scene.readers.usd.reader import read_stage
     except ImportError as error:
         raise SceneError(
-            f"{main}: reading USD takes Pixar's usd-core, which is not installed here: pip install usd-core. "
-            "Where it has no wheel for this machine, export glTF (.glb) instead"
+            Sentence(
+                "reading-usd-takes-pixar-usd",
+                "{file}: reading USD takes Pixar's usd-core, which is not installed here: pip install "
+                "usd-core. Where it has no wheel for this machine, export glTF (.glb) instead",
+                file=main,
+            )
         ) from error
     read_stage(files, main, description, variant, moment)

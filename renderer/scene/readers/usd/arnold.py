@@ -11,6 +11,7 @@ from typing import Any
 
 from renderer.scene.readers.usd.inputs import Follow, Following, Input
 from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
+from renderer.sentences import Sentence
 
 __all__ = ["PREFIX", "STANDARD", "follow_arnold"]
 
@@ -30,7 +31,9 @@ def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb:
     if node == "normal_map":
         return follow(shader.GetInput("input"), False, depth + 1)
     if node != "image":
-        network.notes.add("Nodes of Arnold of these kinds are not known here, and left out", node)
+        network.notes.add(
+            Sentence("nodes-arnold-these-kinds-not", "Nodes of Arnold of these kinds are not known here, and left out"), node
+        )
         return Input()
     file = shader.GetInput("filename")
     found = file.GetValueProducingAttributes() if file else []
@@ -38,7 +41,7 @@ def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb:
         return Input()
     space = str(said("color_space", "auto")).lower()
     encoded = srgb if space in ("auto", "") else "srgb" in space
-    image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
+    image = network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), encoded, network.time)
     if image is None:
         return Input()
     uv_set = network.uv_set(str(said("uvset", "")) or "st")

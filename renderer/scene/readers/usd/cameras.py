@@ -12,6 +12,7 @@ from renderer.scene.description import Vec3
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.usd.notes import Notes
+from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.view import MAX_SHIFT
 
@@ -35,11 +36,14 @@ def read_camera(prim: Any, world: Matrix, unit: float, time: Any, notes: Notes) 
         return float(value) if value is not None and math.isfinite(value) else 0.0
 
     if len(camera.GetClippingPlanesAttr().Get(time) or ()):
-        notes.add("Clipping planes of cameras cut nothing off", prim.GetName())
+        notes.add(Sentence("clipping-planes-cameras-cut-nothing", "Clipping planes of cameras cut nothing off"), prim.GetName())
     if abs(said(camera.GetExposureAttr())) > 0 or any(
         attribute.HasAuthoredValue() for name in _EXPOSURE if (attribute := prim.GetAttribute(f"exposure:{name}"))
     ):
-        notes.add("The exposure of cameras is left out: it is set when the picture is shown", prim.GetName())
+        notes.add(
+            Sentence("exposure-cameras-left-out", "The exposure of cameras is left out: it is set when the picture is shown"),
+            prim.GetName(),
+        )
     eye = world[:3, 3]
     forward, up = (v / max(float(np.linalg.norm(v)), 1e-300) for v in (-world[:3, 2], world[:3, 1]))
     focus = said(camera.GetFocusDistanceAttr()) * unit
@@ -69,7 +73,12 @@ def shutter_of(prim: Any, time: Any, notes: Notes) -> float:
         return 0.0
     opens, closes = (float(attribute.Get(time) or 0.0) for attribute in attributes)
     if closes > opens and abs(opens + closes) > 0.01 * (closes - opens):
-        notes.add("Shutters that are not centred on the frame's time are as long, and centred", prim.GetName())
+        notes.add(
+            Sentence(
+                "shutters-not-centred-frame-time", "Shutters that are not centred on the frame's time are as long, and centred"
+            ),
+            prim.GetName(),
+        )
     return clamped(closes - opens, 0.0, 1.0)
 
 

@@ -12,6 +12,7 @@ from renderer.scene.description import F32, Mesh
 from renderer.scene.readers.tubes import BASES, curve_weights, tubes
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
+from renderer.sentences import Sentence
 
 __all__ = ["Balls", "balls_of", "tubes_of"]
 
@@ -43,9 +44,17 @@ def balls_of(prim: Any, time: Any, notes: Notes) -> Balls:
     colors = None if primvar is None else primvars.array(primvar.ComputeFlattened(time), 3)
     sound = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
     if lost := int((~sound).sum()):
-        notes.add(f"{lost} points without a finite place or a width are left out", path)
+        notes.add(
+            Sentence(
+                "points-without-finite-place-width", "{lost} points without a finite place or a width are left out", lost=lost
+            ),
+            path,
+        )
     if colors is not None and len(colors) not in (1, len(centers)):
-        notes.add(f"The colours of points, {len(colors)} for {len(centers)}, are left out", path)
+        notes.add(
+            Sentence("colours-points", "The colours of points, {n} for {n2}, are left out", n=len(colors), n2=len(centers)),
+            path,
+        )
     if colors is not None and len(colors) == len(centers):
         return Balls(centers[sound], radii[sound], colors[sound])
     return Balls(centers[sound], radii[sound], None)
@@ -68,10 +77,17 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     basis = "linear" if kind == "linear" else basis
     path = str(prim.GetPath())
     if len(counts) == 0 or counts.min() < 0 or counts.sum() != len(points) or not np.isfinite(points).all():
-        notes.add("Curves that are damaged are left out", path)
+        notes.add(Sentence("curves-damaged-left-out", "Curves that are damaged are left out"), path)
         return None
     if basis != "linear" and basis not in BASES:
-        notes.add(f"Curves of the basis {basis} are drawn straight from point to point", path)
+        notes.add(
+            Sentence(
+                "curves-basis-drawn-straight-from",
+                "Curves of the basis {basis} are drawn straight from point to point",
+                basis=basis,
+            ),
+            path,
+        )
         basis = "linear"
     interpolation = curves.GetWidthsInterpolation()
     primvar = primvars.found(prim, "widths")
@@ -81,13 +97,15 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     if len(widths) == 0:
         widths, interpolation = np.ones((1, 1)), "constant"
     if not np.isfinite(widths).all():
-        notes.add("Widths of curves that are not finite are 0", path)
+        notes.add(Sentence("widths-curves-not-finite-0", "Widths of curves that are not finite are 0"), path)
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.found(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
-        notes.add("Curves that are ribbons by their normals are drawn as tubes", path)
+        notes.add(
+            Sentence("curves-ribbons-by-normals-drawn", "Curves that are ribbons by their normals are drawn as tubes"), path
+        )
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
@@ -98,10 +116,18 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         which = np.flatnonzero(counts == count)
         total += len(which) * (len(weights) + 2) * (sides + 1)
         if total > MAX_VERTICES:
-            notes.add("Curves of which there are too many are left out", path)
+            notes.add(Sentence("curves-too-many-left-out", "Curves of which there are too many are left out"), path)
             break
         if len(weights) < 2:
-            notes.add(f"{len(which)} curves of {count} points are too short and left out", path)
+            notes.add(
+                Sentence(
+                    "curves-points-too-short-left",
+                    "{n} curves of {count} points are too short and left out",
+                    n=len(which),
+                    count=count,
+                ),
+                path,
+            )
             continue
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]

@@ -14,13 +14,14 @@ from renderer.scene.readers.linear_images import alpha, linear
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.scene.readers.usd.textures import CHANNELS, Taken
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Heights", "heights_of"]
 
 _MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # in stages; in MaterialX documents
 _PREVIEW = "UsdPreviewSurface"
-_AS_BUMPS = "Displacement is shown as bumps, which move no surface"
-_LEFT_OUT = "Displacement is not drawn; left out of materials"
+_AS_BUMPS = Sentence("displacement-shown-bumps", "Displacement is shown as bumps, which move no surface")
+_LEFT_OUT = Sentence("displacement-not-drawn", "Displacement is not drawn; left out of materials")
 
 
 class Heights(NamedTuple):
@@ -50,7 +51,10 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
             network.notes.add(_LEFT_OUT, network.user)
         return None
     if read.material.normal_texture is not None:
-        network.notes.add("Displacement is left out where a normal map bends a surface", network.user)
+        network.notes.add(
+            Sentence("displacement-left-out-where-normal", "Displacement is left out where a normal map bends a surface"),
+            network.user,
+        )
         return None
     channel = "r" if given.taken.channel == "rgb" else given.taken.channel
     texture = _plain(read.shelf, given.taken, channel)

@@ -15,6 +15,7 @@ from renderer.scene.readers.usd.lights import radiance_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["add_dome", "is_dome"]
 
@@ -36,7 +37,7 @@ def add_dome(
     """
     name = str(prim.GetPath())
     if description.environment is not None:
-        notes.add("Of several dome lights the first is taken; left out are", name)
+        notes.add(Sentence("several-dome-lights-first-taken", "Of several dome lights the first is taken; left out are"), name)
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
@@ -49,14 +50,28 @@ def add_dome(
     else:
         dome = UsdLux.DomeLight(prim)
     if dome.GetTextureFormatAttr().Get(time) not in ("automatic", "latlong", None):
-        notes.add("Dome lights whose texture is not in latitudes and longitudes shine evenly", name)
+        notes.add(
+            Sentence(
+                "dome-lights-texture-not-latitudes", "Dome lights whose texture is not in latitudes and longitudes shine evenly"
+            ),
+            name,
+        )
         description.environment = Environment(color)
         return
     file = dome.GetTextureFileAttr()
-    found = images.find(file, f"Light {prim.GetName()}", True, time, is_environment=True) if images.named(file, time) else None
+    found = (
+        images.find(file, Sentence("light-2", "Light {getname}", getname=prim.GetName()), True, time, is_environment=True)
+        if images.named(file, time)
+        else None
+    )
     if found is None:
         if images.named(file, time):
-            notes.add("Dome lights whose picture cannot be read shine evenly in their colour", name)
+            notes.add(
+                Sentence(
+                    "dome-lights-picture-cannot-read", "Dome lights whose picture cannot be read shine evenly in their colour"
+                ),
+                name,
+            )
         description.environment = Environment(color)
         return
     # The centre of a USD image is at +Z, of ours at -Z.

@@ -15,6 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.ies import Photometry, read_ies
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
+from renderer.sentences import Sentence, stopped
 
 __all__ = ["Profiles"]
 
@@ -45,7 +46,10 @@ class Profiles:
         """
         file = self._images.file(attribute, self._time)
         if file is None:
-            self._notes.add("IES profiles that are not among the files are left out; add them", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("ies-profiles-not-among-files", "IES profiles that are not among the files are left out; add them"),
+                str(prim.GetPath()),
+            )
             return None
         shaping = UsdLux.ShapingAPI(prim)
         scale = 1.0 + (shaping.GetShapingIesAngleScaleAttr().Get(self._time) or 0.0)
@@ -56,10 +60,10 @@ class Profiles:
                 key, lambda: _shaped(read_ies(file[1](), file[0]), scale, even, is_flat)
             )
         except SceneError as error:
-            self._notes.say(f"{error}; lights shine without it.")
+            self._notes.say(Sentence("lights-shine-without", "{error}; lights shine without it.", error=error))
             return None
         for note in found[1]:
-            self._notes.say(f"{note}.")
+            self._notes.say(stopped(note))
         return found[0]
 
 

@@ -21,6 +21,7 @@ from renderer.scene.readers.usd import mtlx
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.prim_count import judge_composition
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
+from renderer.sentences import Sentence
 
 __all__ = ["Stage", "muted", "open_stage", "telling"]
 
@@ -68,7 +69,14 @@ def telling(main: str) -> Iterator[None]:
         yield
     except Tf.ErrorException as error:
         reason = _reason(error, "")
-        raise SceneError(f"{main}: is damaged{f' ({reason})' if reason else ''}; export it again") from None
+        raise SceneError(
+            Sentence(
+                "damaged-export-again",
+                "{file}: is damaged{value}; export it again",
+                file=main,
+                value=f" ({reason})" if reason else "",
+            )
+        ) from None
 
 
 def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage, list[str]]:
@@ -87,7 +95,9 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
             if name in prim.GetVariantSets().GetNames():
                 prim.GetVariantSet(name).SetVariantSelection(choice)
     for error in stage.GetCompositionErrors():
-        notes.add("References that lead nowhere are left out", _place(error, opener.names))
+        notes.add(
+            Sentence("references-lead-nowhere-left-out", "References that lead nowhere are left out"), _place(error, opener.names)
+        )
     return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
 
 
@@ -131,7 +141,7 @@ class _Opener:
                     try:
                         self._read(found)
                     except SceneError as error:
-                        self._notes.say(f"{error}; rendered without it.")
+                        self._notes.say(Sentence("rendered-without", "{error}; rendered without it.", error=error))
                         found = None
                     else:
                         waiting.append(found)
@@ -147,7 +157,7 @@ class _Opener:
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
         what = "Sublayers that are the layer itself" if found == beside else "Sublayers that a layer names twice"
-        self._notes.add(f"{what} are left out", beside)
+        self._notes.add(Sentence("left-out", "{what} are left out", what=what), beside)
         return True
 
     @staticmethod
@@ -161,29 +171,51 @@ class _Opener:
 
     def _found(self, reference: str, beside: str) -> str | None:
         if reference.startswith("`"):
-            self._notes.add("Paths made of variables are not read here and lead nowhere", beside)
+            self._notes.add(
+                Sentence("paths-made-variables-not-read", "Paths made of variables are not read here and lead nowhere"), beside
+            )
             return None
         found = self._sources.find(reference, beside)
         if found is None:
-            why = "is not among the files; add it"
+            why = Sentence("not-among-files", "is not among the files; add it")
             if self._sources.is_outside(reference, beside):
-                why = "lies above the scene's folder; give the folder that holds both, by --root or as the scene"
+                why = Sentence(
+                    "lies-above-scene-folder",
+                    "lies above the scene's folder; give the folder that holds both, by --root or as the scene",
+                )
             said = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
             wanted = said if not PurePosixPath(said).is_absolute() and ":" not in said else PurePosixPath(said).name
-            self._notes.say(f"{beside}: its layer {wanted[:200]} {why}. Rendered without it meanwhile.")
+            self._notes.say(
+                Sentence(
+                    "layer-rendered-without-meanwhile",
+                    "{beside}: its layer {wanted} {why}. Rendered without it meanwhile.",
+                    beside=beside,
+                    wanted=wanted[:200],
+                    why=why,
+                )
+            )
             return None
         if PurePosixPath(found.rstrip("]")).suffix.lower() not in (*LAYER_SUFFIXES, mtlx.SUFFIX):
-            self._notes.add("Referenced files that are no USD layers are left out", found)
+            self._notes.add(
+                Sentence("referenced-files-no-usd-layers", "Referenced files that are no USD layers are left out"), found
+            )
             return None
         try:
             return self._sources.root_of(found)
         except SceneError as error:
-            self._notes.say(f"{error}; rendered without it.")
+            self._notes.say(Sentence("rendered-without", "{error}; rendered without it.", error=error))
             return None
 
     def _read(self, name: str) -> None:
         if len(self.opened) >= MAX_LAYERS:
-            raise SceneError(f"{name}: is the {MAX_LAYERS + 1}th layer; flatten the stage")
+            raise SceneError(
+                Sentence(
+                    "th-layer",
+                    "{name}: is the {max_layers}th layer; flatten the stage",
+                    name=name,
+                    max_layers=MAX_LAYERS + 1,
+                )
+            )
         if name.rstrip("]").lower().endswith(mtlx.SUFFIX):
             layer = mtlx.layer_of(self._sources.read(name), name, self._included, self._notes)
             self.opened[name] = layer
@@ -193,9 +225,16 @@ class _Opener:
         try:
             layer = Sdf.Layer.OpenAsAnonymous(path)
         except Tf.ErrorException as error:
-            raise SceneError(f"{name}: is damaged or no USD layer ({_reason(error, path)}); export it again") from None
+            raise SceneError(
+                Sentence(
+                    "damaged-no-usd-layer-export",
+                    "{name}: is damaged or no USD layer ({reason}); export it again",
+                    name=name,
+                    reason=_reason(error, path),
+                )
+            ) from None
         if layer is None:
-            raise SceneError(f"{name}: is damaged or no USD layer; export it again")
+            raise SceneError(Sentence("damaged-no-usd-layer", "{name}: is damaged or no USD layer; export it again", name=name))
         self.opened[name] = layer
         self.names[layer.identifier] = name
 
@@ -211,7 +250,10 @@ class _Opener:
                 spec = layer.GetPrimAtPath(path)
                 if spec is not None and spec.HasInfo("clips"):
                     spec.ClearInfo("clips")
-                    self._notes.add("Value clips are not read here; what plays them stands still", str(path))
+                    self._notes.add(
+                        Sentence("value-clips-not-read", "Value clips are not read here; what plays them stands still"),
+                        str(path),
+                    )
 
         layer.Traverse(Sdf.Path.absoluteRootPath, visit)
 

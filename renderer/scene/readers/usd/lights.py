@@ -16,6 +16,7 @@ from renderer.scene.readers.shapes import disk, lathe, quad
 from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
+from renderer.sentences import Sentence
 
 __all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
 
@@ -153,12 +154,15 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
         _cone(prim, time, notes, False)
         if cylinder.GetTreatAsLineAttr().Get(time):
-            notes.add("Lights that are to be lines have the body that they say", name)
+            notes.add(Sentence("lights-lines-body-say", "Lights that are to be lines have the body that they say"), name)
         area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
         tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
         tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
         return _shining(tube, light, time, area, name, notes)
-    notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
+    notes.add(
+        Sentence("lights-kind-left-out", "Lights of the kind {gettypename} are left out", gettypename=prim.GetTypeName()),
+        str(prim.GetPath()),
+    )
     return None
 
 
@@ -186,15 +190,28 @@ def _with_profile(
         whole = facing = _number(rect.GetWidthAttr(), time) * x * _number(rect.GetHeightAttr(), time) * y
         radius = math.sqrt(max(facing, 0.0) / math.pi)
         if (picture := rect.GetTextureFileAttr().Get(time)) is not None and picture.path:
-            notes.add("Textures of lights that have an IES profile are left out", name)
+            notes.add(
+                Sentence("textures-lights-ies-profile-left", "Textures of lights that have an IES profile are left out"), name
+            )
     else:
-        notes.add("IES profiles are left out of lights that are neither balls, disks nor rectangles", name)
+        notes.add(
+            Sentence(
+                "ies-profiles-left-out-lights", "IES profiles are left out of lights that are neither balls, disks nor rectangles"
+            ),
+            name,
+        )
         return None
     emission = profiles.emission(prim, file, is_flat)
     if emission is None:
         return None
     if is_flat and radius > 0:
-        notes.add("Disks and rectangles that an IES profile shapes shine as balls of their size, which are not seen", name)
+        notes.add(
+            Sentence(
+                "disks-rectangles-ies-profile-shapes",
+                "Disks and rectangles that an IES profile shapes shine as balls of their size, which are not seen",
+            ),
+            name,
+        )
     _note(light, prim, time, notes)
     place = (float(world[0, 3]), float(world[1, 3]), float(world[2, 3]))
     rgb = _times(radiance_of(light, time, whole), facing)
@@ -211,7 +228,7 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, notes: Notes, image: Any = None) -> Lamp | None:
     if area <= 0:
-        notes.add("Lights without an area are left out", name)
+        notes.add(Sentence("lights-without-area-left-out", "Lights without an area are left out"), name)
         return None
     return Lamp(mesh=mesh, material=_glowing(name, radiance_of(light, time, area)), image=image)
 
@@ -252,12 +269,15 @@ def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, fl
     shaping = UsdLux.ShapingAPI(prim)
     name = str(prim.GetPath())
     if (shaping.GetShapingFocusAttr().Get(time) or 0.0) != 0:
-        notes.add("The focus of lights is left out", name)
+        notes.add(Sentence("focus-lights-left-out", "The focus of lights is left out"), name)
     angle = min(max(_number(shaping.GetShapingConeAngleAttr(), time, 90.0), 0.01), 180.0)
     if not shaping.GetShapingConeAngleAttr().HasAuthoredValue() or angle >= 180:
         return None
     if not is_known:
-        notes.add("The cones of rectangular and cylindrical lights are left out", name)
+        notes.add(
+            Sentence("cones-rectangular-cylindrical-lights-left", "The cones of rectangular and cylindrical lights are left out"),
+            name,
+        )
         return None
     soft = min(max(_number(shaping.GetShapingConeSoftnessAttr(), time), 0.0), 1.0)
     return angle * (1 - soft), angle
@@ -267,14 +287,23 @@ def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
     name = str(prim.GetPath())
     for attribute in (light.GetDiffuseAttr(), light.GetSpecularAttr()):
         if attribute.Get(time) not in (None, 1.0):
-            notes.add("Lights that shine differently on diffuse and glossy surfaces shine on both alike", name)
+            notes.add(
+                Sentence(
+                    "lights-shine-differently-diffuse-glossy",
+                    "Lights that shine differently on diffuse and glossy surfaces shine on both alike",
+                ),
+                name,
+            )
     shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
     if shadow and shadow.GetShadowEnableAttr().Get(time) is False:
-        notes.add("Lights without shadows cast them", name)
+        notes.add(Sentence("lights-without-shadows-cast", "Lights without shadows cast them"), name)
     if shadow and (any(shadow.GetShadowColorAttr().Get(time) or ()) or (shadow.GetShadowDistanceAttr().Get(time) or -1.0) > 0):
-        notes.add("Shadows of a colour, or that end at a distance, are black and go on", name)
+        notes.add(
+            Sentence("shadows-colour", "Shadows of a colour, or that end at a distance, are black and go on"),
+            name,
+        )
     if light.GetFiltersRel().HasAuthoredTargets():
-        notes.add("Filters of lights are left out", name)
+        notes.add(Sentence("filters-lights-left-out", "Filters of lights are left out"), name)
     for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):
         if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
-            notes.add("Lights that are linked to some objects shine on all", name)
+            notes.add(Sentence("lights-linked-some-objects-shine", "Lights that are linked to some objects shine on all"), name)

@@ -17,6 +17,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
 from renderer.scene.readers.usd.refining import of_boundary, refine
+from renderer.sentences import Sentence
 
 __all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
 
@@ -76,10 +77,17 @@ def read_mesh(
     counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(time))
     corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if not _is_whole(points, counts, corners):
-        notes.add("Meshes whose faces are damaged are left out", str(prim.GetPath()))
+        notes.add(Sentence("meshes-faces-damaged-left-out", "Meshes whose faces are damaged are left out"), str(prim.GetPath()))
         return [None for _ in parts]
     if len(corners) > MAX_VERTICES:
-        raise SceneError(f"{prim.GetPath()}: its faces have more than {MAX_VERTICES} corners; split it")
+        raise SceneError(
+            Sentence(
+                "faces-more-than-corners",
+                "{getpath}: its faces have more than {max_vertices} corners; split it",
+                getpath=prim.GetPath(),
+                max_vertices=MAX_VERTICES,
+            )
+        )
     faces = Faces(counts, corners)
     names = dict.fromkeys(name for part in parts for name in (*part.uvs, part.color, part.opacity) if name is not None)
     found = {name: _primvar(prim, name, faces, len(points), time, notes) for name in names}
@@ -93,7 +101,10 @@ def read_mesh(
 
     solid = counts >= 3
     if thin := int((~solid).sum()):
-        notes.add(f"{thin} faces of fewer than three corners are left out", str(prim.GetPath()))
+        notes.add(
+            Sentence("faces-fewer-than-three-corners", "{thin} faces of fewer than three corners are left out", thin=thin),
+            str(prim.GetPath()),
+        )
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)
     solid[holes[(holes >= 0) & (holes < len(solid))]] = False
     is_refined = scheme in REFINED

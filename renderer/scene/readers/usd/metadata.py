@@ -8,6 +8,7 @@ from typing import Any
 from pxr import Tf, UsdGeom
 
 from renderer.scene.readers.usd.notes import Notes
+from renderer.sentences import Sentence
 
 __all__ = ["is_z_up", "rate_of", "stored", "unit_of"]
 
@@ -35,7 +36,14 @@ def unit_of(stage: Any, notes: Notes) -> float:
     except Tf.ErrorException:
         found = _number(stage, "metersPerUnit", _UNIT, notes)
     if not (math.isfinite(found) and found > 0):
-        notes.say(f"The stage's metersPerUnit is {found}, which is no length; {_UNIT} is taken.")
+        notes.say(
+            Sentence(
+                "stage-metersperunit",
+                "The stage's metersPerUnit is {found}, which is no length; {unit} is taken.",
+                found=found,
+                unit=_UNIT,
+            )
+        )
         return _UNIT
     return found
 
@@ -46,7 +54,14 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
         return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
     except Tf.ErrorException:
         found = stored(stage, "upAxis")
-    notes.say(f"The stage's upAxis is stored as {type(found).__name__} {str(found)[:20]!r}; it is read as that.")
+    notes.say(
+        Sentence(
+            "stage-upaxis-stored",
+            "The stage's upAxis is stored as {name} {found}; it is read as that.",
+            name=type(found).__name__,
+            found=repr(str(found)[:20]),
+        )
+    )
     return str(found).strip().upper() == "Z"
 
 
@@ -65,7 +80,23 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
     try:
         found = float(value)
     except (TypeError, ValueError):
-        notes.say(f"The stage's {key} is stored as {type(value).__name__} {str(value)[:20]!r}; {default:g} is taken.")
+        notes.say(
+            Sentence(
+                "stage-stored",
+                "The stage's {key} is stored as {name} {value}; {default} is taken.",
+                key=key,
+                name=type(value).__name__,
+                value=repr(str(value)[:20]),
+                default=f"{default:g}",
+            )
+        )
         return default
-    notes.say(f"The stage's {key} is not stored as a double; {found:g} is read.")
+    notes.say(
+        Sentence(
+            "stage-not-stored-double",
+            "The stage's {key} is not stored as a double; {found} is read.",
+            key=key,
+            found=f"{found:g}",
+        )
+    )
     return found

@@ -18,6 +18,7 @@ from renderer.errors import SceneError
 from renderer.image.tonemap import decode_srgb
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.sentences import Sentence
 
 __all__ = ["SUFFIX", "layer_of"]
 
@@ -51,7 +52,14 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
         for reference in document.add(file, content):
             found = included(reference, file)
             if found is None:
-                notes.say(f"{file}: the document {posixpath.basename(reference)[:120]} that it includes is not among the files.")
+                notes.say(
+                    Sentence(
+                        "document-includes-not-among-files",
+                        "{file}: the document {basename} that it includes is not among the files.",
+                        file=file,
+                        basename=posixpath.basename(reference)[:120],
+                    )
+                )
             elif found[0] not in known and len(known) < MAX_INCLUDES:
                 known.add(found[0])
                 waiting.append(found)
@@ -72,11 +80,31 @@ class _Document:
         try:
             root = ElementTree.fromstring(data)
         except (ElementTree.ParseError, ValueError, LookupError) as error:
-            raise SceneError(f"{file}: is no whole MaterialX document ({error}); export it again") from error
+            raise SceneError(
+                Sentence(
+                    "no-whole-materialx-document",
+                    "{file}: is no whole MaterialX document ({error}); export it again",
+                    file=file,
+                    error=error,
+                )
+            ) from error
         if root.tag != "materialx":
-            raise SceneError(f"{file}: is no MaterialX document; it begins with {root.tag[:40]}")
+            raise SceneError(
+                Sentence(
+                    "no-materialx-document",
+                    "{file}: is no MaterialX document; it begins with {tag}",
+                    file=file,
+                    tag=root.tag[:40],
+                )
+            )
         if _number(root.get("version", "")) < 1.38:
-            self._notes.add("Documents of MaterialX before 1.38 may lack parts here; save them by a newer program", file)
+            self._notes.add(
+                Sentence(
+                    "documents-materialx-before-1-38",
+                    "Documents of MaterialX before 1.38 may lack parts here; save them by a newer program",
+                ),
+                file,
+            )
         said = _inherited(root, {"fileprefix": ""})
         self._gather("", root, said)
         for graph in root.iter("nodegraph"):
@@ -114,7 +142,14 @@ class _Document:
             if place not in known:
                 self._count += 1
                 if self._count > MAX_NODES:
-                    raise SceneError(f"{self._name}: its materials come to more than {MAX_NODES} nodes")
+                    raise SceneError(
+                        Sentence(
+                            "materials-come-more-than-nodes",
+                            "{name}: its materials come to more than {max_nodes} nodes",
+                            name=self._name,
+                            max_nodes=MAX_NODES,
+                        )
+                    )
                 known[place] = UsdShade.Shader.Define(stage, place)
                 known[place].CreateIdAttr(f"ND_{found[0].tag}_{found[0].get('type', '')}")
                 waiting.append((known[place], *found, scope))
@@ -182,9 +217,17 @@ class _Document:
             elif kind in ("float", "integer"):
                 shader.CreateInput(name, _OTHERS[kind]).Set(numbers[0] if kind == "float" else int(numbers[0]))
             else:
-                self._notes.add("Values of these types are left out of MaterialX documents", f"{name} ({kind})")
+                self._notes.add(
+                    Sentence("values-these-types-left-out", "Values of these types are left out of MaterialX documents"),
+                    f"{name} ({kind})",
+                )
         except (ValueError, IndexError, OverflowError, TypeError, Tf.ErrorException):
-            self._notes.add("Values of MaterialX documents that are no numbers are left out", f"{self._name} {name}")
+            self._notes.add(
+                Sentence(
+                    "values-materialx-documents-no-numbers", "Values of MaterialX documents that are no numbers are left out"
+                ),
+                f"{self._name} {name}",
+            )
 
 
 def _inherited(element: Element, said: dict[str, str]) -> dict[str, str]:

@@ -16,6 +16,7 @@ from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import PLAIN, Four, Images, Taken, composed, transform_2d
 from renderer.scene.textures import UNMOVED
+from renderer.sentences import Sentence
 
 __all__ = ["Network"]
 
@@ -77,7 +78,10 @@ class Network:
                 return Input()
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
-        self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
+        self.notes.add(
+            Sentence("shaders-these-kinds-not-known", "Shaders of these kinds are not known here, and left out"),
+            kind or "one without a kind",
+        )
         return Input()
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
@@ -104,7 +108,11 @@ class Network:
         found = file.GetValueProducingAttributes() if file else []
         space = str(said("sourceColorSpace", "auto"))
         encoded = srgb if space == "auto" else space.lower() == "srgb"
-        image = self.images.find(found[0], f"Material {self.user}", encoded, self.time) if found else None
+        image = (
+            self.images.find(found[0], Sentence("material-2", "Material {user}", user=self.user), encoded, self.time)
+            if found
+            else None
+        )
         if image is None:
             # No file: black. Missing file: the fallback if authored, otherwise the input's default.
             fallback = said("fallback", None if found else (0.0, 0.0, 0.0, 1.0))
@@ -145,7 +153,10 @@ class Network:
                 if name is not None:
                     return self.uv_set(name), transform
                 continue
-            self.notes.add("Shaders of these kinds are not known here, and left out", kind or "one without a kind")
+            self.notes.add(
+                Sentence("shaders-these-kinds-not-known", "Shaders of these kinds are not known here, and left out"),
+                kind or "one without a kind",
+            )
             break
         return self.uv_set("st"), transform
 
@@ -161,7 +172,13 @@ class Network:
         """Returns the index of a UV set by the name of its primvar; 0, with a note, for a third set or more."""
         if name not in self.uvs:
             if len(self.uvs) == _UV_SETS:
-                self.notes.add("Materials with more than two sets of UVs have the first in place of others", self.user)
+                self.notes.add(
+                    Sentence(
+                        "materials-with-more-than-two",
+                        "Materials with more than two sets of UVs have the first in place of others",
+                    ),
+                    self.user,
+                )
                 return 0
             self.uvs.append(name)
         return self.uvs.index(name)

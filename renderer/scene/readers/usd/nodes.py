@@ -10,6 +10,7 @@ from renderer.scene.readers.usd.arithmetic import calculated, calculates, combin
 from renderer.scene.readers.usd.inputs import Follow, Following, Input
 from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
 from renderer.scene.textures import UNMOVED
+from renderer.sentences import Sentence
 
 __all__ = ["follow_coordinates", "follow_node"]
 
@@ -48,13 +49,20 @@ def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: b
         Input(),
     )
     if first.taken is None:
-        note = "Nodes of MaterialX of these kinds are not known here for pictures, and left out"
+        note = Sentence(
+            "nodes-materialx-these-kinds-not-known",
+            "Nodes of MaterialX of these kinds are not known here for pictures, and left out",
+        )
     elif calculates(kind):
-        note = "Nodes of MaterialX between pictures that lie in different ways are passed over: one picture is shown as it is"
+        note = Sentence(
+            "nodes-materialx-between-pictures-lie",
+            "Nodes of MaterialX between pictures that lie in different ways are passed over: one picture is shown as it is",
+        )
     else:
-        note = (
-            "Nodes of MaterialX of these kinds are not known here for pictures, and passed over: "
-            "a picture is shown as it is before them"
+        note = Sentence(
+            "nodes-materialx-these-kinds-not-known-for",
+            "Nodes of MaterialX of these kinds are not known here for pictures, and passed over: a "
+            "picture is shown as it is before them",
         )
     network.notes.add(note, kind)
     return first if first.taken is not None else Input()
@@ -82,7 +90,7 @@ def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, 
         space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
     is_color = node == "UsdUVTexture" or "color" in kind  # scalars and vectors are linear
     encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb and is_color
-    image = network.images.find(found[0], f"Material {network.user}", encoded, network.time)
+    image = network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), encoded, network.time)
     if image is None:
         return missing
     is_preview = node == "UsdUVTexture"
@@ -96,7 +104,10 @@ def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, 
     modes = [follow(shader.GetInput(name), False, depth + 1).value for name in names]
     wraps = (str(modes[0] or "periodic"), str(modes[1] or "periodic"))
     if "constant" in wraps:
-        network.notes.add("Textures that end at their image's edge go on there as at that edge", network.user)
+        network.notes.add(
+            Sentence("textures-end-image-edge-go", "Textures that end at their image's edge go on there as at that edge"),
+            network.user,
+        )
         wraps = (wraps[0].replace("constant", "clamp"), wraps[1].replace("constant", "clamp"))
     texture = network.images.texture(image[0], wraps, uv_set, composed(transform, image[1]), network.user)
     if texture is None:
@@ -144,7 +155,13 @@ def _channel(given: Input, letters: str) -> Input:
 def _combined(network: Following, kind: str, found: list[Input]) -> Input:
     result = combined(kind, network.images.shelf, found)
     if result is None:
-        network.notes.add("Nodes of MaterialX that make one picture of several which lie in different ways are left out", kind)
+        network.notes.add(
+            Sentence(
+                "nodes-materialx-make-one-picture",
+                "Nodes of MaterialX that make one picture of several which lie in different ways are left out",
+            ),
+            kind,
+        )
         return Input()
     return result
 
@@ -190,6 +207,8 @@ def follow_coordinates(
             "subtract": lambda: transform_2d((1.0, 1.0), 0.0, (-x, -y)),
         }[node]()
         return None, own, shader.GetInput("in1")
-    network.notes.add("Nodes of MaterialX of these kinds do not move textures here", kind)
+    network.notes.add(
+        Sentence("nodes-materialx-these-kinds-not", "Nodes of MaterialX of these kinds do not move textures here"), kind
+    )
     further = shader.GetInput("in")
     return (None, UNMOVED, further) if further else ("st", UNMOVED, None)

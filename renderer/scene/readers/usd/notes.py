@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from pxr import Tf
 
+from renderer.sentences import Sentence
+
 __all__ = ["UNREADABLE", "Notes"]
 
 # Errors raised for prims with values of wrong types or arrays of wrong sizes.
@@ -34,6 +36,8 @@ class Notes:
         for sentence in self._sentences:
             warn(sentence)
         for what, names in self._names.items():
-            listed = ", ".join(name[-80:] for name in list(names)[:_NAMED])
-            more = " and others" if len(names) > _NAMED else ""
-            warn(f"{what} ({len(names)}): {listed}{more}.")
+            first = [name[-80:] for name in list(names)[:_NAMED]]
+            if len(names) > _NAMED:
+                warn(Sentence("note-of-some", "{what} ({n}): {names} and others.", what=what, n=len(names), names=first))
+            else:
+                warn(Sentence("note-of-all", "{what} ({n}): {names}.", what=what, n=len(names), names=first))

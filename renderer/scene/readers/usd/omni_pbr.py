@@ -22,6 +22,7 @@ from renderer.scene.readers.usd.preview_surface import (
     fill_roughness,
 )
 from renderer.scene.readers.usd.textures import Taken, transform_2d
+from renderer.sentences import Sentence
 
 __all__ = ["NAMES", "read_omni_pbr"]
 
@@ -88,7 +89,11 @@ class _Said:
         """Returns the texture of an input that names a file; None if there is none."""
         network, given = self._network, self._shader.GetInput(name)
         found = given.GetValueProducingAttributes() if given else []
-        image = network.images.find(found[0], f"Material {network.user}", srgb, network.time) if found else None
+        image = (
+            network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), srgb, network.time)
+            if found
+            else None
+        )
         if image is None:
             return None
         texture = network.images.texture(image[0], _REPEAT, network.uv_set("st"), self._transform, network.user)

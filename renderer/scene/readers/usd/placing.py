@@ -32,6 +32,7 @@ from renderer.scene.readers.usd.surfaces import Surface, Surfaces
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
+from renderer.sentences import Sentence
 
 __all__ = ["Placing"]
 
@@ -72,7 +73,10 @@ class Placing:
             try:
                 self._place_one(each)
             except UNREADABLE:
-                self._notes.add("Prims that are damaged, or have values of other types, are left out", str(each.prim.GetPath()))
+                self._notes.add(
+                    Sentence("prims-damaged", "Prims that are damaged, or have values of other types, are left out"),
+                    str(each.prim.GetPath()),
+                )
 
     def _place_one(self, each: Placed) -> None:
         prim = each.prim
@@ -88,7 +92,10 @@ class Placing:
         elif prim.IsA(UsdGeom.Gprim):
             self._gprim(each)
         elif prim.IsA(UsdLux.PluginLight):
-            self._notes.add(f"Lights of the kind {prim.GetTypeName()} are left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("lights-kind-left-out", "Lights of the kind {gettypename} are left out", gettypename=prim.GetTypeName()),
+                str(prim.GetPath()),
+            )
 
     def _gprim(self, each: Placed) -> None:
         prim = each.prim
@@ -101,7 +108,10 @@ class Placing:
         elif prim.IsA(UsdGeom.Points):
             self._points(each)
         else:
-            self._notes.add(f"Prims of the type {prim.GetTypeName()} are left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("prims-type-left-out", "Prims of the type {gettypename} are left out", gettypename=prim.GetTypeName()),
+                str(prim.GetPath()),
+            )
 
     def _bind(self, prims: list[Any]) -> None:
         """Finds the bound materials of all prims at once."""
@@ -132,7 +142,10 @@ class Placing:
         shape = self._skeletons.shape_of(prim)
         bends = shape is not None or (not self._is_still and deforms(prim))
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._counts(prim).max(initial=3) > 3:
-            note = "Subdivision surfaces after Loop whose faces are not all triangles are drawn as their cage"
+            note = Sentence(
+                "subdivision-surfaces-after-loop-faces",
+                "Subdivision surfaces after Loop whose faces are not all triangles are drawn as their cage",
+            )
             self._notes.add(note, str(prim.GetPath()))
         key = (self._key(prim), tuple(surfaces), each.prim.GetPath() if shape is not None else None)
         if key not in self._numbers:
@@ -168,9 +181,23 @@ class Placing:
             inside = indices[(indices >= 0) & (indices < count)]
             free = inside[of[inside] == 0]
             if taken := len(inside) - len(free):
-                self._notes.add(f"{taken} faces of several subsets have the material of the first", str(subset.GetPath()))
+                self._notes.add(
+                    Sentence(
+                        "faces-several-subsets-material-first",
+                        "{taken} faces of several subsets have the material of the first",
+                        taken=taken,
+                    ),
+                    str(subset.GetPath()),
+                )
             if beyond := len(indices) - len(inside):
-                self._notes.add(f"{beyond} faces of subsets that their mesh does not have are left out", str(subset.GetPath()))
+                self._notes.add(
+                    Sentence(
+                        "faces-subsets-mesh-not-left",
+                        "{beyond} faces of subsets that their mesh does not have are left out",
+                        beyond=beyond,
+                    ),
+                    str(subset.GetPath()),
+                )
             of[free] = number
         wanted = [Wanted(s.uvs, s.color, s.opacity) for s in surfaces]
         return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
@@ -185,14 +212,28 @@ class Placing:
             surface = self._surfaces.changed(surface, "both", double_sided=True)
         self._vertices += len(mesh.positions)
         if self._vertices > MAX_VERTICES:
-            raise SceneError(f"{self._description.name}: its meshes have more than {MAX_VERTICES} vertices")
+            raise SceneError(
+                Sentence(
+                    "meshes-more-than-vertices",
+                    "{name}: its meshes have more than {max_vertices} vertices",
+                    name=self._description.name,
+                    max_vertices=MAX_VERTICES,
+                )
+            )
         self._description.meshes.append(replace(mesh, material=surface.number, deforms=bends))
         return len(self._description.meshes) - 1
 
     def _show(self, meshes: list[int], each: Placed) -> None:
         instances = self._description.instances
         if len(instances) + len(each.places) * len(meshes) > MAX_INSTANCES:
-            raise SceneError(f"{each.prim.GetPath()}: is shown once too often; at most {MAX_INSTANCES} instances fit")
+            raise SceneError(
+                Sentence(
+                    "shown-once-too-often",
+                    "{getpath}: is shown once too often; at most {max_instances} instances fit",
+                    getpath=each.prim.GetPath(),
+                    max_instances=MAX_INSTANCES,
+                )
+            )
         for i, place in enumerate(each.places):
             name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
             instances += [Instance(number, place, name=name, moves=each.moves) for number in meshes]
@@ -236,7 +277,14 @@ class Placing:
         surface = self._surface(prim)
         balls = balls_of(prim, self._time, self._notes)
         if len(balls.centers) * len(each.places) > MAX_INSTANCES:
-            self._notes.add(f"Points of which there are more than {MAX_INSTANCES} are left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence(
+                    "points-more-than-left-out",
+                    "Points of which there are more than {max_instances} are left out",
+                    max_instances=MAX_INSTANCES,
+                ),
+                str(prim.GetPath()),
+            )
             return
         numbers = np.full(len(balls.centers), surface.number)
         if surface.color is not None and balls.colors is not None:
@@ -258,7 +306,14 @@ class Placing:
             steps //= 2
             codes = np.rint(np.clip(colors, 0, 1) * steps).astype(np.int64)
         if steps < 255:
-            self._notes.add(f"Points of more than {MAX_COLORS} colours are drawn in the nearest of so many", path)
+            self._notes.add(
+                Sentence(
+                    "points-more-than-colours-drawn",
+                    "Points of more than {max_colors} colours are drawn in the nearest of so many",
+                    max_colors=MAX_COLORS,
+                ),
+                path,
+            )
         kinds, kind = np.unique(codes @ (1, 256, 65536), return_inverse=True)
         numbers = []
         for code in kinds.tolist():
@@ -272,7 +327,7 @@ class Placing:
         try:
             view = read_camera(prim, each.places[0], self._unit, self._time, self._notes)
         except SettingsError as error:
-            self._shelf.warn(f"Camera {each.name}: {error}; it is left out.")
+            self._shelf.warn(Sentence("camera-left-out", "Camera {name}: {error}; it is left out.", name=each.name, error=error))
             return
         if not self._description.cameras and self._description.moves:
             shutter = shutter_of(prim, self._time, self._notes)
@@ -290,7 +345,9 @@ class Placing:
                 self._description.lights.append(lamp.light)
                 continue
             assert lamp.material is not None
-            if lamp.image is not None and (found := self._images.find(lamp.image, f"Light {name}", True, self._time)):
+            if lamp.image is not None and (
+                found := self._images.find(lamp.image, Sentence("light", "Light {name}", name=name), True, self._time)
+            ):
                 lamp.material.emission_texture = self._images.texture(found[0], ("clamp", "clamp"), 0, found[1], name)
             one = replace(each, places=place[None], name=name)
             surface = self._surfaces.add(lamp.material)

@@ -14,6 +14,7 @@ from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.up_axis import Z_UP
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
+from renderer.sentences import Sentence
 
 __all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
 
@@ -58,12 +59,23 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
     found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
     if walked.proxies and not walked.stands_in:
         if not any(each.prim.IsA(UsdGeom.Gprim) for each in found):
-            notes.say("All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.")
+            notes.say(
+                Sentence(
+                    "stage-shows-purpose-proxy",
+                    "All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.",
+                )
+            )
             walked = _Walk(stage, time, notes, (*_DRAWN_PURPOSES, "proxy"))
             found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
         else:
             for path in walked.proxies:
-                notes.add("Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them", path)
+                notes.add(
+                    Sentence(
+                        "prims-purpose-proxy-not-drawn",
+                        "Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them",
+                    ),
+                    path,
+                )
     names: dict[str, int] = {}
     for each in found:
         name = each.prim.GetName()
@@ -90,13 +102,30 @@ class _Walk:
             prim, outer, moves, shown, purpose = stack.pop()
             self._seen += 1
             if self._seen > MAX_PRIMS or prim.GetPath().pathElementCount > MAX_DEPTH:
-                raise SceneError(f"{prim.GetPath()}: is one prim too many, or too deep; at most {MAX_PRIMS} fit")
+                raise SceneError(
+                    Sentence(
+                        "one-prim-too-many",
+                        "{getpath}: is one prim too many, or too deep; at most {max_prims} fit",
+                        getpath=prim.GetPath(),
+                        max_prims=MAX_PRIMS,
+                    )
+                )
             if prim.GetTypeName() and not prim.IsA(Usd.Typed):
                 self._notes.add(
-                    f"Prims of the type {prim.GetTypeName()}, which USD itself does not know, are left out", str(prim.GetPath())
+                    Sentence(
+                        "prims-type",
+                        "Prims of the type {gettypename}, which USD itself does not know, are left out",
+                        gettypename=prim.GetTypeName(),
+                    ),
+                    str(prim.GetPath()),
                 )
             if prim.IsA(UsdPhysics.Scene):
-                self._notes.say("Physics are not simulated: what would fall stands where the file has it.")
+                self._notes.say(
+                    Sentence(
+                        "physics-not-simulated",
+                        "Physics are not simulated: what would fall stands where the file has it.",
+                    )
+                )
             if prim.IsA(UsdShade.Material) or prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
                 continue
             inner, moving = self._local(prim, outer)
@@ -132,7 +161,10 @@ class _Walk:
             said = prim.GetAttribute("lod:default:index")
             index = int((said.Get(self._time) if said else None) or 0)
             children = [children[min(max(index, 0), len(children) - 1)]]
-            self._notes.add("Of levels of detail the default alone is drawn", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("levels-detail-default-alone-drawn", "Of levels of detail the default alone is drawn"),
+                str(prim.GetPath()),
+            )
         return children
 
     def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
@@ -147,7 +179,10 @@ class _Walk:
             outer = upright(self._stage)[None]
         inner = product(outer, matrix(own))
         if not np.isfinite(inner).all():
-            self._notes.add("Transforms that are not finite are taken for none", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("transforms-not-finite-taken-for", "Transforms that are not finite are taken for none"),
+                str(prim.GetPath()),
+            )
             inner = outer
         return inner, bool(xformable.TransformMightBeTimeVarying())
 
@@ -156,7 +191,14 @@ class _Walk:
         instancer = UsdGeom.PointInstancer(prim)
         said = instancer.GetProtoIndicesAttr().Get(self._time) or ()
         if len(said) > MAX_INSTANCES:
-            raise SceneError(f"{prim.GetPath()}: shows its prototypes more than {MAX_INSTANCES} times; show them less often")
+            raise SceneError(
+                Sentence(
+                    "shows-prototypes-more-than-times",
+                    "{getpath}: shows its prototypes more than {max_instances} times; show them less often",
+                    getpath=prim.GetPath(),
+                    max_instances=MAX_INSTANCES,
+                )
+            )
         indices = np.asarray(said, np.int64)
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
         given = instancer.ComputeInstanceTransformsAtTime(
@@ -168,27 +210,61 @@ class _Walk:
         kept = mask[:count] if len(mask) >= count else np.ones(count, bool)
         usable = (indices[:count] >= 0) & (indices[:count] < len(targets)) & np.isfinite(places[:count]).all(axis=(1, 2))
         if lost := int((kept & ~usable).sum()):
-            self._notes.add(f"{lost} instances without a prototype or a finite place are left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence(
+                    "instances-without-prototype-finite-place",
+                    "{lost} instances without a prototype or a finite place are left out",
+                    lost=lost,
+                ),
+                str(prim.GetPath()),
+            )
         kept &= usable
         if count == 0 or len(places) != len(indices) or depth > 8:
-            self._notes.add("Point instancers that are damaged, empty or nested too deeply are left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence(
+                    "point-instancers-damaged",
+                    "Point instancers that are damaged, empty or nested too deeply are left out",
+                ),
+                str(prim.GetPath()),
+            )
             return
         said_of_each = [p for p in UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithValues() if p.GetInterpolation() != "constant"]
         if said_of_each and count > 1:
             named = ", ".join(str(primvar.GetPrimvarName()) for primvar in said_of_each[:3])
-            self._notes.add(f"What point instancers say of each instance ({named}) is left out", str(prim.GetPath()))
+            self._notes.add(
+                Sentence(
+                    "point-instancers-say-each-instance",
+                    "What point instancers say of each instance ({named}) is left out",
+                    named=named,
+                ),
+                str(prim.GetPath()),
+            )
         attributes = instancer.GetPositionsAttr(), instancer.GetOrientationsAttr(), instancer.GetScalesAttr()
         moves |= any(a.ValueMightBeTimeVarying() for a in (*attributes, instancer.GetProtoIndicesAttr()))
         for number, target in enumerate(targets):
             which = np.flatnonzero(kept & (indices[:count] == number))
             prototype = self._stage.GetPrimAtPath(target)
             if len(which) and not prototype:
-                self._notes.add(f"Prototypes that are not in the stage are left out, {len(which)} times", str(target))
+                self._notes.add(
+                    Sentence(
+                        "prototypes-not-stage-left-out",
+                        "Prototypes that are not in the stage are left out, {n} times",
+                        n=len(which),
+                    ),
+                    str(target),
+                )
             if len(which) == 0 or not prototype:
                 continue
             self._copies += len(which) * len(outer)
             if self._copies > MAX_INSTANCES:
-                raise SceneError(f"{prim.GetPath()}: shows its prototypes more than {MAX_INSTANCES} times; show them less often")
+                raise SceneError(
+                    Sentence(
+                        "shows-prototypes-more-than-times",
+                        "{getpath}: shows its prototypes more than {max_instances} times; show them less often",
+                        getpath=prim.GetPath(),
+                        max_instances=MAX_INSTANCES,
+                    )
+                )
             own = product(outer[:, None], places[which][None]).reshape(-1, 4, 4)
             for each in self._prototype(prototype, depth + 1):
                 whole = product(own[:, None], each.places[None]).reshape(-1, 4, 4)

@@ -11,6 +11,7 @@ from pxr import UsdGeom
 from renderer.scene.description import F32
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Faces
+from renderer.sentences import Sentence
 
 __all__ = ["array", "at_corners", "constant", "found", "integers", "single", "varies"]
 
@@ -99,7 +100,7 @@ def spread(
         fits = indices.min(initial=0) >= 0 and indices.max(initial=-1) < len(values)
         code = indices[code] if fits else code
     if not fits:
-        notes.add("Primvars that do not fit their meshes are left out", str(path))
+        notes.add(Sentence("primvars-not-fit-meshes-left", "Primvars that do not fit their meshes are left out"), str(path))
         return None
     is_indexed = indices is not None and interpolation == "faceVarying"
     return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"), is_indexed=is_indexed)

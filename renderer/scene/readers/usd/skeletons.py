@@ -15,6 +15,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.meshes import Shape
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.prims import Placed, matrix
+from renderer.sentences import Sentence
 
 __all__ = ["Skeletons"]
 
@@ -63,11 +64,17 @@ class Skeletons:
         transforms = np.asarray(given, np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
         transforms = self._in_order(transforms, query.GetJointOrder(), skinning)
         if len(transforms) == 0 or joints.max(initial=0) >= len(transforms) or joints.min(initial=0) < 0:
-            self._notes.add("Meshes whose joints are not in their skeleton are not bent", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("meshes-joints-not-skeleton-not", "Meshes whose joints are not in their skeleton are not bent"),
+                str(prim.GetPath()),
+            )
             return None
         bind = matrix(skinning.GetGeomBindTransform(self._time))
         if str(skinning.GetSkinningMethod()) == "dualQuaternion":
-            self._notes.add("Skins of dual quaternions are bent by matrices", str(prim.GetPath()))
+            self._notes.add(
+                Sentence("skins-dual-quaternions-bent-by", "Skins of dual quaternions are bent by matrices"),
+                str(prim.GetPath()),
+            )
         whole = transforms @ bind
         bent = np.zeros_like(points)
         for k in range(joints.shape[1]):
@@ -127,11 +134,17 @@ class Skeletons:
         offsets = blend.ComputeSubShapePointOffsets()
         indices = blend.ComputeBlendShapePointIndices()
         if any(blend.GetBlendShape(i).GetNormalOffsetsAttr().HasAuthoredValue() for i in range(blend.GetNumBlendShapes())):
-            self._notes.add("Normals that blend shapes move stay as they are", str(skinning.GetPrim().GetPath()))
+            self._notes.add(
+                Sentence("normals-blend-shapes-move-stay", "Normals that blend shapes move stay as they are"),
+                str(skinning.GetPrim().GetPath()),
+            )
         result = points.copy()
         for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
             if sub >= len(offsets) or shape >= len(indices):
-                self._notes.add("Blend shapes that are damaged are left out", str(skinning.GetPrim().GetPath()))
+                self._notes.add(
+                    Sentence("blend-shapes-damaged-left-out", "Blend shapes that are damaged are left out"),
+                    str(skinning.GetPrim().GetPath()),
+                )
                 continue
             moved = np.asarray(offsets[sub], np.float64).reshape(-1, 3)
             which = np.asarray(indices[shape], np.int64)

@@ -13,6 +13,7 @@ from pathlib import PurePosixPath
 from renderer.errors import SceneError
 from renderer.scene.files import MAX_FILE_BYTES, SceneFiles
 from renderer.scene.udim import tiles_of
+from renderer.sentences import Sentence
 from renderer.zips import DAMAGED
 
 __all__ = ["LAYER_SUFFIXES", "Sources"]
@@ -60,11 +61,24 @@ class Sources:
         entry = package.getinfo(inner)
         # Packages are uncompressed, so no file in them is larger than the package.
         if entry.compress_type != zipfile.ZIP_STORED or entry.file_size > min(MAX_FILE_BYTES, self._size(outer)):
-            raise SceneError(f"{name}: is compressed, which USD does not know; package it again by usdzip")
+            raise SceneError(
+                Sentence(
+                    "compressed-usd-not-know",
+                    "{name}: is compressed, which USD does not know; package it again by usdzip",
+                    name=name,
+                )
+            )
         try:
             return package.read(entry)
         except (*DAMAGED, OSError) as error:
-            raise SceneError(f"{name}: could not be read ({error}); package it again") from error
+            raise SceneError(
+                Sentence(
+                    "could-not-read-package",
+                    "{name}: could not be read ({error}); package it again",
+                    name=name,
+                    error=error,
+                )
+            ) from error
 
     def root_of(self, name: str) -> str:
         """Returns a layer's own name or, for a package, that of its first file, the root layer. Raises SceneError."""
@@ -73,7 +87,13 @@ class Sources:
             return name
         first = next((entry for entry in self._package(outer).namelist() if not entry.endswith("/")), None)
         if first is None or PurePosixPath(first).suffix.lower() not in LAYER_SUFFIXES[:3]:
-            raise SceneError(f"{outer}: does not begin with a USD layer, as a package must; package it again by usdzip")
+            raise SceneError(
+                Sentence(
+                    "not-begin-with-usd-layer",
+                    "{outer}: does not begin with a USD layer, as a package must; package it again by usdzip",
+                    outer=outer,
+                )
+            )
         return f"{outer}[{first}]"
 
     def tiles(self, reference: str, beside: str) -> dict[int, str]:
@@ -106,7 +126,14 @@ class Sources:
             try:
                 self._packages[outer] = zipfile.ZipFile(io.BytesIO(self._files.read(outer)))
             except DAMAGED as error:
-                raise SceneError(f"{outer}: is no whole .usdz package ({error}); package it again") from error
+                raise SceneError(
+                    Sentence(
+                        "no-whole-usdz-package",
+                        "{outer}: is no whole .usdz package ({error}); package it again",
+                        outer=outer,
+                        error=error,
+                    )
+                ) from error
         return self._packages[outer]
 
 

@@ -15,6 +15,7 @@ from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.scene.readers.usd.surface_inputs import Said
 from renderer.scene.readers.usd.textures import colored
+from renderer.sentences import Sentence
 
 __all__ = ["OPEN_PBR", "STANDARD", "Names", "fill_glass", "mixed_color", "scatter_beneath"]
 
@@ -53,7 +54,10 @@ def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Ve
         pairs = zip(color.color(default), under.color(default), strict=True)
         return Input(tuple(weight * (1 - share) * a + share * b for a, b in pairs)), 1.0
     if share < 1:
-        note = "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken"
+        note = Sentence(
+            "base-colour-colour-beneath-surface",
+            "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken",
+        )
         read.network.notes.add(note, read.network.user)
     return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
 

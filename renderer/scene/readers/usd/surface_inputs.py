@@ -8,6 +8,7 @@ from typing import Any
 from renderer.scene.description import Vec3
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
+from renderer.sentences import Sentence
 
 __all__ = ["Said"]
 
@@ -43,7 +44,9 @@ class Said:
             given = self(name)
             plain = (value,) * 3 if isinstance(value, (int, float)) else value
             if given.taken is not None or max(abs(a - b) for a, b in zip(given.color(plain), plain, strict=True)) > 1e-6:
-                self._note(f"The {_words(name)} of MaterialX surfaces is left out")
+                self._note(
+                    Sentence("materialx-surfaces-left-out", "The {words} of MaterialX surfaces is left out", words=_words(name))
+                )
 
     def _note(self, what: str) -> None:
         self._read.network.notes.add(what, self._read.network.user)

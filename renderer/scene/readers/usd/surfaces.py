@@ -21,6 +21,7 @@ from renderer.scene.readers.usd.omni_pbr import read_omni_pbr
 from renderer.scene.readers.usd.preview_surface import Read, read_preview_surface
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Surface", "Surfaces"]
 
@@ -145,16 +146,26 @@ class Surfaces:
         else:
             what = kind or "none"
             self._notes.add(
-                f"Materials whose surface is no UsdPreviewSurface and no MaterialX surface known here ({what}) "
-                "are drawn in the display colour",
+                Sentence(
+                    "materials-surface-no-usdpreviewsurface-no",
+                    "Materials whose surface is no UsdPreviewSurface and no MaterialX surface known here "
+                    "({what}) are drawn in the display colour",
+                    what=what,
+                ),
                 name,
             )
             return None, ()
         if any(self._state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
-            self._notes.add("Primvars that vary over a mesh give colours and opacities alone; others have their fallback", name)
+            self._notes.add(
+                Sentence(
+                    "primvars-vary-over-mesh-give",
+                    "Primvars that vary over a mesh give colours and opacities alone; others have their fallback",
+                ),
+                name,
+            )
         heights = heights_of(material, shader, read)
         if material.ComputeVolumeSource()[0]:
-            self._notes.add("Volumes inside of materials are not drawn", name)
+            self._notes.add(Sentence("volumes-inside-materials-not-drawn", "Volumes inside of materials are not drawn"), name)
         found = self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
         if heights is not None:
             self._heights[found.number] = heights

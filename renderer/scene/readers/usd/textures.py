@@ -20,6 +20,7 @@ from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.textures import UNMOVED, TextureShelf
 from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name
+from renderer.sentences import Sentence
 
 __all__ = ["CHANNELS", "Images", "Taken", "composed", "linear"]
 
@@ -96,7 +97,12 @@ class Images:
     def texture(self, image: int, wraps: tuple[str, str], uv_set: int, transform: UvTransform, user: str) -> int | None:
         """Returns the texture of an image."""
         if "black" in wraps:
-            self._notes.add("Textures that are black beyond their image go on there as at its edge", user)
+            self._notes.add(
+                Sentence(
+                    "textures-black-beyond-image-go", "Textures that are black beyond their image go on there as at its edge"
+                ),
+                user,
+            )
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)
         return self.shelf.texture(image, wrap_s, wrap_t, uv_set, transform)
 

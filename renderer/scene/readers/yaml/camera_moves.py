@@ -13,6 +13,7 @@ from renderer.scene.animation import smooth
 from renderer.scene.animation.orbit import orbit
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
+from renderer.sentences import Sentence
 from renderer.settings import View
 
 __all__ = ["between", "moved"]
@@ -32,7 +33,13 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
     """
     first = views[0]
     if any(view.projection != first.projection for view in views):
-        raise document.error((*path, "through"), "names cameras of different projections; nothing lies between these")
+        raise document.error(
+            (*path, "through"),
+            Sentence(
+                "names-cameras-different-projections",
+                "names cameras of different projections; nothing lies between these",
+            ),
+        )
     rows = np.array([_row(view) for view in views])
     x = smooth(np.linspace(0.0, seconds, len(views)), rows).at(time)
     try:
@@ -40,7 +47,15 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
         focus = None if all(view.focus is None for view in views) else x[-1]
         return replace(first, eye=vec3(x[:3]), target=vec3(x[3:6]), up=vec3(x[6:9]), focus=focus, **numbers)
     except SettingsError as error:
-        raise document.error((*path, "through"), f"leads where nothing is seen, after {time:g} s: {error}") from error
+        raise document.error(
+            (*path, "through"),
+            Sentence(
+                "leads-where-nothing-seen",
+                "leads where nothing is seen, after {time} s: {error}",
+                time=f"{time:g}",
+                error=error,
+            ),
+        ) from error
 
 
 def _row(view: View) -> list[float]:

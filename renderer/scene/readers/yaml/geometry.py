@@ -25,6 +25,7 @@ from renderer.scene.readers.yaml import transforms
 from renderer.scene.readers.yaml.keys import Moving
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
+from renderer.sentences import Sentence
 
 __all__ = ["Shapes"]
 
@@ -103,7 +104,14 @@ class Shapes:
     def _count(self, places: int, path: Path) -> None:
         self._places += places
         if self._places > MAX_PLACES:
-            raise self._document.error(path, f"with it the scene shows more than {MAX_PLACES} shapes; use fewer instances")
+            raise self._document.error(
+                path,
+                Sentence(
+                    "with-scene-shows-more-than",
+                    "with it the scene shows more than {max_places} shapes; use fewer instances",
+                    max_places=MAX_PLACES,
+                ),
+            )
 
     def _made(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         if source["type"] == "lathe":
@@ -117,7 +125,14 @@ class Shapes:
     def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path, moves: bool) -> None:
         self._triangles += len(mesh.triangles)
         if self._triangles > MAX_TRIANGLES:
-            raise self._document.error(path, f"with it the scene has more than {MAX_TRIANGLES} triangles; use fewer segments")
+            raise self._document.error(
+                path,
+                Sentence(
+                    "with-scene-more-than-triangles",
+                    "with it the scene has more than {max_triangles} triangles; use fewer segments",
+                    max_triangles=MAX_TRIANGLES,
+                ),
+            )
         mesh.material = self._plain_material() if material is None else material
         self._description.meshes.append(mesh)
         number = len(self._description.meshes) - 1
@@ -130,14 +145,23 @@ class Shapes:
         if "uvs" in source:
             uvs = self._table(source["uvs"], 2, (*path, "uvs")).astype(np.float32)
             if len(uvs) != len(positions):
-                raise self._document.error((*path, "uvs"), f"has {len(uvs)} points where there are {len(positions)} positions")
+                raise self._document.error(
+                    (*path, "uvs"),
+                    Sentence(
+                        "points-where-positions", "has {n} points where there are {n2} positions", n=len(uvs), n2=len(positions)
+                    ),
+                )
         triangles = []
         for i, polygon in enumerate(source["faces"]):
             here = (*path, "faces", i)
             if not isinstance(polygon, list) or len(polygon) < 3 or not all(type(corner) is int for corner in polygon):
-                raise self._document.error(here, "is no list of three or more numbers of positions")
+                raise self._document.error(
+                    here, Sentence("no-list-three-more-numbers", "is no list of three or more numbers of positions")
+                )
             if not all(0 <= corner < len(positions) for corner in polygon):
-                raise self._document.error(here, f"names a position beyond 0 to {len(positions) - 1}")
+                raise self._document.error(
+                    here, Sentence("names-position-beyond-0", "names a position beyond 0 to {n}", n=len(positions) - 1)
+                )
             triangles += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
         mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
         return smoothed(mesh) if source.get("smooth", False) else mesh
@@ -146,19 +170,27 @@ class Shapes:
         """Returns an (N, width) array of rows. Checked here rather than by the schema, which takes far longer for each number."""
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
-                raise self._document.error((*path, i), f"is no list of {width} numbers")
+                raise self._document.error((*path, i), Sentence("no-list-numbers", "is no list of {width} numbers", width=width))
         with np.errstate(over="ignore"):
             found = np.array(rows, np.float64).reshape(-1, width)
             is_held = np.isfinite(found.astype(np.float32)).all(axis=1)
         if not is_held.all():
-            raise self._document.error((*path, int(np.argmin(is_held))), "is beyond what numbers hold")
+            raise self._document.error(
+                (*path, int(np.argmin(is_held))), Sentence("beyond-numbers-hold", "is beyond what numbers hold")
+            )
         return found
 
     def _spheres(self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool) -> None:
         for name, place in placed:
             scale = transforms.uniform_scale(place)
             if scale is None:
-                raise self._document.error(path, "a sphere is scaled alike in all directions; a transform here is not so")
+                raise self._document.error(
+                    path,
+                    Sentence(
+                        "sphere-scaled-alike-directions",
+                        "a sphere is scaled alike in all directions; a transform here is not so",
+                    ),
+                )
             center = product(place, np.array([*source.get("center", (0, 0, 0)), 1.0])[:, None])[:, 0]
             number = self._plain_material() if material is None else material
             radius = float(source.get("radius", 1)) * scale
@@ -169,10 +201,16 @@ class Shapes:
     ) -> None:
         name = self._files.find(source["file"], self._document.file)
         if name is None:
-            raise self._document.error((*path, "file"), f"{source['file'][:120]} is not among the files; add it")
+            raise self._document.error(
+                (*path, "file"),
+                Sentence("not-among-files-2", "{file} is not among the files; add it", file=source["file"][:120]),
+            )
         if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
             others = ", ".join(format.suffix for format in MESH_FORMATS)
-            raise self._document.error((*path, "file"), f"{name[:120]} is no mesh file; give one of {others}")
+            raise self._document.error(
+                (*path, "file"),
+                Sentence("no-mesh-file", "{name} is no mesh file; give one of {others}", name=name[:120], others=others),
+            )
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
         thickness = source.get("thickness")
         wanted = (name, variant, clip, None if thickness is None else float(thickness))
@@ -213,7 +251,10 @@ class Shapes:
             return None
         if name not in self._materials:
             known = ", ".join(sorted(self._materials)[:10]) or "none"
-            raise self._document.error((*path, "material"), f"no material is called {name[:80]}; known are {known}")
+            raise self._document.error(
+                (*path, "material"),
+                Sentence("no-material-called", "no material is called {name}; known are {known}", name=name[:80], known=known),
+            )
         return self._materials[name]
 
     def _plain_material(self) -> int:

@@ -17,6 +17,7 @@ from renderer.scene.animation import Curve, smooth
 from renderer.scene.readers.replaced_values import Changed
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color
+from renderer.sentences import Sentence
 
 __all__ = ["CURVES", "Keys", "Moving", "find_keys"]
 
@@ -83,7 +84,9 @@ def find_keys(document: Yaml) -> Keys:
     ends: list[float] = []
     for path, source in _found(document.data, ()):
         if path[0] in _OF_THE_WHOLE:
-            raise document.error(path, f"has keys, and {path[0]} is the same for all frames")
+            raise document.error(
+                path, Sentence("keys-same-for-frames", "has keys, and {path} is the same for all frames", path=path[0])
+            )
         times = _times(source["keys"], document, (*path, "keys"))
         make = _maker(source.get("curve", "linear"), times, document, (*path, "curve"))
         values = [value for _, value in source["keys"]]
@@ -118,12 +121,14 @@ def _patterns(value: Any, path: Path) -> list[Path]:
 
 def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float64]:
     if not 1 <= len(keys) <= MAX_KEYS:
-        raise document.error(path, f"has {len(keys)} keys; it takes from 1 to {MAX_KEYS}")
+        raise document.error(
+            path, Sentence("keys-takes-from-1", "has {n} keys; it takes from 1 to {max_keys}", n=len(keys), max_keys=MAX_KEYS)
+        )
     for i, key in enumerate(keys):
         if not isinstance(key, list) or len(key) != 2 or not _is_number(key[0]) or abs(key[0]) > 1e9:
-            raise document.error((*path, i), "is no key; one is [seconds, value]")
+            raise document.error((*path, i), Sentence("no-key", "is no key; one is [seconds, value]"))
         if i and key[0] <= keys[i - 1][0]:
-            raise document.error((*path, i), "is not later than the key before it")
+            raise document.error((*path, i), Sentence("not-later-than-key-before", "is not later than the key before it"))
     return np.array([key[0] for key in keys], np.float64)
 
 
@@ -136,7 +141,12 @@ def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Pat
         x1, y1, x2, y2 = (float(number) for number in curve)
         return lambda values: Curve(times, values, easing=(x1, y1, x2, y2))
     raise document.error(
-        path, f"is none of {', '.join(CURVES)}, nor the [x1, y1, x2, y2] of a cubic Bezier, whose x are from 0 to 1"
+        path,
+        Sentence(
+            "none-nor-x1",
+            "is none of {curves}, nor the [x1, y1, x2, y2] of a cubic Bezier, whose x are from 0 to 1",
+            curves=[*CURVES],
+        ),
     )
 
 
@@ -151,7 +161,10 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
     if all(value == first and type(value) is type(first) for value in values):
         return lambda time: first
     if path[-1] == "matrix":
-        raise document.error(path, "cuts through what it turns; give translate, rotate and scale their own keys")
+        raise document.error(
+            path,
+            Sentence("cuts-through-turns", "cuts through what it turns; give translate, rotate and scale their own keys"),
+        )
     if all(map(_is_number, values)):
         curve = make(np.array(values, np.float64)[:, None])
         return lambda time: curve.at(time)[0]
@@ -165,7 +178,13 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
     if all(isinstance(value, list) and len(value) == len(first) for value in values):
         places = [_track([v[i] for v in values], make, document, (*path, i)) for i in range(len(first))]
         return lambda time: [place(time) for place in places]
-    raise document.error(path, "has keys of different forms, or such as nothing lies between; with `curve: step` it jumps")
+    raise document.error(
+        path,
+        Sentence(
+            "keys-different-forms",
+            "has keys of different forms, or such as nothing lies between; with `curve: step` it jumps",
+        ),
+    )
 
 
 def _vectors(values: list[Any]) -> list[list[float]] | None:

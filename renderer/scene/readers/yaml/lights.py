@@ -27,6 +27,7 @@ from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, value_of, vec3
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence, reason_of
 
 __all__ = ["LIGHT_TYPES", "Lights", "read_environment", "read_medium"]
 
@@ -58,12 +59,14 @@ class Lights:
         kind, document = source["type"], self._document
         for key in source:
             if key not in _FIELDS[kind]:
-                raise document.error((*path, key), f"means nothing for a {kind} light")
+                raise document.error(
+                    (*path, key), Sentence("means-nothing-for-light", "means nothing for a {kind} light", kind=kind)
+                )
         light = Light("point" if kind == "projector" else kind, name=source.get("name", f"light {index}"))
         r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
         light.intensity = (r, g, b)
         if kind != "directional" and "position" not in source:
-            raise document.error(path, f"a {kind} light has a position")
+            raise document.error(path, Sentence("light-position", "a {kind} light has a position", kind=kind))
         light.position = vec3(source.get("position", (0, 0, 0)))
         if kind != "point" or "direction" in source or "target" in source:
             light.direction = _direction(source, light.position, document, path)
@@ -74,20 +77,35 @@ class Lights:
                 setattr(light, parameter.name, value_of(parameter, source[parameter.in_file]))
         light.up = vec3(source.get("up", light.up))
         if light.inner_cone > light.outer_cone:
-            raise document.error((*path, "inner_cone"), f"is wider than the outer cone of {light.outer_cone:g} degrees")
+            raise document.error(
+                (*path, "inner_cone"),
+                Sentence(
+                    "wider-than-outer-cone-degrees",
+                    "is wider than the outer cone of {outer_cone} degrees",
+                    outer_cone=f"{light.outer_cone:g}",
+                ),
+            )
         return self._shaped(light, source, path)
 
     def _shaped(self, light: Light, source: dict[str, Any], path: Path) -> Light:
         """Returns the light with the emission of its image or profile."""
         kind, document = source["type"], self._document
         if "profile" in source and "picture" in source:
-            raise document.error((*path, "picture"), "and a profile do not go together; leave one of them out")
+            raise document.error(
+                (*path, "picture"),
+                Sentence("profile-not-go-together", "and a profile do not go together; leave one of them out"),
+            )
         if kind == "projector" and "picture" not in source:
-            raise document.error(path, "a projector has a picture")
+            raise document.error(path, Sentence("projector-picture", "a projector has a picture"))
         if kind == "point" and not source.keys() & {"profile", "picture"}:
             for key in ("direction", "target", "up"):
                 if key in source:
-                    raise document.error((*path, key), "means nothing for a point light without a profile or a picture")
+                    raise document.error(
+                        (*path, key),
+                        Sentence(
+                            "means-nothing-for-point-light", "means nothing for a point light without a profile or a picture"
+                        ),
+                    )
         if "profile" in source:
             photometry = photometry_of(self._files, self._named(source, "profile", path))
             self._description.warnings += [note for note in photometry.notes if note not in self._description.warnings]
@@ -97,26 +115,39 @@ class Lights:
             return light
         number = self._shelf.image_file(self._named(source, "picture", path))
         if number is None:
-            raise document.error((*path, "picture"), "could not be read; give a picture")
+            raise document.error((*path, "picture"), Sentence("could-not-read", "could not be read; give a picture"))
         image = self._description.images[number]
         known = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
         if kind == "point":
             top = tuple(float(v) for v in np.cross(np.cross(light.direction, light.up), light.direction))
             if not any(top):
-                raise document.error((*path, "up"), "leads where the light shines; give what is up in its picture")
+                raise document.error(
+                    (*path, "up"),
+                    Sentence("leads-where-light-shines", "leads where the light shines; give what is up in its picture"),
+                )
             x, y, z = light.direction
             made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
             return replace(light, emission=made[0], direction=vec3(top), up=(-x, -y, -z))
         half = light.outer_cone if kind == "spot" else float(source.get("fov", 40)) / 2
         if half > _WIDEST:
-            raise document.error(path, f"throws a picture wider than {2 * _WIDEST:g} degrees; make its cone narrower")
+            raise document.error(
+                path,
+                Sentence(
+                    "throws-picture-wider-than-degrees",
+                    "throws a picture wider than {value} degrees; make its cone narrower",
+                    value=f"{2 * _WIDEST:g}",
+                ),
+            )
         made = self._files.recall(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
         return replace(light, emission=made[0])
 
     def _named(self, source: dict[str, Any], field: str, path: Path) -> str:
         name = self._files.find(source[field], self._document.file)
         if name is None:
-            raise self._document.error((*path, field), f"{source[field][:120]} is not among the files; add it")
+            raise self._document.error(
+                (*path, field),
+                Sentence("not-among-files-5", "{source} is not among the files; add it", source=source[field][:120]),
+            )
         return name
 
 
@@ -134,27 +165,35 @@ def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
     if ("direction" in source) == ("target" in source):
         what = "a direction" if source["type"] == "directional" else "one of direction and target"
-        raise document.error(path, f"a {source['type']} light has {what}")
+        raise document.error(path, Sentence("light-3", "a {type} light has {what}", type=source["type"], what=what))
     direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
     length = float(np.linalg.norm(direction))
     if length < 1e-12:
-        raise document.error((*path, "direction" if "direction" in source else "target"), "gives no direction")
+        raise document.error(
+            (*path, "direction" if "direction" in source else "target"), Sentence("gives-no-direction", "gives no direction")
+        )
     return vec3(direction / length)
 
 
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
     """Returns the environment from the file's `environment`."""
     if sum(name in source for name in ("image", "sky", "preset")) > 1:
-        raise document.error(("environment",), "has one of image, sky and preset")
+        raise document.error(("environment",), Sentence("one-image", "has one of image, sky and preset"))
     image = None
     if "image" in source:
         name = files.find(source["image"], document.file)
         if name is None:
-            raise document.error(("environment", "image"), f"{source['image'][:120]} is not among the files; add it")
+            raise document.error(
+                ("environment", "image"),
+                Sentence("not-among-files-4", "{image} is not among the files; add it", image=source["image"][:120]),
+            )
         image = shelf.environment_file(name)
         if image is None:
-            reason = str(shelf.last_warning).partition(";")[0]
-            raise document.error(("environment", "image"), f"cannot be read: {reason}; give an .exr or .hdr image")
+            reason = reason_of(shelf.last_warning)
+            raise document.error(
+                ("environment", "image"),
+                Sentence("cannot-read-give", "cannot be read: {reason}; give an .exr or .hdr image", reason=reason),
+            )
     fields = dict(source["sky"]) if "sky" in source else None
     if "preset" in source:
         by_name = SceneDescription(name="light")

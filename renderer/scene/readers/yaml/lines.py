@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from renderer.errors import SceneError
+from renderer.sentences import Sentence
 
 __all__ = ["Path", "Yaml", "parse"]
 
@@ -48,20 +49,48 @@ class Yaml:
         at = path
         while at and at not in self._lines:
             at = at[:-1]
-        return SceneError(f"{self.file}, line {self._lines.get(at, 1)}: {_field(path)}{what}")
+        return SceneError(
+            Sentence(
+                "line-2",
+                "{file}, line {get}: {field}{what}",
+                file=self.file,
+                get=self._lines.get(at, 1),
+                field=_field(path),
+                what=what,
+            )
+        )
 
     def take(self, node: yaml.Node, path: Path) -> Any:
         """Returns the plain data of a node, and records its lines. Raises SceneError."""
         self._count += 1
         if self._count > MAX_VALUES:
-            raise SceneError(f"{self.file}: holds more than {MAX_VALUES} values; keep meshes in files beside it")
+            raise SceneError(
+                Sentence(
+                    "holds-more-than-values",
+                    "{file}: holds more than {max_values} values; keep meshes in files beside it",
+                    file=self.file,
+                    max_values=MAX_VALUES,
+                )
+            )
         self._aliased += id(node) in self._taken
         self._taken.add(id(node))
         if self._aliased > MAX_ALIASED:
-            raise SceneError(f"{self.file}: its aliases stand for more than {MAX_ALIASED} values; write out what is meant")
+            raise SceneError(
+                Sentence(
+                    "aliases-stand-for-more-than",
+                    "{file}: its aliases stand for more than {max_aliased} values; write out what is meant",
+                    file=self.file,
+                    max_aliased=MAX_ALIASED,
+                )
+            )
         if len(path) > MAX_DEPTH:
             raise SceneError(
-                f"{self.file}, line {node.start_mark.line + 1}: is nested deeper than any scene is; take an alias out"
+                Sentence(
+                    "line-nested-deeper-than-any-scene",
+                    "{file}, line {line}: is nested deeper than any scene is; take an alias out",
+                    file=self.file,
+                    line=node.start_mark.line + 1,
+                )
             )
         self._lines[path] = node.start_mark.line + 1
         if isinstance(node, yaml.MappingNode):
@@ -75,10 +104,23 @@ class Yaml:
         for key_node, value_node in node.value:
             key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
             if key is None or key == "<<":
-                raise SceneError(f"{self.file}, line {key_node.start_mark.line + 1}: a key is a plain word here")
+                raise SceneError(
+                    Sentence(
+                        "line-key-plain-word",
+                        "{file}, line {line}: a key is a plain word here",
+                        file=self.file,
+                        line=key_node.start_mark.line + 1,
+                    )
+                )
             if key in result:
                 raise SceneError(
-                    f"{self.file}, line {key_node.start_mark.line + 1}: {key[:80]} stands here a second time; take one out"
+                    Sentence(
+                        "line-stands-second-time",
+                        "{file}, line {line}: {key} stands here a second time; take one out",
+                        file=self.file,
+                        line=key_node.start_mark.line + 1,
+                        key=key[:80],
+                    )
                 )
             result[key] = self.take(value_node, (*path, key))
         return result
@@ -97,9 +139,9 @@ class Yaml:
         elif plain and _FLOAT.match(text):
             value = float(text)
         elif plain and tag == "float":
-            raise self.error(path, f"{text[:40]} is not a finite number")
+            raise self.error(path, Sentence("not-finite-number", "{text} is not a finite number", text=text[:40]))
         if isinstance(value, float) and not math.isfinite(value):
-            raise self.error(path, f"{text[:40]} is not a finite number")
+            raise self.error(path, Sentence("not-finite-number", "{text} is not a finite number", text=text[:40]))
         return value
 
 
@@ -107,22 +149,42 @@ def parse(data: bytes, file: str) -> Yaml:
     """Parses a file with one document. Raises SceneError with the line of a syntax error, and for files beyond the limits."""
     if len(data) > MAX_BYTES:
         raise SceneError(
-            f"{file}: has {len(data) >> 20} MiB; a scene file has at most {MAX_BYTES >> 20}. Keep meshes in files beside it"
+            Sentence(
+                "mib-scene-file-most",
+                "{file}: has {n} MiB; a scene file has at most {max_bytes}. Keep meshes in files beside it",
+                file=file,
+                n=len(data) >> 20,
+                max_bytes=MAX_BYTES >> 20,
+            )
         )
     try:
         text = data.decode("utf-8-sig")
         _check_depth(text, file)
         node = yaml.compose(text, Loader=_LOADER)
     except UnicodeDecodeError as error:
-        raise SceneError(f"{file}: is not UTF-8 text; save it as that") from error
+        raise SceneError(Sentence("not-utf-8-text", "{file}: is not UTF-8 text; save it as that", file=file)) from error
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise SceneError(f"{file}, line {line}: is no YAML: {error.problem or error.context}") from error
+        raise SceneError(
+            Sentence(
+                "line-no-yaml",
+                "{file}, line {line}: is no YAML: {problem}",
+                file=file,
+                line=line,
+                problem=error.problem or error.context,
+            )
+        ) from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise SceneError(f"{file}: is no YAML: {str(error).splitlines()[0][:200]}") from error
+        raise SceneError(
+            Sentence("no-yaml", "{file}: is no YAML: {splitlines}", file=file, splitlines=str(error).splitlines()[0][:200])
+        ) from error
     result = Yaml(file)
     if node is None:
-        raise SceneError(f"{file}: is empty; see docs/scene-format.md for what a scene holds")
+        raise SceneError(
+            Sentence(
+                "empty-see-docs-scene-format", "{file}: is empty; see docs/scene-format.md for what a scene holds", file=file
+            )
+        )
     result.data = result.take(node, ())
     return result
 
@@ -138,7 +200,14 @@ def _check_depth(text: str, file: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > MAX_DEPTH:
-                raise SceneError(f"{file}, line {_line(event)}: is nested deeper than any scene is; take levels out")
+                raise SceneError(
+                    Sentence(
+                        "line-nested-deeper-than-any",
+                        "{file}, line {line}: is nested deeper than any scene is; take levels out",
+                        file=file,
+                        line=_line(event),
+                    )
+                )
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
 

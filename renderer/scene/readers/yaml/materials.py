@@ -10,6 +10,7 @@ from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.readers.yaml.values import color, value_of
+from renderer.sentences import Sentence
 
 __all__ = ["SPELLINGS", "read_material"]
 
@@ -33,7 +34,12 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     for key in source:
         if key not in _FIELDS[kind]:
             kinds = ", ".join(k for k, known in _FIELDS.items() if key in known)
-            raise document.error((*path, key), f"means nothing for the kind {kind}; it is for {kinds}")
+            raise document.error(
+                (*path, key),
+                Sentence(
+                    "means-nothing-for-kind", "means nothing for the kind {kind}; it is for {kinds}", kind=kind, kinds=kinds
+                ),
+            )
     fields: dict[str, Any] = {"name": name, "kind": kind}
     for key, value in source.items():
         if key in _BY_NAME:
@@ -47,7 +53,10 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     if kind == "conductor":
         _conductor(source, fields, document, path)
     if kind == "blinn_phong" and "specular_color" not in source:
-        raise document.error(path, "blinn_phong needs its specular_color (ks), as well as its color (kd)")
+        raise document.error(
+            path,
+            Sentence("blinn-phong-needs-specular-color", "blinn_phong needs its specular_color (ks), as well as its color (kd)"),
+        )
     if source.get("opacity", 1) < 1 and "alpha_mode" not in source:
         fields["alpha_mode"] = "blend"
     return Material(**fields)
@@ -56,7 +65,10 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
 def _value(parameter: Parameter, value: Any, textures: Textures, document: Yaml, path: Path) -> Any:
     if parameter.form == "texture":
         if not parameter.layered and isinstance(value, list):
-            raise document.error(path, "takes one texture: its values are no colours that layers could be laid on")
+            raise document.error(
+                path,
+                Sentence("takes-one-texture", "takes one texture: its values are no colours that layers could be laid on"),
+            )
         return textures.stack(value, path, parameter.srgb)
     return value_of(parameter, value)
 
@@ -73,6 +85,6 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
 
 def _conductor(source: dict[str, Any], fields: dict[str, Any], document: Yaml, path: Path) -> None:
     if ("metal" in source) == ("eta" in source or "k" in source) or ("eta" in source) != ("k" in source):
-        raise document.error(path, "a conductor has either a metal, or eta and k")
+        raise document.error(path, Sentence("conductor-either-metal", "a conductor has either a metal, or eta and k"))
     if "metal" in source:
         fields["eta"], fields["k"] = METALS[source["metal"]]

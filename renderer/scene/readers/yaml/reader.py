@@ -22,6 +22,7 @@ from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 from renderer.settings import View
 
 __all__ = ["read"]
@@ -30,7 +31,13 @@ __all__ = ["read"]
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
     """Adds the file's scene at a moment to the description. Raises SceneError with line and field."""
     if moment.clip is not None:
-        raise SceneError(f"{main}: has no clips to choose from, as glTF files have; leave the clip out")
+        raise SceneError(
+            Sentence(
+                "no-clips-choose-from",
+                "{file}: has no clips to choose from, as glTF files have; leave the clip out",
+                file=main,
+            )
+        )
     written, keys = files.recall(("YAML", main), lambda: _parsed(files.read(main), main))
     fps = _fps(written)
     document = written
@@ -100,7 +107,10 @@ def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, des
     for i, source in enumerate(sources):
         name = source.get("name", f"camera {i}")
         if name in views:
-            raise document.error(("cameras", i, "name"), f"another camera is called {name}; give it another name")
+            raise document.error(
+                ("cameras", i, "name"),
+                Sentence("another-camera-called", "another camera is called {name}; give it another name", name=name),
+            )
         views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
     for i, (name, source) in enumerate(zip(views, sources, strict=True)):
         if (view := views[name]) is None:
@@ -115,7 +125,15 @@ def _named(names: list[str], views: dict[str, View | None], document: Yaml, came
         view = views.get(name)
         if view is None:
             known = ", ".join(other for other, its in list(views.items())[:10] if its is not None) or "none"
-            raise document.error(("cameras", camera, "through", i), f"no camera of its own is called {name}; known are {known}")
+            raise document.error(
+                ("cameras", camera, "through", i),
+                Sentence(
+                    "no-camera-own-called",
+                    "no camera of its own is called {name}; known are {known}",
+                    name=name,
+                    known=known,
+                ),
+            )
         found.append(view)
     return found
 
@@ -165,7 +183,7 @@ def _validate(document: Yaml, data: Any, places: dict[str, list[int]]) -> None:
         path = tuple(error.absolute_path)
         if len(path) > 1 and path[0] in places:
             path = (path[0], places[path[0]][path[1]], *path[2:])
-        message = "does not belong here" if error.validator == "not" else error.message
+        message = Sentence("not-belong", "does not belong here") if error.validator == "not" else error.message
         if len(message) > 300:
             message = f"{message[:120]} ... {message[-120:]}"
-        raise document.error(path, f"{message}. See docs/scene-format.md")
+        raise document.error(path, Sentence("see-docs-scene-format-md", "{message}. See docs/scene-format.md", message=message))

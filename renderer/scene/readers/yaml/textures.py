@@ -11,6 +11,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, srgb_bytes
 from renderer.scene.textures import TextureShelf
+from renderer.sentences import Sentence
 
 __all__ = ["Textures"]
 
@@ -26,7 +27,7 @@ class Textures:
         self._images: dict[tuple[str, bool], int | None] = {}
         for name, source in self._sources.items():
             if ("image" in source) == ("checker" in source):
-                raise document.error(("textures", name), "has one of image and checker")
+                raise document.error(("textures", name), Sentence("one-image-checker", "has one of image and checker"))
             if "image" in source and files.find(source["image"], document.file) is None:
                 shelf.missing(source["image"], f"Texture {name}")
 
@@ -38,7 +39,10 @@ class Textures:
         source = self._sources.get(name)
         if source is None:
             known = ", ".join(sorted(self._sources)[:10]) or "none"
-            raise self._document.error(path, f"no texture is called {name[:80]}; known are {known}")
+            raise self._document.error(
+                path,
+                Sentence("no-texture-called", "no texture is called {name}; known are {known}", name=name[:80], known=known),
+            )
         srgb = source.get("encoding", "srgb" if srgb else "linear") == "srgb"
         if (name, srgb) not in self._images:
             self._images[name, srgb] = self._image(name, source, srgb)
@@ -58,7 +62,9 @@ class Textures:
         if isinstance(entries, str):
             return self.find(entries, path, srgb)
         if not isinstance(entries[0], str):
-            raise self._document.error((*path, 0), "lies on nothing: the lowest of a list is just a name")
+            raise self._document.error(
+                (*path, 0), Sentence("lies-nothing", "lies on nothing: the lowest of a list is just a name")
+            )
         lowest = self.find(entries[0], (*path, 0), srgb)
         layers = []
         for i, entry in enumerate(entries[1:], start=1):

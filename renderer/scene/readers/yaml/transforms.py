@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.yaml.lines import Path, Yaml
+from renderer.sentences import Sentence
 from renderer.trigonometry import sin_cos
 
 __all__ = ["Matrix", "joined", "matrix", "uniform_scale"]
@@ -31,14 +32,23 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
         elif kind == "matrix":
             step = np.array(value, np.float64)
             if not np.allclose(step[3], (0, 0, 0, 1)):
-                raise document.error((*path, i, "matrix"), "its last row is 0 0 0 1, or it is no transform of space")
+                raise document.error(
+                    (*path, i, "matrix"), Sentence("last-row-0-0-0", "its last row is 0 0 0 1, or it is no transform of space")
+                )
         else:
             axis = np.array(_AXES[value["axis"]] if isinstance(value["axis"], str) else value["axis"], np.float64)
             length = math.sqrt(float(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]))
             if length < 1e-12:
-                raise document.error((*path, i, "rotate", "axis"), "has length 0; give a direction")
+                raise document.error((*path, i, "rotate", "axis"), Sentence("length-0", "has length 0; give a direction"))
             if abs(value["degrees"]) > MOST_DEGREES:
-                raise document.error((*path, i, "rotate", "degrees"), f"is beyond {MOST_DEGREES:g}; take whole turns off")
+                raise document.error(
+                    (*path, i, "rotate", "degrees"),
+                    Sentence(
+                        "beyond-take-whole-turns-off",
+                        "is beyond {most_degrees}; take whole turns off",
+                        most_degrees=f"{MOST_DEGREES:g}",
+                    ),
+                )
             step[:3, :3] = _rotation(axis / length, math.radians(value["degrees"]))
         result = joined(step, result, document, (*path, i))
     return result
@@ -49,7 +59,10 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
     with np.errstate(over="ignore", invalid="ignore"):
         place = product(outer, inner)
     if not np.isfinite(place).all():
-        raise document.error(path, "with what it is joined to, its transform is beyond what numbers hold")
+        raise document.error(
+            path,
+            Sentence("with-joined", "with what it is joined to, its transform is beyond what numbers hold"),
+        )
     return place
 
 

@@ -1,0 +1,279 @@
+"""Sentences for users with a stable code: errors, warnings, reasons.
+
+A `Sentence` is the English text, as a `str`, and carries the `code` and the `params` that it was made of, by which a page
+translates it and a program tells it from others. Ordinary text operations return plain text without a code, so a sentence around
+another is a `Sentence` too: `Sentence("image-left-out", "{error}; rendered without it.", error=error)`.
+
+JSON keeps the text where it always was, with the codes beside it: `{"error": "...", "codes": {"error": {"code", "params"}}}`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Self, SupportsIndex, cast
+
+__all__ = [
+    "Sentence",
+    "amount",
+    "both",
+    "codes_of",
+    "decoded",
+    "encoded",
+    "from_json",
+    "joined",
+    "listed",
+    "lowered",
+    "reason_of",
+    "stopped",
+    "times",
+    "to_json",
+]
+
+_PLACE = re.compile(r"\{(\w+)\}")
+_CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+_CLOSING = ".;:,)"  # before these, a sentence in a place is written without its full stop
+_DEEPEST = 6  # sentences in each other
+_MOST_PARAMS = 30
+_LONGEST = 20_000  # characters of one text
+_MOST_LISTED = 1000
+_LARGEST = 2.0**63
+
+
+class Sentence(str):
+    """English text with the code and the parameters that it was made of.
+
+    code: words in kebab case; never changed or used for something else once released. template: the text with `{name}` for
+    parameters. params: numbers, texts, sentences, exceptions (their sentence), or lists of those, which are joined by commas.
+    """
+
+    __slots__ = ("code", "params")
+
+    code: str
+    params: dict[str, Any]
+
+    def __new__(cls, code: str, template: str, /, **params: object) -> Self:
+        """Returns the sentence of a template."""
+        values = {name: _value(value) for name, value in params.items()}
+        return cls._of(_filled(template, values), code, values)
+
+    @classmethod
+    def _of(cls, text: str, code: str, params: dict[str, Any]) -> Self:
+        made = str.__new__(cls, text)
+        made.code, made.params = code, params
+        return made
+
+    @classmethod
+    def of(cls, sentence: str) -> Self:
+        """Returns a text as this class; a plain text has an empty code."""
+        if isinstance(sentence, Sentence):
+            return cls._of(str.__str__(sentence), sentence.code, sentence.params)
+        return cls._of(sentence, "", {})
+
+    def __str__(self) -> str:
+        return self  # so that str(exception) keeps the code
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), str.__str__(self), self.code, self.params)
+
+    def __getitem__(self, key: SupportsIndex | slice, /) -> str:
+        """Returns a part of the text; where that is all of it, the same sentence."""
+        text = super().__getitem__(key)
+        return self if text == self else text
+
+    def removesuffix(self, suffix: str, /) -> str:
+        """Removes a suffix. Without its full stop it is the same sentence."""
+        text = super().removesuffix(suffix)
+        return self._of(text, self.code, self.params) if suffix == "." else text
+
+    def rstrip(self, chars: str | None = None, /) -> str:
+        """Removes trailing characters. Without its full stop it is the same sentence."""
+        text = super().rstrip(chars)
+        return self._of(text, self.code, self.params) if chars in (".", None) else text
+
+    def mapped(self, change: Callable[[str], str]) -> Self:
+        """Returns the same sentence with its text, and the texts of its parameters, changed."""
+
+        def changed(value: Any) -> Any:
+            if isinstance(value, Sentence):
+                return value.mapped(change)
+            if isinstance(value, list):
+                return [changed(each) for each in value]
+            return change(value) if isinstance(value, str) else value
+
+        params = {name: changed(value) for name, value in self.params.items()}
+        return self._of(change(str.__str__(self)), self.code, params)
+
+    @property
+    def coded(self) -> dict[str, Any]:
+        """The code and the parameters as JSON; sentences among the parameters have their text too."""
+        return {"code": self.code, "params": {name: to_json(value) for name, value in self.params.items()}}
+
+    @classmethod
+    def from_coded(cls, text: str, coded: Any) -> str:
+        """Returns the sentence of a text and its `coded`; the plain text where that is malformed."""
+        try:
+            return cls._of(text, *_parsed(coded, 0)) if len(str(coded)) <= 4 * _LONGEST else text
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return text
+
+
+def joined(first: str, second: str) -> str:
+    """Returns two sentences as one text; either may be empty."""
+    if not first or not second:
+        return str(first or second)
+    return Sentence("sentences", "{first} {second}", first=first, second=second)
+
+
+def lowered(text: str) -> str:
+    """Returns a text that begins in lower case, for use within a sentence."""
+    begun = text[:1].lower() + text[1:]
+    return text._of(begun, text.code, text.params) if isinstance(text, Sentence) else begun
+
+
+def stopped(sentence: object) -> str:
+    """Returns a sentence that was written without its full stop, as faults of files are."""
+    return Sentence("sentence", "{sentence}.", sentence=sentence)
+
+
+def both(first: str, second: str) -> str:
+    """Returns two faults as one text."""
+    return Sentence("faults", "{first}; {second}", first=first, second=second)
+
+
+def reason_of(sentence: str) -> str:
+    """Returns what a sentence of the form "fault; what was done" says of the fault."""
+    if isinstance(sentence, Sentence) and "error" in sentence.params:
+        return str(sentence.params["error"])
+    return sentence.partition(";")[0]
+
+
+def amount(n: int, what: str) -> str:
+    """Returns a number of things that are named in the plural."""
+    return Sentence("amount", "{n} {what}", n=n, what=what)
+
+
+def times(sentence: str, n: int) -> str:
+    """Returns a sentence with how often it holds, where that is more than once."""
+    return sentence if n == 1 else Sentence("times", "{sentence} ({n} times)", sentence=sentence, n=n)
+
+
+def listed(texts: Iterable[object], most: int | None = None) -> list[Any]:
+    """Returns a list for a parameter. most: of more items than that, the first and an ellipsis remain."""
+    items = list(texts)
+    return items if most is None or len(items) <= most else [*items[:most], "..."]
+
+
+def to_json(value: Any) -> Any:
+    """Returns a parameter for JSON; a sentence as `{code, params, text}`."""
+    if isinstance(value, Sentence):
+        return {**value.coded, "text": str.__str__(value)} if value.code else str.__str__(value)
+    return [to_json(each) for each in value] if isinstance(value, list) else value
+
+
+def from_json(value: Any) -> Any:
+    """Returns the parameter that `to_json` took; malformed ones as they are."""
+    try:
+        return _read(value, 0)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return value
+
+
+def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns the codes of a record's sentences by field: `{code, params}`, or for a list of texts a list of those or None."""
+    found: dict[str, Any] = {}
+    for name, value in record.items():
+        if _has_code(value):
+            found[name] = value.coded
+        elif isinstance(value, list) and any(map(_has_code, value)):
+            found[name] = [each.coded if _has_code(each) else None for each in value]
+    return found
+
+
+def encoded(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns a record for JSON: with `codes` beside the texts where it has sentences, in the records within it too."""
+    made = {name: encoded(value) if isinstance(value, dict) else value for name, value in record.items()}
+    codes = codes_of(record)
+    return {**made, "codes": codes} if codes else made
+
+
+def decoded(record: Mapping[str, Any], depth: int = 0) -> dict[str, Any]:
+    """Returns the record that `encoded` took. Malformed codes are ignored, so that their texts are plain."""
+    made = {
+        name: decoded(value, depth + 1) if isinstance(value, dict) and depth < _DEEPEST else value
+        for name, value in record.items()
+    }
+    codes = made.get("codes")
+    if not isinstance(codes, dict):
+        return made
+    del made["codes"]
+    for name, coded in codes.items():
+        value = made.get(name)
+        if isinstance(value, str):
+            made[name] = Sentence.from_coded(value, coded)
+        elif isinstance(value, list) and isinstance(coded, list) and len(value) == len(coded):
+            made[name] = [
+                Sentence.from_coded(text, each) if isinstance(text, str) and each is not None else text
+                for text, each in zip(value, coded, strict=True)
+            ]
+    return made
+
+
+def _has_code(value: Any) -> bool:
+    return isinstance(value, Sentence) and bool(value.code)
+
+
+def _restored(kind: type[Sentence], text: str, code: str, params: dict[str, Any]) -> Sentence:
+    return kind._of(text, code, params)
+
+
+def _value(value: object) -> Any:
+    if isinstance(value, (Sentence, bool, int, float)):
+        return value
+    if type(value) in (list, tuple):  # a named tuple is a text of its own
+        return [_value(each) for each in cast("Iterable[object]", value)]
+    text = str(value)  # of an exception, its sentence
+    return text if isinstance(text, Sentence) else str.__str__(text)
+
+
+def _filled(template: str, values: Mapping[str, Any]) -> str:
+    def text(match: re.Match[str]) -> str:
+        if match[1] not in values:
+            return match[0]
+        value = values[match[1]]
+        if isinstance(value, list):
+            return ", ".join(str(each) for each in value)
+        following = template[match.end() : match.end() + 1]
+        if isinstance(value, Sentence) and following and following in _CLOSING:
+            return value.removesuffix(".")
+        return str(value)
+
+    return _PLACE.sub(text, template)
+
+
+def _parsed(coded: Any, depth: int) -> tuple[str, dict[str, Any]]:
+    """Raises ValueError, KeyError, TypeError or AttributeError."""
+    code, params = coded["code"], coded["params"]
+    if depth > _DEEPEST or not _CODE.fullmatch(code) or len(code) > 100 or len(params) > _MOST_PARAMS:
+        raise ValueError("no code of a sentence")
+    return code, {name: _read(value, depth) for name, value in params.items() if str.isidentifier(name)}
+
+
+def _read(value: Any, depth: int) -> Any:
+    if depth > _DEEPEST:
+        raise ValueError("sentences are nested too deep")
+    if isinstance(value, dict):
+        return Sentence._of(_text(value["text"]), *_parsed(value, depth + 1))
+    if isinstance(value, list):
+        return [_read(each, depth + 1) for each in value[:_MOST_LISTED]]
+    if isinstance(value, (bool, int, float)):
+        if not abs(value) <= _LARGEST:  # NaN neither
+            raise ValueError("no number of a sentence")
+        return value
+    return _text(value)
+
+
+def _text(value: str) -> str:
+    if not isinstance(value, str) or len(value) > _LONGEST:
+        raise ValueError("no text of a sentence")
+    return value.replace("\0", "\ufffd")

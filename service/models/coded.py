@@ -1,0 +1,25 @@
+"""Base of response models whose texts carry codes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, Field, model_validator
+
+from renderer.sentences import codes_of
+
+__all__ = ["Coded"]
+
+
+class Coded(BaseModel):
+    """A model with texts that may be sentences: their codes are beside them."""
+
+    codes: dict[str, Any] = Field(
+        default_factory=dict,
+        description="by field: code and params of the sentence there; of a list of sentences, a list with null for plain texts",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_codes(cls, data: Any) -> Any:
+        return {**data, "codes": codes_of(data)} if isinstance(data, dict) and "codes" not in data else data

@@ -1,0 +1,53 @@
+"""Sentences of the service on the page: translated by code, in English without one."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from renderer.sentences import Sentence, times
+from tests.helpers import ROOT
+from tests.page.node import Node
+
+NO_JOB = Sentence("no-job", "There is no job {id}. GET /api/jobs lists those that are there.", id="'x'")
+SAID = "return a.map(([text, coded]) => m.said(text, coded));"
+
+
+def said(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE") -> list[str]:
+    with Node(program, locale) as node:
+        found: list[str] = node.call("base/said", SAID, pairs)
+    return found
+
+
+def test_a_code_is_translated_with_its_values(program: str) -> None:
+    german = json.loads((ROOT / "web/words/service.de.json").read_text())["no-job"].replace("{id}", "'x'")
+    assert said(program, (NO_JOB, NO_JOB.coded)) == [german] and german != NO_JOB
+    assert said(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
+
+
+def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
+    """As an older worker sends it, or a newer release whose code the page does not know."""
+    unknown = {"code": "not-known-here", "params": {}}
+    assert said(program, (NO_JOB, None), ("New.", unknown), (None, None)) == [NO_JOB, "New.", ""]
+
+
+def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
+    inner = Sentence("waits-for-worker", "Waits for a worker.")
+    german = json.loads((ROOT / "web/words/service.de.json").read_text())
+    outer = times(inner.removesuffix("."), 3)
+    assert isinstance(outer, Sentence)
+    within = german["waits-for-worker"].rstrip(".")
+    assert within in said(program, (outer, outer.coded))[0]
+
+
+@pytest.mark.parametrize("field", ["error", "warnings"])
+def test_a_record_names_the_codes_of_its_fields(program: str, field: str) -> None:
+    record = {"error": NO_JOB, "warnings": [NO_JOB, "Plain."], "codes": {"error": NO_JOB.coded, "warnings": [NO_JOB.coded, None]}}
+    with Node(program, "de-DE") as node:
+        body = "return Array.isArray(a[0][a[1]]) ? m.allSaidOf(...a) : m.saidOf(...a);"
+        found = node.call("base/said", body, [record, field])
+    first = found[0] if field == "warnings" else found
+    assert first.startswith("Einen Job") or ("Job" in first and first != NO_JOB)
+    assert field == "error" or found[1] == "Plain."
