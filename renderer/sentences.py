@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from numbers import Integral
 from typing import Any, Self, SupportsIndex, cast
 
 __all__ = [
@@ -232,6 +233,8 @@ def _value(value: object) -> Any:
         return value
     if type(value) in (list, tuple):  # a named tuple is a text of its own
         return [_value(each) for each in cast("Iterable[object]", value)]
+    if isinstance(value, Integral):  # of numpy
+        return int(value)
     text = str(value)  # of an exception, its sentence
     return text if isinstance(text, Sentence) else str.__str__(text)
 

@@ -86,7 +86,7 @@ def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, str
 
 def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, straight: bool, path: Path) -> Decoded:
     colour, spec = _chosen(source, name, suffix)
-    notes = []
+    notes: list[str] = []
     if colour.others:
         others = ", ".join(sorted({f'"{other}"' for other in colour.others}))[:200]
         notes.append(

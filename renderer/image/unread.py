@@ -103,7 +103,7 @@ def of_header(data: bytes, name: str) -> list[str]:
     said: Mapping[str, list[str]] = {
         key: re.findall(rf"(?m)^{key}\s*=\s*(.+)$", head) for key in ("EXPOSURE", "COLORCORR", "PRIMARIES")
     }
-    notes = []
+    notes: list[str] = []
     for key in ("EXPOSURE", "COLORCORR"):
         factor = np.ones(3)
         for text in said[key]:

@@ -19,6 +19,7 @@ HEADINGS = {
 }
 # What the example scene is called, by its file and so in every language.
 NAME = "Spheres"
+CODE = "vertices-positions-not-finite"
 TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 
 
@@ -76,6 +77,28 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
     page.goto(f"{farm.url}/#/workers")
     expect(page.locator(".machine").first).to_be_visible()
     assert_nothing_is_english(page, locale)
+
+
+def test_what_the_service_says_is_translated_by_its_code(farm: Farm, foreign: tuple[Page, str]) -> None:
+    """A warning with its count, from a worker's confined reader to the page; and a problem."""
+    page, locale = foreign
+    vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
+    scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
+    with farm.client() as client:
+        client.wait_for_scene(scene)
+    found = httpx.get(f"{farm.url}/api/scenes/{scene}").json()
+    at, coded = next((i, each) for i, each in enumerate(found["codes"]["warnings"]) if each and each["code"] == CODE)
+    assert found["warnings"][at].startswith("odd.obj: 1 vertices") and 1 in coded["params"].values()
+    words = json.loads((ROOT / "web" / "words" / f"service.{locale[:2]}.json").read_text(encoding="utf-8"))
+    shown = words[coded["code"]]
+    for name, value in coded["params"].items():
+        shown = shown.replace(f"{{{name}}}", str(value))
+    page.goto(f"{farm.url}/#/scenes/{scene}")
+    expect(page.get_by_text(shown)).to_be_visible()
+    problem = httpx.get(f"{farm.url}/api/jobs/none").json()
+    assert (problem["code"], problem["params"]) == ("no-job", {"id": "'none'"}) and problem["detail"].startswith(
+        "There is no job"
+    )
 
 
 @pytest.mark.long

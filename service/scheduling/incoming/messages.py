@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import BaseModel, Field, PlainValidator, TypeAdapter, ValidationError, field_validator, model_validator
 
@@ -56,6 +57,15 @@ def _sentence(value: Any) -> str:
     if not isinstance(value, str) or len(value) > LONGEST_SENTENCE:
         raise ValueError(f"no text of at most {LONGEST_SENTENCE} characters")
     return value.mapped(_without_zeros) if isinstance(value, Sentence) else _without_zeros(value)
+
+
+Info = TypeVar("Info", SceneInfo, FrameInfo)
+
+
+def _with_warnings(info: Info, sent: Any) -> Info:
+    """Returns validated information with the sentences that were sent, which validation turns into plain texts."""
+    warnings = sent.get("warnings") if isinstance(sent, dict) else sent.warnings
+    return replace(info, warnings=[_sentence(warning) for warning in warnings])
 
 
 def _without_zeros(text: str) -> str:
@@ -247,10 +257,10 @@ class PrepareDone(_Prepare):
     type: Literal["prepared"]
     info: SceneInfo
 
-    @field_validator("info", mode="before")
+    @field_validator("info", mode="wrap")
     @classmethod
-    def _storable(cls, info: Any) -> Any:
-        return _without_nul(info)
+    def _storable(cls, info: Any, validated: Callable[[Any], SceneInfo]) -> SceneInfo:
+        return _with_warnings(validated(_without_nul(info)), info)
 
     @field_validator("info")
     @classmethod
@@ -342,10 +352,10 @@ class FramePrepared(_Frames):
     frame: Number
     info: FrameInfo
 
-    @field_validator("info", mode="before")
+    @field_validator("info", mode="wrap")
     @classmethod
-    def _storable(cls, info: Any) -> Any:
-        return _without_nul(info)
+    def _storable(cls, info: Any, validated: Callable[[Any], FrameInfo]) -> FrameInfo:
+        return _with_warnings(validated(_without_nul(info)), info)
 
     @field_validator("info")
     @classmethod
