@@ -13,8 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, TypeVar
 
-from renderer.sentences import encoded
-
 __all__ = ["CLOSED", "GONE", "NOT_FOUND", "Acknowledge", "FromClient", "FromService", "read_client", "read_service"]
 
 NOT_FOUND = 4404
@@ -64,7 +62,7 @@ class FromService:
 
     def to_text(self) -> str:
         """Encodes the message."""
-        return json.dumps(encoded({"type": self.TYPE, **vars(self)}))
+        return json.dumps({"type": self.TYPE, **vars(self)})
 
 
 C = TypeVar("C", bound=FromClient)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import time
 from collections import deque
 
@@ -17,8 +18,8 @@ from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
 from protocol.viewport import FROM_CLIENT, Look, Pause, Pick, Refused, ViewState
-from protocol.websocket import NOT_FOUND, Acknowledge, read_client
-from renderer.sentences import Sentence, stopped
+from protocol.websocket import NOT_FOUND, Acknowledge, FromService, read_client
+from renderer.sentences import Sentence, encoded, stopped
 from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -224,9 +225,9 @@ class _Viewer:
         """Sends pictures and states until the service ends."""
         while not self._farm.broadcast.closing:
             while self._errors:
-                await self._socket.send_text(self._errors.popleft().to_text())
+                await self._socket.send_text(_text(self._errors.popleft()))
             while self.session.picked:
-                await self._socket.send_text(self.session.picked.pop(0).to_text())
+                await self._socket.send_text(_text(self.session.picked.pop(0)))
             picture = None
             if not self.session.is_paused and len(self._unacknowledged) < MAX_UNACKNOWLEDGED and self.session.is_due():
                 picture = await run_in_threadpool(self.session.take, self._seq + 1)
@@ -251,9 +252,14 @@ class _Viewer:
             state = ViewState(id, *progress, message)
             if session.error is not None and self._told_error != (refused := Refused(id, session.error)):
                 self._told_error = refused
-                await self._socket.send_text(refused.to_text())
+                await self._socket.send_text(_text(refused))
         has_changed = state != self._told
         is_urgent = has_changed and state.message != (self._told and self._told.message)
         if is_urgent or now - self._told_at > (STATE_EVERY_S if has_changed else SPEAK_EVERY_S):
             self._told, self._told_at = state, now
-            await self._socket.send_text(state.to_text())
+            await self._socket.send_text(_text(state))
+
+
+def _text(message: FromService) -> str:
+    """Encodes a message, with the codes of its sentences beside them."""
+    return json.dumps(encoded({"type": message.TYPE, **vars(message)}))

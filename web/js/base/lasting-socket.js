@@ -77,7 +77,7 @@ export class LastingSocket {
     };
   }
 
-  /** Called when the service closed the connection for good. @param {number} _code @param {string} reason */
+  /** Called when the service closed the connection for good. @param {number} code @param {string} reason */
   ended(code, reason) {
     const known = this.hasHeard ? CLOSED[code] : undefined;
     this.refused(reason ? said(reason, known ? { code: known, params: {} } : null) : this.refusal);
