@@ -80,69 +80,12 @@ def test_frames_are_what_the_renderer_takes_them_for(node: Node) -> None:
             assert again == frames_text(wanted), text
 
 
-SAID = {
-    # one that is as it stands, one with places, one that quotes another
-    "Waits: all workers are paused.": "Wartet: Alle Worker sind angehalten.",
-    "Waits for 3 jobs of a higher priority.": "Wartet auf 3 Jobs höherer Priorität.",
-    "Waits: the film of this job is missing.": "Wartet: Der Film dieses Jobs fehlt.",
-    "The picture's paths cannot be followed: the service is starting. Render it anew.": (
-        "Die Pfade des Bildes lassen sich nicht verfolgen: Der Dienst startet. Neu rendern."
-    ),
-    # several, of which one is in no catalogue; a name ends with its sentence
-    "There is no job 'none'. GET /api/jobs lists those that are there.": (
-        "Einen Job 'none' gibt es nicht. GET /api/jobs führt auf, was es gibt."
-    ),
-    "The upload is empty. Nobody knows it. Send it again.": "Der Upload ist leer. Nobody knows it. Noch einmal senden.",
-    # files by name, fields, halves, names that look like sentences
-    "a. B.glb: ends inside its header; the upload or download was cut, take it again": (
-        "a. B.glb: endet mitten im Kopf; Hoch- oder Herunterladen brach ab, noch einmal holen"
-    ),
-    "scene.mtl: its texture wood.png is not among the files; add it. Rendered in the base colour meanwhile.": (
-        "scene.mtl: die Textur wood.png ist nicht unter den Dateien; hinzufügen. Bis dahin in der Grundfarbe gerendert."
-    ),
-    "x: width x height is 9 pixels; at most 8 are rendered": "x: Breite x Höhe sind 9 Pixel; höchstens 8 werden gerendert",
-    "spp: needs is no such field.": "spp: needs is no such field.",
-    # what readers say of many things of a file, how often, and how much of each
-    "a.usd: Curves that are damaged are left out (2): /a, /b.": "a.usd: Beschädigte Kurven sind weggelassen (2): /a, /b.",
-    "Lights of the kind Portal are left out (4): /a, /b, /c and others.": (
-        "Lichter der Art Portal sind weggelassen (4): /a, /b, /c und andere."
-    ),
-    "a.pbrt, line 3: glass is as rough in both directions here (2 times)": (
-        "a.pbrt, line 3: glass ist hier in beiden Richtungen gleich rau (2-mal)"
-    ),
-    "Not taken over as it is in the FBX file: 2 volume lights, 1 further skins of a mesh.": (
-        "Nicht so übernommen, wie es in der FBX-Datei ist: 2 Volumenlichter, 1 weitere Skins eines Netzes."
-    ),
-    "Material oak: its texture oak.png is not among the files; add it. Rendered in the base colour meanwhile.": (
-        "Material oak: die Textur oak.png ist nicht unter den Dateien; hinzufügen. Bis dahin in der Grundfarbe gerendert."
-    ),
-    # what nobody knows stays
-    "Traceback (most recent call last): boom": "Traceback (most recent call last): boom",
-    "<b>x</b> {n}": "<b>x</b> {n}",
-    "": "",
-}
-
-
-def test_sentences_of_the_service_are_put_together_in_german(german: Node) -> None:
-    found = german.call("base/said", "return a.map((each) => m.said(each));", list(SAID))
-    assert dict(zip(SAID, found, strict=True)) == SAID
-
-
 def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
-    problem = '{"title": "Insufficient Storage", "detail": "The upload is empty. Send it again.", "status": 507}'
-    assert german.call("news/api", "return m.errorOf(507, a).message;", problem) == "Der Upload ist leer. Noch einmal senden."
-
-
-def test_long_texts_and_deep_quotes_take_no_time(german: Node) -> None:
-    """Patterns with several placeholders match texts that repeat their words, without backtracking."""
-    body = "const begun = performance.now(); for (const each of a) m.said(each); return performance.now() - begun;"
-    words = "The scene cannot be rendered: ", "a: ", "x; ", "No. ", "is (", " of the tile at "
-    assert german.call("base/said", body, [each * (3900 // len(each)) for each in words]) < 2000
-
-
-def test_on_an_english_page_they_stay(node: Node) -> None:
-    assert node.call("base/said", "return a.map((each) => m.said(each));", list(SAID)) == list(SAID)
-    assert node.call("base/said", "return m.said(null);") == ""
+    problem = (
+        '{"title": "Insufficient Storage", "detail": "The upload is empty.", "status": 507, "code": "upload-empty", "params": {}}'
+    )
+    told = german.call("news/api", "return m.errorOf(507, a).message;", problem)
+    assert told == "Der Upload ist leer. Die Dateien wählen, die hinzukommen sollen."
 
 
 def test_the_channels_are_those_that_the_service_lists(node: Node) -> None:

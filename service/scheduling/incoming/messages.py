@@ -64,7 +64,7 @@ Info = TypeVar("Info", SceneInfo, FrameInfo)
 
 def _with_warnings(info: Info, sent: Any) -> Info:
     """Returns validated information with the sentences that were sent, which validation turns into plain texts."""
-    warnings = sent.get("warnings") if isinstance(sent, dict) else sent.warnings
+    warnings = sent["warnings"] if isinstance(sent, dict) else sent.warnings
     return replace(info, warnings=[_sentence(warning) for warning in warnings])
 
 
