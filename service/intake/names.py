@@ -81,7 +81,7 @@ def plain_title(text: str) -> str:
             Sentence(
                 "name-control-characters-line-breaks",
                 "name: {text} has control characters or line breaks. Give it one line of plain text.",
-                text=text[:60],
+                text=ascii(text[:60]),
             )
         )
     return text
@@ -98,7 +98,7 @@ def plain_note(text: str) -> str:
             Sentence(
                 "note-control-characters",
                 "note: {text} has control characters. Give it lines of plain text.",
-                text=text[:60],
+                text=ascii(text[:60]),
             )
         )
     return text

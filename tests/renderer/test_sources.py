@@ -15,8 +15,8 @@ from renderer import jit, sources
 from renderer.sources import ARRAYS, MACHINE_CODE, ROOT, files_of, kept_meaning, meaning
 
 DECORATORS = ("entry", "builder", "device", "template", "subroutine")
-# What makes the hash, says where files lie, and confines processes.
-EXEMPT = {ROOT / "sources.py", ROOT / "cache_folders.py", *(ROOT / "confine").glob("*.py")}
+# Modules that compute the hash, locate files, confine processes, or hold the sentences of errors and warnings.
+EXEMPT = {ROOT / "sources.py", ROOT / "sentences.py", ROOT / "cache_folders.py", *(ROOT / "confine").glob("*.py")}
 
 
 def changed(tmp_path: Path, before: str, after: str) -> bool:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import get_args
 
 import renderer.kernel.bsdf
 from renderer.arrays import rows
-from renderer.scene.description import MaterialKind
 from tests.renderer.kernel.bsdf.test_bsdf import MODELS
 
 # What scatters into single directions has no density, and what is unlit does not scatter.
@@ -31,7 +29,5 @@ def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():
     assert lobes >= 8
 
 
-def test_every_kind_of_material_has_a_number_and_is_judged_by_chi_squared():
-    for kind in get_args(MaterialKind):
-        assert isinstance(getattr(rows, kind.upper()), int), kind
-    assert {m.kind for m in MODELS.values()} | JUDGED_ELSEWHERE == set(get_args(MaterialKind))
+def test_every_kind_that_scatters_is_judged_by_chi_squared():
+    assert {m.kind for m in MODELS.values()} | JUDGED_ELSEWHERE >= {kind.name for kind in rows.KINDS if kind.in_files}
