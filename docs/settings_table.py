@@ -17,7 +17,7 @@ from pathlib import Path
 
 from renderer.scene import description, material
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, template_text
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.setting_docs import values
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,7 +25,7 @@ SCHEMA = ROOT / "docs" / "scene-schema.json"
 GUIDE = ROOT / "docs" / "scene-format.md"
 
 
-def schema_text(settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
+def schema_text(settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
     """Returns the whole schema: the text of schema.json with one line for each declared part."""
     text = template_text()
     materials = attribute_docs(Path(str(material.__file__)), "Material")
@@ -53,7 +53,7 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
     return found
 
 
-def guide_text(text: str, settings: Mapping[str, Declared] = SCENE_SETTINGS) -> str:
+def guide_text(text: str, settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
     """Returns the guide with the settings table between its marks."""
     rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
     start, _, end = _between(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
@@ -91,7 +91,7 @@ def _between(text: str, after: str, begin: str, end: str) -> tuple[str, str, str
     return text[:first], text[first:last], text[last:]
 
 
-def _row(each: Declared) -> str:
+def _row(each: DeclaredSetting) -> str:
     default = "" if each.default in (MISSING, None, "") else f"`{_short(each.default)}`"
     choices = each.setting.choices
     said = [each.shown.help]

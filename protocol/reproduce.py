@@ -6,7 +6,7 @@ import math
 import shlex
 from typing import Any
 
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, Tile
 
 __all__ = ["batch_command", "sample_command"]
@@ -43,7 +43,7 @@ def _options(settings: RenderSettings) -> list[str]:
     return words
 
 
-def _word(each: Declared, value: Any) -> str:
+def _word(each: DeclaredSetting, value: Any) -> str:
     return f"--{each.option}={_text(value)}"
 
 

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from rayfarm.errors import CommandError
-from renderer.blender.program import BPY, BlenderError, environment_python, find, look_at
+from renderer.blender.program import BPY, BlenderError, environment_python, find, inspect_blender
 
 __all__ = ["Program", "Wanted", "program_for"]
 
@@ -50,7 +50,7 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
     if not is_wanted and named is None:
         return None
     try:
-        found = look_at(named) if named is not None else find()
+        found = inspect_blender(named) if named is not None else find()
     except BlenderError as error:
         raise CommandError(str(error)) from None
     return found.program if found is not None else str(_fetched(say))
@@ -73,7 +73,7 @@ def _fetched(say: Callable[[str], None]) -> Path:
         subprocess.run([maker, "-m", "venv", str(folder)], check=True, capture_output=True, text=True)
         command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", BPY]
         subprocess.run(command, check=True, capture_output=True, text=True)
-        return Path(look_at(str(python)).program)
+        return Path(inspect_blender(str(python)).program)
     except subprocess.CalledProcessError as error:
         shutil.rmtree(folder, ignore_errors=True)
         lines = (error.stderr or error.stdout or "").strip().splitlines()

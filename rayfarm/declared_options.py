@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from rayfarm import options
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.setting_docs import LARGE, sentences
 
 __all__ = ["parameter", "typed"]
@@ -18,7 +18,7 @@ __all__ = ["parameter", "typed"]
 _METAVARS = {"s": "S", "°": "DEG", "px": "PIXELS", "scene units": "LENGTH", "fraction": "FRACTION", "radiance": "RADIANCE"}
 
 
-def parameter(each: Declared) -> inspect.Parameter:
+def parameter(each: DeclaredSetting) -> inspect.Parameter:
     """The option as a parameter of a command's signature; its value is None if it is not given."""
     setting, shown = each.setting, each.shown
     inside = setting.off is None or each.lowest == setting.low  # otherwise a range would exclude the value for off
@@ -41,7 +41,7 @@ def parameter(each: Declared) -> inspect.Parameter:
     )
 
 
-def typed(settings: Mapping[str, Declared], given: Mapping[str, Any]) -> dict[str, Any]:
+def typed(settings: Mapping[str, DeclaredSetting], given: Mapping[str, Any]) -> dict[str, Any]:
     """The settings' values by the renderer's names, from the option values; None if not given."""
     found = {name: given.get(each.option.replace("-", "_")) for name, each in settings.items()}
     for name, value in found.items():
@@ -50,7 +50,7 @@ def typed(settings: Mapping[str, Declared], given: Mapping[str, Any]) -> dict[st
     return found
 
 
-def _metavar(each: Declared) -> str | None:
+def _metavar(each: DeclaredSetting) -> str | None:
     if each.setting.choices is not None:
         return "NAME"
     if each.kind is tuple:
@@ -62,7 +62,7 @@ def _bound(value: float | None) -> float | None:
     return None if value is None or abs(value) >= LARGE else value
 
 
-def _default(each: Declared) -> str | bool:
+def _default(each: DeclaredSetting) -> str | bool:
     """The default that the help text shows; False for none.
 
     Settings of a camera show none; for a setting that a scene file may define, the text names the scene first.

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from rayfarm.reading import ReadStage
-    from renderer.denoise import Clean
+    from renderer.denoise import DenoisedPicture
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
-    from renderer.temporal_denoise import Still
+    from renderer.temporal_denoise import DenoisedFrame
 
     F32 = npt.NDArray[np.float32]
-    Hold = Callable[[Still, Callable[[F32], None]], None]
+    Hold = Callable[[DenoisedFrame, Callable[[F32], None]], None]
 
 __all__ = ["Order", "camera_words", "moment_words", "motion_of", "render_to", "say_bad_samples", "statistics"]
 
@@ -103,7 +103,7 @@ def render_to(
     from renderer.film import mean
     from renderer.image import encode
     from renderer.render import RenderStats
-    from renderer.temporal_denoise import Still
+    from renderer.temporal_denoise import DenoisedFrame
 
     picture, done = order.picture, RenderStats()
     count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
@@ -127,19 +127,19 @@ def render_to(
         else:
             number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
             hold(
-                Still(clean, number, material, motion),
+                DenoisedFrame(clean, number, material, motion),
                 lambda picture: encode.write(options.denoised_name(output), picture, **looks),
             )
         clock.mark("denoise_s")
     return done
 
 
-def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> Clean:
-    from renderer.denoise import cleaned
+def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPicture:
+    from renderer.denoise import denoise_with_guides
     from renderer.film import ALBEDO, COLOR, NORMAL, mean
 
     color, albedo, normal = (mean(sums, film_exponent, channel) for channel in (COLOR, ALBEDO, NORMAL))
-    return cleaned(color, albedo, normal, threads)
+    return denoise_with_guides(color, albedo, normal, threads)
 
 
 def say_bad_samples(scene: Path, settings: RenderSettings, done: RenderStats, more: str = "") -> None:

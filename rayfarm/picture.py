@@ -16,15 +16,15 @@ from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
 from renderer.presets import PRESETS
 from renderer.scene.animation.shutter import SHUTTER
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.settings import ENVIRONMENT, OPTIONAL, SETTINGS, VIEW, RenderSettings, View, chosen
 from renderer.work import DEFAULT_SIZE, WORK
 
 __all__ = ["Picture", "takes_picture"]
 
-ASKED: Mapping[str, Declared] = {name: SETTINGS[name] for name in OPTIONAL}
-LIGHT: Mapping[str, Declared] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # given by --env
-ENDS: Mapping[str, Declared] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
+ASKED: Mapping[str, DeclaredSetting] = {name: SETTINGS[name] for name in OPTIONAL}
+LIGHT: Mapping[str, DeclaredSetting] = {name: each for name, each in ENVIRONMENT.items() if name != "color"}  # given by --env
+ENDS: Mapping[str, DeclaredSetting] = {name: WORK[name] for name in ("spp", "noise", "seconds")}
 
 
 def _own(name: str, help: str, panel: str, metavar: str) -> inspect.Parameter:

@@ -13,7 +13,7 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
     from renderer.scene.description import SceneDescription
-    from renderer.scene.frame_reuse import Cuts, Kept
+    from renderer.scene.frame_reuse import PartOffsets, ShotCache
     from renderer.scene.load import Shot
 
 __all__ = ["Stage"]
@@ -47,7 +47,7 @@ class Stage:
         self._shot, self._camera, self._brute, self._threads = shot, camera, brute, threads
         self._shutter = shutter
         self._last: _Built | None = None
-        self._kept: Kept | None = None
+        self._kept: ShotCache | None = None
         self._auto: dict[str, Any] | None = None
 
     def at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
@@ -63,7 +63,7 @@ class Stage:
         return self._at(moment, lambda step: None, self._shot.between)
 
     @property
-    def cuts(self) -> Cuts:
+    def cuts(self) -> PartOffsets:
         """The offsets of the parts of the most recently compiled scene."""
         assert self._kept is not None and self._kept.cuts is not None
         return self._kept.cuts
@@ -101,9 +101,9 @@ class Stage:
 
     def _built(self, read: SceneDescription) -> _Built:
         from renderer.scene.compile import compile_scene, summarise
-        from renderer.scene.frame_reuse import Kept
+        from renderer.scene.frame_reuse import ShotCache
 
-        self._kept = self._kept or Kept()
+        self._kept = self._kept or ShotCache()
         before, self._last = self._last, None
         described = _copied(read)
         compiled = compile_scene(described, brute=self._brute, threads=self._threads, kept=self._kept)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-    from renderer.temporal_denoise import Still
+    from renderer.temporal_denoise import DenoisedFrame
 
 __all__ = ["Steadying"]
 
@@ -28,7 +28,7 @@ class Steadying:
         self.missing = frozenset(missing)
         self.plan = sorted({*self.missing, *(each for frame in self.missing for each in self._near(frame))})
         self._open = set(self.plan)  # not rendered yet
-        self._held: dict[float, Still] = {}
+        self._held: dict[float, DenoisedFrame] = {}
         self._waiting: dict[float, Write] = {}
 
     def _near(self, frame: float) -> list[float]:
@@ -47,7 +47,7 @@ class Steadying:
         """Whether a frame has neighbours."""
         return bool(self._near(frame))
 
-    def take(self, frame: float, still: Still, write: Write) -> None:
+    def take(self, frame: float, still: DenoisedFrame, write: Write) -> None:
         """Adds a rendered frame. write: writes its denoised picture, if its file is missing."""
         self._held[frame] = still
         if frame in self.missing:
@@ -61,11 +61,11 @@ class Steadying:
 
     def _writing(self, frame: float) -> Callable[[], None]:
         def write() -> None:
-            from renderer.temporal_denoise import steadied
+            from renderer.temporal_denoise import stabilised_frame
 
             done = self._waiting.pop(frame)
             try:
-                done(steadied(self._held, frame))
+                done(stabilised_frame(self._held, frame))
             finally:
                 wanted = {*self._waiting, *(self._open & self.missing)}
                 keep = wanted.union(*(self._near(each) for each in wanted))

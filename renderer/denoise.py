@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.errors import SettingsError
 
-__all__ = ["Clean", "cleaned", "denoise", "for_a_glance", "is_available"]
+__all__ = ["DenoisedPicture", "denoise", "denoise_preview", "denoise_with_guides", "is_available"]
 
 F32 = npt.NDArray[np.float32]
 _RANGE = np.float32(1e6)  # clamps radiance to half precision's range; infinities would spread
@@ -24,7 +24,7 @@ def is_available() -> bool:
     return importlib.util.find_spec("pyoidn") is not None
 
 
-class Clean(NamedTuple):
+class DenoisedPicture(NamedTuple):
     """A denoised picture and its denoised guides, albedo and normal: (h, w, 3) float32 each."""
 
     color: F32
@@ -33,15 +33,15 @@ class Clean(NamedTuple):
 
 
 def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
-    """Returns only the picture of `cleaned`."""
-    return cleaned(color, albedo, normal, threads).color
+    """Returns only the picture of `denoise_with_guides`."""
+    return denoise_with_guides(color, albedo, normal, threads).color
 
 
-def for_a_glance(color: F32, albedo: F32, normal: F32) -> F32:
+def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
     """Returns a denoised preview of a small picture of few samples, computed on one thread.
 
-    The guides are used without denoising them first: edges are less sharp than those of `cleaned`, in a third of the time.
-    Returns the picture unchanged if Open Image Denoise is not installed or fails.
+    The guides are used without denoising them first: edges are less sharp than those of `denoise_with_guides`, in a third of the
+    time. Returns the picture unchanged if Open Image Denoise is not installed or fails.
     """
     try:
         return _cleaned(color, albedo, normal, 1, guides_first=False).color
@@ -49,7 +49,7 @@ def for_a_glance(color: F32, albedo: F32, normal: F32) -> F32:
         return color
 
 
-def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> Clean:
+def denoise_with_guides(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> DenoisedPicture:
     """Returns the denoised picture, scene-linear; does not modify the inputs.
 
     color: scene-linear radiance. albedo 0 ... 1 and normal -1 ... 1: of the first hits, with their own noise (of lens blur,
@@ -60,7 +60,7 @@ def cleaned(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     return _cleaned(color, albedo, normal, threads or 0, guides_first=True)
 
 
-def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> Clean:
+def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> DenoisedPicture:
     try:
         import pyoidn
     except (ImportError, OSError) as error:
@@ -87,4 +87,4 @@ def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first
             guide = np.ascontiguousarray(image, np.float32)
             guides[name] = run(np.empty_like(guide), {name: guide}) if guides_first else guide
         noisy = np.clip(np.ascontiguousarray(color, np.float32), 0, _RANGE)
-        return Clean(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=guides_first), **guides)
+        return DenoisedPicture(run(np.empty_like(noisy), {"color": noisy, **guides}, hdr=True, cleanAux=guides_first), **guides)

@@ -26,8 +26,8 @@ from numba.np.arrayobj import populate_array
 from renderer import __version__, cpu, sources
 from renderer.cache_folders import make_private, private_folder
 from renderer.cpu import HAS_AVX512, TARGET
-from renderer.linking import stay_apart
-from renderer.machine_code import MachineCode, noted
+from renderer.linking import mark_never_inlined
+from renderer.machine_code import FunctionCacheFiles, collect_cache_files
 from renderer.prune_absent_features import Compiler
 from renderer.target import KernelDispatcher
 
@@ -39,11 +39,11 @@ __all__ = [
     "compiling",
     "device",
     "entry",
-    "is_kept",
+    "is_cached",
     "is_ready",
     "kind",
     "local_floats",
-    "out_of_line",
+    "never_inline",
     "rare_collections",
     "subroutine",
     "template",
@@ -96,12 +96,12 @@ Function = Callable[..., Any]
 
 
 @intrinsic
-def out_of_line(typingctx: Any) -> Any:
+def never_inline(typingctx: Any) -> Any:
     """Marks the calling subroutine as never inlined, however small, so that it has its own register allocation."""
 
     def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.function.attributes.add("noinline")
-        stay_apart(context.active_code_library)
+        mark_never_inlined(context.active_code_library)
         return context.get_dummy_value()
 
     return types.void(), codegen
@@ -144,7 +144,7 @@ def _compiled(function: Function, *, heap: bool, inline: bool, from_python: bool
         "no_cfunc_wrapper": True,
     }
     made = KernelDispatcher(function, targetoptions={"nopython": True, "boundscheck": None, **options}, pipeline_class=Compiler)
-    made.keep_in(MachineCode(function, cache_folder, _MACHINE_CODE, is_kernel=from_python))
+    made.keep_in(FunctionCacheFiles(function, cache_folder, _MACHINE_CODE, is_kernel=from_python))
     return made
 
 
@@ -196,7 +196,7 @@ def is_ready(name: str) -> bool:
     return name in _ready
 
 
-def is_kept(name: str) -> bool:
+def is_cached(name: str) -> bool:
     """Whether this machine has compiled or fetched a kernel of that name."""
     return (cache_folder() / f"{name}.done").exists()
 
@@ -219,7 +219,7 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
             time.sleep(0.1)
         if fetch is not None and not done.exists():
             fetch()
-        with noted() as files, contextlib.nullcontext() if done.exists() else rare_collections():
+        with collect_cache_files() as files, contextlib.nullcontext() if done.exists() else rare_collections():
             yield not done.exists()
         with contextlib.suppress(OSError):  # read-only folder: the next process compiles what is missing
             _list(done, {path.relative_to(folder).as_posix() for path in files})

@@ -13,14 +13,14 @@ from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import compile_result
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 
-__all__ = ["ChooseLibrary", "rebuilt", "stay_apart"]
+__all__ = ["ChooseLibrary", "mark_never_inlined", "restore_compiled"]
 
 _APART = ".apart"  # suffix of libraries whose function is never inlined, in file names too
 _PART, _KERNEL = "part", "kernel"  # kinds of cached libraries
 _ENVIRONMENT = "_ZN08NumbaEnv"  # prefix of a function's Numba environment symbol
 
 
-def stay_apart(library: Any) -> None:
+def mark_never_inlined(library: Any) -> None:
     """Marks the function of an unfinished library as never inlined into its callers."""
     if isinstance(library, _Kernel):
         library._name += _APART
@@ -58,7 +58,7 @@ class _Kernel(JITCodeLibrary):
         self.beneath = {}
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
-            if isinstance(library, _Part):
+            if isinstance(library, InlinedLibrary):
                 self.beneath.update(library.beneath)
             if library.name.endswith(_APART):
                 self.beneath[library.own_name] = library._get_module_for_linking()
@@ -97,7 +97,7 @@ class _Kernel(JITCodeLibrary):
         return super()._get_module_for_linking()
 
 
-class _Part(_Kernel):
+class InlinedLibrary(_Kernel):
     """The code library of a function that only other functions of kernels call: it is linked, and never translated alone.
 
     It has no Numba environment (the reference to its Python objects).
@@ -106,7 +106,7 @@ class _Part(_Kernel):
     @property
     def codegen(self) -> Any:
         """Returns the code generator; Numba calls it to set the environment."""
-        return _Nobody
+        return NoEnvironment
 
     def _optimize_final_module(self) -> None:
         for variable in self._environments():
@@ -146,16 +146,16 @@ class _Part(_Kernel):
         return library
 
 
-class _Nobody:
+class NoEnvironment:
     @staticmethod
     def set_env(name: str, environment: Any) -> None:
         """Does nothing: there is no environment."""
 
 
-_KEPT: dict[str, type[_Kernel]] = {_PART: _Part, _KERNEL: _Kernel}
+_KEPT: dict[str, type[_Kernel]] = {_PART: InlinedLibrary, _KERNEL: _Kernel}
 
 
-def rebuilt(context: Any, kept: Any) -> Any:
+def restore_compiled(context: Any, kept: Any) -> Any:
     """Restores a compiled function (CompileResult) from its cached state."""
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
     for function in reload_init:
@@ -190,7 +190,7 @@ class ChooseLibrary(AnalysisPass):
 
     def run_pass(self, state: Any) -> bool:
         """Runs the pass. Returns whether it changed anything."""
-        kind = _Part if state.flags.no_cpython_wrapper else _Kernel
+        kind = InlinedLibrary if state.flags.no_cpython_wrapper else _Kernel
         state.library = kind(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.counts = state.flags.nrt
         state.library.enable_object_caching()

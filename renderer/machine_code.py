@@ -21,10 +21,10 @@ from typing import Any
 from numba.core.serialize import dumps
 
 from renderer.cache_folders import distrust, make_private, read_private
-from renderer.linking import rebuilt
+from renderer.linking import restore_compiled
 from renderer.sources import ROOT
 
-__all__ = ["SUFFIX", "MachineCode", "noted"]
+__all__ = ["SUFFIX", "FunctionCacheFiles", "collect_cache_files"]
 
 SUFFIX = ".code"
 
@@ -32,7 +32,7 @@ _noted: set[Path] | None = None
 
 
 @contextlib.contextmanager
-def noted() -> Iterator[set[Path]]:
+def collect_cache_files() -> Iterator[set[Path]]:
     """Context manager: collects the cache files of kernels read or written meanwhile by any thread of this process.
 
     Excludes the files of functions that kernels consist of: their code is in the kernels' files, and which of them are accessed
@@ -47,11 +47,11 @@ def noted() -> Iterator[set[Path]]:
         _noted = None
 
 
-class MachineCode:
+class FunctionCacheFiles:
     """The cache of one function, with the interface of Numba's dispatchers: machine code, or bitcode for linking.
 
     folder: returns the cache folder; called at the first use. stamp: what decides the machine code besides the function's byte
-    code, its signature and the target. is_kernel: whether Python calls it, so that `noted` collects it.
+    code, its signature and the target. is_kernel: whether Python calls it, so that `collect_cache_files` collects it.
     """
 
     def __init__(self, function: Any, folder: Callable[[], Path], stamp: str, is_kernel: bool) -> None:
@@ -69,7 +69,7 @@ class MachineCode:
         """Returns the function compiled for a signature, None if it is not cached."""
         context.refresh()  # so that it knows the symbols that the machine code links to
         kept = self._files.load(self._key(signature, context.codegen()))
-        return None if kept is None else rebuilt(context, kept)
+        return None if kept is None else restore_compiled(context, kept)
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Stores a compiled function, unless its code contains addresses of this process."""

@@ -97,9 +97,9 @@ def main(arguments: Iterable[str] | None = None) -> None:
         print("this processor has no AVX-512: kernels for it are compiled by the first worker that has it")
         return
     begin = time.perf_counter()
-    if not all(jit.is_kept(kernel_name(edition=name)) for name in options.kernels):
+    if not all(jit.is_cached(kernel_name(edition=name)) for name in options.kernels):
         take_shipped(jit.cache_folder())
-    if missing := [name for name in options.kernels if not jit.is_kept(kernel_name(edition=name))]:
+    if missing := [name for name in options.kernels if not jit.is_cached(kernel_name(edition=name))]:
         _compile_all(_jobs(missing), begin)
     for name in options.kernels:
         _beside(name, "--prepares")

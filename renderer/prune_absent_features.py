@@ -24,7 +24,7 @@ __all__ = ["Compiler", "where_present"]
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
-class KnowWhatIsAbsent(FunctionPass):
+class PruneNoneFields(FunctionPass):
     """Replaces every field whose type is None by the constant None, so that Numba prunes the branches on it."""
 
     _name = "know_what_is_absent"
@@ -56,8 +56,8 @@ class Compiler(CompilerBase):
         """Returns the nopython pipeline."""
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
         pipeline.passes = [each for each in pipeline.passes if each[0] not in (AnnotateTypes, NopythonRewrites)]
-        pipeline.add_pass_after(KnowWhatIsAbsent, InlineInlinables)
-        pipeline.add_pass_after(FuseProducts, KnowWhatIsAbsent)
+        pipeline.add_pass_after(PruneNoneFields, InlineInlinables)
+        pipeline.add_pass_after(FuseProducts, PruneNoneFields)
         pipeline.add_pass_after(ChooseLibrary, IRLegalization)
         pipeline.finalize()
         return [pipeline]

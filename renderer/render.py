@@ -26,7 +26,7 @@ from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.environment import left_to_surfaces, relit, sampled_alone
+from renderer.scene.environment import environment_sampled_fully, relit, without_environment_sampling
 from renderer.scene.lights import chosen_by
 from renderer.scene.origin import fixed_place, seen_from
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
@@ -73,9 +73,9 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = chosen_by(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
-        scene = sampled_alone(scene)
+        scene = environment_sampled_fully(scene)
     else:
-        scene = left_to_surfaces(scene)
+        scene = without_environment_sampling(scene)
     return only(scene, edition_for(settings, scene))
 
 
@@ -254,7 +254,7 @@ def warm_up(
     """
     begin = time.perf_counter()
     name = kernel_name(settings, edition)
-    if not jit.is_kept(name):
+    if not jit.is_cached(name):
         take_shipped(jit.cache_folder())
     nothing = only(example(), edition)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
@@ -275,12 +275,12 @@ def warm_up(
 
 def load_preparing() -> None:
     """Loads all kernels that prepare scenes, if this machine has compiled them."""
-    if jit.is_kept(kernel_name(edition=FULL)):
+    if jit.is_cached(kernel_name(edition=FULL)):
         prepare()
 
 
 def helpers_for(settings: RenderSettings | None = None, edition: str = PLAIN) -> Helpers:
     """Returns processes that help `warm_up` to compile; none if this machine has compiled the kernel already."""
     parts = edition if has_editions(settings or _PICTURE) else ""
-    is_of_use = not jit.is_kept(kernel_name(settings, edition)) and (parts != "" or not is_prepared())
+    is_of_use = not jit.is_cached(kernel_name(settings, edition)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

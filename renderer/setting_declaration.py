@@ -17,11 +17,11 @@ from typing import Annotated, Any, Literal, Self, get_args, get_origin, get_type
 
 from renderer.errors import SettingsError
 
-__all__ = ["Choices", "Declared", "Setting", "Shown", "checked", "number_text", "table", "whole"]
+__all__ = ["Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "number_text", "table", "whole"]
 
 
 @dataclass(frozen=True)
-class Shown:
+class SettingTexts:
     """The user-facing texts of a setting or of one of its choices. Affects no sample, so renderer/sources.py does not hash it.
 
     group: where it is shown: among the basic settings, the advanced ones, or those for comparing renderers.
@@ -49,9 +49,9 @@ class Shown:
 class Choices(tuple[str, ...]):
     """The names that a setting accepts, in the order of their numbers in kernels, with the user-facing texts of each."""
 
-    shown: Mapping[str, Shown]
+    shown: Mapping[str, SettingTexts]
 
-    def __new__(cls, shown: Mapping[str, Shown]) -> Self:
+    def __new__(cls, shown: Mapping[str, SettingTexts]) -> Self:
         """Makes the choices from each name's label and sentence."""
         made = super().__new__(cls, shown)
         made.shown = dict(shown)
@@ -76,7 +76,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Declared:
+class DeclaredSetting:
     """A setting with the name, type and default of its field. `default` is MISSING if a value is required."""
 
     name: str
@@ -84,7 +84,7 @@ class Declared:
     optional: bool
     default: Any
     setting: Setting
-    shown: Shown
+    shown: SettingTexts
 
     def check(self, value: Any) -> Any:
         """Returns the value in the field's type. Raises SettingsError, with a sentence, for a value that is not accepted."""
@@ -154,7 +154,7 @@ class Declared:
 
 
 @functools.cache
-def table(owner: type[Any]) -> Mapping[str, Declared]:
+def table(owner: type[Any]) -> Mapping[str, DeclaredSetting]:
     """Returns the settings that a dataclass declares, in the order of its fields."""
     hints = get_type_hints(owner, include_extras=True)
     found = {}
@@ -165,7 +165,7 @@ def table(owner: type[Any]) -> Mapping[str, Declared]:
         kinds = get_args(either) if isinstance(either, types.UnionType) else (either,)
         kind = next(each for each in kinds if each is not types.NoneType)
         optional = types.NoneType in kinds
-        found[field.name] = Declared(field.name, get_origin(kind) or kind, optional, field.default, setting, shown)
+        found[field.name] = DeclaredSetting(field.name, get_origin(kind) or kind, optional, field.default, setting, shown)
     return types.MappingProxyType(found)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING
 from typing import Any
 
-from renderer.setting_declaration import Declared, number_text, whole
+from renderer.setting_declaration import DeclaredSetting, number_text, whole
 from renderer.settings import SETTINGS, VIEW
 from renderer.work import SHOT, WORK
 
@@ -15,7 +15,7 @@ __all__ = ["LARGE", "described", "sentences", "values"]
 LARGE = 1e6  # larger bounds are not shown
 
 
-def values(each: Declared) -> str:
+def values(each: DeclaredSetting) -> str:
     """Returns the accepted values of a setting in a few words."""
     setting = each.setting
     if setting.choices is not None:
@@ -32,7 +32,7 @@ def values(each: Declared) -> str:
     return "; ".join(said)
 
 
-def sentences(each: Declared) -> str:
+def sentences(each: DeclaredSetting) -> str:
     """Returns what a setting does, and the names it accepts or the value that switches it off."""
     if each.setting.choices is not None:
         return f"{each.shown.help.rstrip('.')}: {values(each)}."
@@ -42,7 +42,7 @@ def sentences(each: Declared) -> str:
     return f"{each.shown.help} {taken[0].upper()}{taken[1:]}."
 
 
-def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
+def described(settings: Mapping[str, DeclaredSetting] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
     """Returns all settings of requests as JSON, for the page and other forms."""
     return {
         "settings": [_described(each) for each in settings.values() if each.setting.of],
@@ -52,7 +52,7 @@ def described(settings: Mapping[str, Declared] = SETTINGS) -> dict[str, list[dic
     }
 
 
-def _described(each: Declared) -> dict[str, Any]:
+def _described(each: DeclaredSetting) -> dict[str, Any]:
     setting, shown, choices = each.setting, each.shown, each.setting.choices
     return {
         "name": each.name,
@@ -77,7 +77,7 @@ def _described(each: Declared) -> dict[str, Any]:
     }
 
 
-def _type(each: Declared) -> str:
+def _type(each: DeclaredSetting) -> str:
     if each.kind is tuple:
         return "color" if each.shown.unit == "radiance" else "vector"
     return "choice" if each.setting.choices is not None else "integer" if each.kind is int else "number"

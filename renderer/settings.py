@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
-from renderer.setting_declaration import Choices, Setting, Shown, checked, table
+from renderer.setting_declaration import Choices, Setting, SettingTexts, checked, table
 from renderer.view import MAX_DISTANCE, PROJECTIONS, VIEW, Vec3, View
 
 __all__ = [
@@ -48,61 +48,63 @@ __all__ = [
 
 INTEGRATORS = Choices(
     {
-        "path": Shown("Path tracing", "All light: direct, reflected, refracted, from wall to wall."),
-        "direct": Shown("Direct light", "Light that comes straight from a light; what it would bounce on to stays dark."),
-        "whitted": Shown("Whitted ray tracing", "Direct light, mirrors and glass, as in 1980; matt walls light nothing."),
-        "ao": Shown("Ambient occlusion", "How open each point is to its surroundings; lights and colours play no part."),
+        "path": SettingTexts("Path tracing", "All light: direct, reflected, refracted, from wall to wall."),
+        "direct": SettingTexts("Direct light", "Light that comes straight from a light; what it would bounce on to stays dark."),
+        "whitted": SettingTexts("Whitted ray tracing", "Direct light, mirrors and glass, as in 1980; matt walls light nothing."),
+        "ao": SettingTexts("Ambient occlusion", "How open each point is to its surroundings; lights and colours play no part."),
     }
 )
 SAMPLERS = Choices(
     {
-        "sobol": Shown("Sobol, scrambled", "Evenly spread samples: the least noise for their number."),
-        "independent": Shown("Independent", "Plain random numbers, to compare with."),
+        "sobol": SettingTexts("Sobol, scrambled", "Evenly spread samples: the least noise for their number."),
+        "independent": SettingTexts("Independent", "Plain random numbers, to compare with."),
     }
 )
 FILTERS = Choices(
     {
-        "blackman-harris": Shown("Blackman-Harris", "Smooth edges without ringing."),
-        "tent": Shown("Tent", "A little crisper."),
-        "box": Shown("Box", "Every sample counts the same within its pixel: crisp, with stairs."),
+        "blackman-harris": SettingTexts("Blackman-Harris", "Smooth edges without ringing."),
+        "tent": SettingTexts("Tent", "A little crisper."),
+        "box": SettingTexts("Box", "Every sample counts the same within its pixel: crisp, with stairs."),
     }
 )
 SAMPLINGS = Choices(
     {
-        "mis": Shown("Both, weighted (MIS)", "Lights and surfaces are both sampled, each counts where it is good."),
-        "light": Shown("Lights only", "Good for small lights; mirrors do not see them."),
-        "bsdf": Shown("Surfaces only", "Lights are found by chance: good for large ones and for mirrors."),
-        "uniform": Shown("Uniform", "All directions alike: the most noise, for comparison."),
-        "mixture": Shown("Mixture", "Half by the surface, half aimed at lights and at spheres that guide: for caustics."),
+        "mis": SettingTexts("Both, weighted (MIS)", "Lights and surfaces are both sampled, each counts where it is good."),
+        "light": SettingTexts("Lights only", "Good for small lights; mirrors do not see them."),
+        "bsdf": SettingTexts("Surfaces only", "Lights are found by chance: good for large ones and for mirrors."),
+        "uniform": SettingTexts("Uniform", "All directions alike: the most noise, for comparison."),
+        "mixture": SettingTexts("Mixture", "Half by the surface, half aimed at lights and at spheres that guide: for caustics."),
     }
 )
 HEURISTICS = Choices(
     {
-        "power": Shown("Power heuristic", "The better strategy's samples count the more."),
-        "balance": Shown("Balance heuristic", "By how often either would have taken the sample."),
+        "power": SettingTexts("Power heuristic", "The better strategy's samples count the more."),
+        "balance": SettingTexts("Balance heuristic", "By how often either would have taken the sample."),
     }
 )
 LIGHT_CHOICES = Choices(
     {
-        "tree": Shown("By what they give", "Near, strong and facing lights are taken more often: a light tree."),
-        "power": Shown("By power", "Strong lights are taken more often, wherever they are."),
-        "uniform": Shown("Uniform", "Each as often as the others, for comparison."),
+        "tree": SettingTexts("By what they give", "Near, strong and facing lights are taken more often: a light tree."),
+        "power": SettingTexts("By power", "Strong lights are taken more often, wherever they are."),
+        "uniform": SettingTexts("Uniform", "Each as often as the others, for comparison."),
     }
 )
 SHUTTERS = Choices(
     {
-        "centred": Shown("Centred", "Open as long before the frame's time as after it."),
-        "trailing": Shown("Trailing", "It closes at the frame's time."),
-        "leading": Shown("Leading", "It opens at the frame's time."),
+        "centred": SettingTexts("Centred", "Open as long before the frame's time as after it."),
+        "trailing": SettingTexts("Trailing", "It closes at the frame's time."),
+        "leading": SettingTexts("Leading", "It opens at the frame's time."),
     }
 )
 MISTAKES = Choices(
     {
-        "": Shown("None", "Other renderers' errors, to see what each does to a picture."),
-        "light-cutoff": Shown(
+        "": SettingTexts("None", "Other renderers' errors, to see what each does to a picture."),
+        "light-cutoff": SettingTexts(
             "Lights cut off by distance", "Far light samples are dropped but still counted: the picture darkens."
         ),
-        "attenuation": Shown("Attenuation twice", "Radiance falls by the squared distance once more: the picture darkens."),
+        "attenuation": SettingTexts(
+            "Attenuation twice", "Radiance falls by the squared distance once more: the picture darkens."
+        ),
     }
 )
 MAX_SIZE = 16384
@@ -130,15 +132,17 @@ class RenderSettings:
     views: of a moving camera: at equal steps from shutter opening to closing.
     """
 
-    width: Annotated[int, Setting(1, MAX_SIZE), Shown("Width", "Pixels.", "px", "basic", "Size and quality")]
-    height: Annotated[int, Setting(1, MAX_SIZE), Shown("Height", "Pixels.", "px", "basic", "Size and quality")]
+    width: Annotated[int, Setting(1, MAX_SIZE), SettingTexts("Width", "Pixels.", "px", "basic", "Size and quality")]
+    height: Annotated[int, Setting(1, MAX_SIZE), SettingTexts("Height", "Pixels.", "px", "basic", "Size and quality")]
     view: View
     _: KW_ONLY
-    integrator: Annotated[str, Setting(choices=INTEGRATORS), Shown("Integrator", "How light is traced.", group="basic")] = "path"
+    integrator: Annotated[
+        str, Setting(choices=INTEGRATORS), SettingTexts("Integrator", "How light is traced.", group="basic")
+    ] = "path"
     max_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH),
-        Shown(
+        SettingTexts(
             "Max depth",
             "Path segments, the camera's included: 1 shows only what emits.",
             integrators=("path", "whitted"),
@@ -149,7 +153,7 @@ class RenderSettings:
     transmission_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH, off=0),
-        Shown(
+        SettingTexts(
             "Transmission depth",
             "Transmissions of a path through glass and panes; smooth ones do not use up max depth.",
             integrators=("path",),
@@ -160,7 +164,7 @@ class RenderSettings:
     diffuse_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH, off=0),
-        Shown(
+        SettingTexts(
             "Diffuse depth",
             "Diffuse bounces of a path; max depth is the total.",
             integrators=("path",),
@@ -171,7 +175,7 @@ class RenderSettings:
     glossy_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH, off=0),
-        Shown(
+        SettingTexts(
             "Glossy depth",
             "Mirrored and glossy bounces of a path; max depth is the total.",
             integrators=("path",),
@@ -182,7 +186,7 @@ class RenderSettings:
     transparency_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH, off=0),
-        Shown(
+        SettingTexts(
             "Transparency depth",
             "Surfaces that a path passes by their alpha, with its shadow rays; more of them block light.",
             off="no limit",
@@ -192,7 +196,7 @@ class RenderSettings:
     sampling: Annotated[
         str,
         Setting(choices=SAMPLINGS),
-        Shown(
+        SettingTexts(
             "Finding lights",
             "Where paths look for light; all agree in the end, and differ in noise.",
             group="lab",
@@ -202,17 +206,19 @@ class RenderSettings:
     heuristic: Annotated[
         str,
         Setting(choices=HEURISTICS),
-        Shown("Weighed by", "How mis weighs what lights and what surfaces sample.", group="lab", integrators=_estimating),
+        SettingTexts("Weighed by", "How mis weighs what lights and what surfaces sample.", group="lab", integrators=_estimating),
     ] = "power"
     light_choice: Annotated[
         str,
         Setting(choices=LIGHT_CHOICES),
-        Shown("Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"),
+        SettingTexts(
+            "Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"
+        ),
     ] = "tree"
     light_samples: Annotated[
         int,
         Setting(1, MAX_LIGHT_SAMPLES),
-        Shown(
+        SettingTexts(
             "Light samples",
             "Shadow rays where the camera looks; of whitted, 1 is a sharp shadow.",
             integrators=_lit,
@@ -222,12 +228,12 @@ class RenderSettings:
     splitting: Annotated[
         int,
         Setting(1, MAX_SPLITTING),
-        Shown("Splitting", "Branches that a path has behind its first vertex.", group="lab", integrators=_estimating),
+        SettingTexts("Splitting", "Branches that a path has behind its first vertex.", group="lab", integrators=_estimating),
     ] = MAX_SPLITTING
     roulette: Annotated[
         float,
         Setting(0.05, 1.0, off=0.0),
-        Shown(
+        SettingTexts(
             "Roulette",
             "The chance of a path to continue at each bounce; otherwise it depends on what the path still carries.",
             group="lab",
@@ -238,7 +244,7 @@ class RenderSettings:
     roulette_floor: Annotated[
         float,
         Setting(0.0, MAX_FLOOR, off=0.0),
-        Shown(
+        SettingTexts(
             "Least chance",
             "The least chance of a path to continue, if that depends on what it carries.",
             group="lab",
@@ -251,7 +257,7 @@ class RenderSettings:
     clamp_indirect: Annotated[
         float,
         Setting(0.0, MAX_RADIANCE, off=0.0),
-        Shown(
+        SettingTexts(
             "Indirect clamp",
             "The most that bounced light adds at each vertex: cuts fireflies, and some light with them.",
             integrators=("path",),
@@ -263,7 +269,7 @@ class RenderSettings:
     ao_distance: Annotated[
         float,
         Setting(0.0, MAX_DISTANCE, off=0.0),
-        Shown(
+        SettingTexts(
             "AO distance",
             "What is farther away than this, in scene units, does not occlude.",
             unit="scene units",
@@ -275,7 +281,7 @@ class RenderSettings:
     ambient: Annotated[
         Vec3,
         Setting(0.0, MAX_RADIANCE),
-        Shown(
+        SettingTexts(
             "Ambient light",
             "A constant in place of all light that surfaces give each other.",
             unit="radiance",
@@ -286,7 +292,7 @@ class RenderSettings:
     mistake: Annotated[
         str,
         Setting(choices=MISTAKES),
-        Shown(
+        SettingTexts(
             "Mistake on purpose",
             "An error of other renderers, to show what it does to a picture.",
             group="lab",
@@ -294,21 +300,21 @@ class RenderSettings:
             phrase="mistake: {}",
         ),
     ] = ""
-    filter: Annotated[str, Setting(choices=FILTERS), Shown("Pixel filter", "How wide a pixel looks.", section="Samples")] = (
-        "blackman-harris"
-    )
+    filter: Annotated[
+        str, Setting(choices=FILTERS), SettingTexts("Pixel filter", "How wide a pixel looks.", section="Samples")
+    ] = "blackman-harris"
     sampler: Annotated[
-        str, Setting(choices=SAMPLERS), Shown("Sampler", "Where random numbers come from.", group="lab", section="Samples")
+        str, Setting(choices=SAMPLERS), SettingTexts("Sampler", "Where random numbers come from.", group="lab", section="Samples")
     ] = "sobol"
     seed: Annotated[
         int,
         Setting(0, (1 << 32) - 1),
-        Shown("Seed", "Another seed, another noise; the same seed, the same bits.", section="Samples"),
+        SettingTexts("Seed", "Another seed, another noise; the same seed, the same bits.", section="Samples"),
     ] = 0
     shutter: Annotated[
         float,
         Setting(0.001, MAX_SHUTTER, off=0.0),
-        Shown(
+        SettingTexts(
             "Shutter",
             "How long the shutter is open, as a fraction of a frame's time: what moves meanwhile is blurred.",
             unit="fraction",
@@ -319,12 +325,12 @@ class RenderSettings:
         ),
     ] = 0.0
     shutter_at: Annotated[
-        str, Setting(choices=SHUTTERS), Shown("Shutter at", "When it is open.", section="Samples", phrase="shutter {}")
+        str, Setting(choices=SHUTTERS), SettingTexts("Shutter at", "When it is open.", section="Samples", phrase="shutter {}")
     ] = "centred"
     shutter_keys: Annotated[
         int,
         Setting(2, MOST_KEYS, off=0),
-        Shown(
+        SettingTexts(
             "Shutter keys",
             "How many times motion is sampled while the shutter is open; between two of them nothing may turn by half a turn.",
             section="Samples",
@@ -335,7 +341,7 @@ class RenderSettings:
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
-        Shown(
+        SettingTexts(
             "Environment",
             "One colour from all around, in place of the scene's own.",
             unit="radiance",
@@ -347,7 +353,7 @@ class RenderSettings:
     environment_strength: Annotated[
         float,
         Setting(0.0, 1e6, of="environment"),
-        Shown(
+        SettingTexts(
             "Strength",
             "A factor on the light from all around.",
             section="Environment",
@@ -359,7 +365,7 @@ class RenderSettings:
     environment_rotation: Annotated[
         float,
         Setting(-360.0, 360.0, of="environment"),
-        Shown(
+        SettingTexts(
             "Rotation",
             "Of the light from all around, about +Y: counter-clockwise seen from above.",
             unit="°",
@@ -369,7 +375,9 @@ class RenderSettings:
             usual=(-180.0, 180.0),
         ),
     ] = 0.0
-    film_exponent: Annotated[int, Setting(0, MAX_FILM_EXPONENT, of=""), Shown("Film exponent", "Of the film's quantum.")] = 24
+    film_exponent: Annotated[
+        int, Setting(0, MAX_FILM_EXPONENT, of=""), SettingTexts("Film exponent", "Of the film's quantum.")
+    ] = 24
     views: tuple[View, ...] = ()
 
     def __post_init__(self) -> None:

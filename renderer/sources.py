@@ -65,7 +65,7 @@ ARRAYS = (
     "image/tonemap.py",
 )
 
-WORDS = "Shown"  # the class of user-facing texts
+WORDS = "SettingTexts"  # the class of user-facing texts
 
 
 def files_of(parts: Iterable[str], root: Path = ROOT) -> list[Path]:

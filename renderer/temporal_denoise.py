@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.denoise import Clean
+from renderer.denoise import DenoisedPicture
 from renderer.luminance import REC_709
 
-__all__ = ["REACH", "Still", "steadied"]
+__all__ = ["REACH", "DenoisedFrame", "stabilised_frame"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -32,10 +32,10 @@ _WHOLE = 0.05  # pixels: tolerance of a whole-pixel shift
 _DARK = 0.02  # minimum divisor for albedo
 
 
-class Still(NamedTuple):
+class DenoisedFrame(NamedTuple):
     """A denoised frame with its guides: albedo, normal, object, material and motion vectors."""
 
-    clean: Clean
+    clean: DenoisedPicture
     object: F32  # (h, w), renderer.aovs
     material: F32  # (h, w)
     motion: F32  # (h, w, 4), renderer.vectors
@@ -49,7 +49,7 @@ class _Places(NamedTuple):
     alive: Mask
 
 
-def steadied(frames: Mapping[float, Still], number: float) -> F32:
+def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F32:
     """Returns a frame averaged with its available neighbours, at most REACH away: (h, w, 3) float32.
 
     frames: by number; a neighbour is used only if all frames in between are available. Deterministic in these arguments.
@@ -67,7 +67,7 @@ def steadied(frames: Mapping[float, Still], number: float) -> F32:
                 break
             places = _followed(frames[number + way * (step - 1)], there, places, way)
             found, share = _seen(here, there, places)
-            share = share * _alike(light, found)
+            share = share * _light_similarity(light, found)
             total += share[..., None] * found
             weight += share
             share = np.where(_is_whole(places.rows) & _is_whole(places.columns), share, 0.0)
@@ -76,11 +76,11 @@ def steadied(frames: Mapping[float, Still], number: float) -> F32:
     return (total / weight[..., None] * (colors / times[..., None])).astype(np.float32)
 
 
-def _surface(still: Still) -> F64:
+def _surface(still: DenoisedFrame) -> F64:
     return np.maximum(still.clean.albedo, _DARK).astype(np.float64)
 
 
-def _light(still: Still) -> F64:
+def _light(still: DenoisedFrame) -> F64:
     return still.clean.color / _surface(still)
 
 
@@ -94,7 +94,7 @@ def _nearest(plane: npt.NDArray[np.floating], places: _Places) -> npt.NDArray[np
     return found
 
 
-def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places:
+def _followed(before: DenoisedFrame, there: DenoisedFrame, places: _Places, way: int) -> _Places:
     """Returns the positions one frame further: before (way -1) or after. Invalid where the vector back differs (occlusion)."""
     shift = _nearest(before.motion, places)
     x, y = (shift[..., 0], shift[..., 1]) if way < 0 else (-shift[..., 2], -shift[..., 3])
@@ -107,7 +107,7 @@ def _followed(before: Still, there: Still, places: _Places, way: int) -> _Places
     return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _ASTRAY))
 
 
-def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
+def _seen(here: DenoisedFrame, there: DenoisedFrame, places: _Places) -> tuple[F64, F64]:
     """Interpolates the other frame's light from those of four pixels that show the same surface.
 
     Also returns their total weight, 0 ... 1.
@@ -129,7 +129,7 @@ def _seen(here: Still, there: Still, places: _Places) -> tuple[F64, F64]:
     return total / np.maximum(weight, 1e-9)[..., None], weight
 
 
-def _alike(light: F64, found: F64) -> F64:
+def _light_similarity(light: F64, found: F64) -> F64:
     """Returns the similarity of two light values, 0 ... 1."""
     a, b = ((each * REC_709).sum(axis=-1) for each in (light, found))
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)

@@ -20,7 +20,7 @@ from renderer.arrays.kernel_variant import only
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, extent_at_one
-from renderer.kernel.vectors import see_places
+from renderer.kernel.vectors import trace_motion_points
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import seen_from
 from renderer.settings import RenderSettings, View
@@ -54,7 +54,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     prepared, camera = only(scene, _MOVING), camera_frame(settings)
 
     def see(part: tuple[int, int]) -> None:
-        see_places(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
+        trace_motion_points(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
 
     parts = parts_of(0, settings.height, _ROWS)
     if not jit.is_ready(_KERNEL):
@@ -70,7 +70,7 @@ def load_kernel() -> None:
     """Compiles the kernel, or loads it."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
-        see_places(only(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4)))
+        trace_motion_points(only(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4)))
 
 
 def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:

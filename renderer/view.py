@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
-from renderer.setting_declaration import Choices, Setting, Shown, checked, table
+from renderer.setting_declaration import Choices, Setting, SettingTexts, checked, table
 
 __all__ = ["MAX_DISTANCE", "MAX_SHIFT", "PROJECTIONS", "VIEW", "Vec3", "View"]
 
@@ -19,9 +19,9 @@ MAX_SHIFT = 100.0
 
 PROJECTIONS = Choices(
     {
-        "perspective": Shown("Perspective", "As an eye or a lens sees."),
-        "orthographic": Shown("Orthographic", "Parallel lines stay parallel, as on a plan."),
-        "panorama": Shown("Panorama", "All around the eye, twice as wide as high: an equirectangular picture."),
+        "perspective": SettingTexts("Perspective", "As an eye or a lens sees."),
+        "orthographic": SettingTexts("Orthographic", "Parallel lines stay parallel, as on a plan."),
+        "panorama": SettingTexts("Panorama", "All around the eye, twice as wide as high: an equirectangular picture."),
     }
 )
 
@@ -42,20 +42,20 @@ class View:
     """
 
     eye: Annotated[
-        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), Shown("Eye", "Where to look from.", section="View", phrase="from {}")
+        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), SettingTexts("Eye", "Where to look from.", section="View", phrase="from {}")
     ]
     target: Annotated[
-        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), Shown("Target", "What to look at.", section="View", phrase="to {}")
+        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), SettingTexts("Target", "What to look at.", section="View", phrase="to {}")
     ]
     up: Annotated[
         Vec3,
         Setting(-MAX_DISTANCE, MAX_DISTANCE),
-        Shown("Up", "Which way is up: a direction not along the line of sight.", section="View"),
+        SettingTexts("Up", "Which way is up: a direction not along the line of sight.", section="View"),
     ] = (0.0, 1.0, 0.0)
     fov: Annotated[
         float,
         Setting(0.01, 179.0),
-        Shown(
+        SettingTexts(
             "Field of view",
             "Vertical: from the picture's lower edge to its upper.",
             unit="°",
@@ -66,12 +66,14 @@ class View:
         ),
     ] = 40.0
     projection: Annotated[
-        str, Setting(choices=PROJECTIONS), Shown("Projection", "How directions are projected onto the picture.", section="View")
+        str,
+        Setting(choices=PROJECTIONS),
+        SettingTexts("Projection", "How directions are projected onto the picture.", section="View"),
     ] = "perspective"
     aperture: Annotated[
         float,
         Setting(0.0, MAX_DISTANCE),
-        Shown(
+        SettingTexts(
             "Aperture",
             "The lens's radius in scene units: more blurs what is out of focus; 0 is sharp everywhere.",
             unit="scene units",
@@ -82,7 +84,7 @@ class View:
     focus: Annotated[
         float | None,
         Setting(MIN_DISTANCE, MAX_DISTANCE),
-        Shown(
+        SettingTexts(
             "Focus distance",
             "The distance at which the picture is sharp; by default the target's.",
             unit="scene units",
@@ -95,7 +97,7 @@ class View:
     height: Annotated[
         float,
         Setting(MIN_DISTANCE, MAX_DISTANCE),
-        Shown(
+        SettingTexts(
             "View height",
             "Scene units from the picture's lower edge to its upper.",
             unit="scene units",
@@ -108,7 +110,7 @@ class View:
     near: Annotated[
         float,
         Setting(0.0, MAX_DISTANCE),
-        Shown(
+        SettingTexts(
             "Near plane",
             "Whatever is nearer than this along the line of sight is cut away.",
             unit="scene units",
@@ -120,7 +122,7 @@ class View:
     shift_x: Annotated[
         float,
         Setting(-MAX_SHIFT, MAX_SHIFT),
-        Shown(
+        SettingTexts(
             "Shift to the right",
             "Lens shift, in heights of the picture: shows more of what is to the right.",
             section="View",
@@ -132,7 +134,7 @@ class View:
     shift_y: Annotated[
         float,
         Setting(-MAX_SHIFT, MAX_SHIFT),
-        Shown(
+        SettingTexts(
             "Shift up",
             "Lens shift, in heights of the picture: shows more of what is above, and upright lines stay upright.",
             section="View",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from renderer.setting_declaration import Choices, Setting, Shown, table
+from renderer.setting_declaration import Choices, Setting, SettingTexts, table
 from renderer.settings import MAX_SPP
 
 __all__ = ["DEFAULT_SIZE", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]
@@ -24,7 +24,7 @@ class Work:
     spp: Annotated[
         int | None,
         Setting(1, MAX_SPP),
-        Shown(
+        SettingTexts(
             "Samples per pixel",
             f"Samples per pixel: {DEFAULT_SPP} by default, or as many as a noise level or a time limit takes.",
             group="basic",
@@ -36,7 +36,7 @@ class Work:
     noise: Annotated[
         float | None,
         Setting(1e-6, 10.0),
-        Shown(
+        SettingTexts(
             "At noise",
             "Each tile ends where its relative error is this small.",
             "fraction",
@@ -47,7 +47,7 @@ class Work:
     seconds: Annotated[
         float | None,
         Setting(1e-3, 1e7),
-        Shown(
+        SettingTexts(
             "Time limit",
             "Wall-clock time after which it ends as it is.",
             "s",
@@ -59,25 +59,27 @@ class Work:
     tile_size: Annotated[
         int | None,
         Setting(8, 512),
-        Shown(
+        SettingTexts(
             "Tile size",
             "By default chosen by the picture's size. Changes no sample, only where a noise level ends.",
             "px",
             section="Schedule",
         ),
     ] = None
-    priority: Annotated[int, Setting(-100, 100, digest=False), Shown("Priority", "Higher is sooner.", section="Schedule")] = 0
+    priority: Annotated[
+        int, Setting(-100, 100, digest=False), SettingTexts("Priority", "Higher is sooner.", section="Schedule")
+    ] = 0
 
 
 WORK = table(Work)
 
 ORDERS = Choices(
     {
-        "in-turn": Shown("In turn", "Each frame is finished before the next begins."),
-        "every-nth": Shown("Every n-th first", "Every n-th frame first, then those halfway between, until all are there."),
-        "centre-out": Shown("Centre out", "The middle of the shot first."),
-        "breadth-first": Shown("Breadth first", "All frames with 1 sample, then with 2, 4, 8 ..."),
-        "noisiest-first": Shown(
+        "in-turn": SettingTexts("In turn", "Each frame is finished before the next begins."),
+        "every-nth": SettingTexts("Every n-th first", "Every n-th frame first, then those halfway between, until all are there."),
+        "centre-out": SettingTexts("Centre out", "The middle of the shot first."),
+        "breadth-first": SettingTexts("Breadth first", "All frames with 1 sample, then with 2, 4, 8 ..."),
+        "noisiest-first": SettingTexts(
             "Noisiest first", "What there is to spend is spent where noise is greatest, so that the shot ends at equal noise."
         ),
     }
@@ -91,12 +93,12 @@ class ShotWork:
     fps: Annotated[
         float | None,
         Setting(1e-3, 1e4),
-        Shown("Frames a second", "Frame n shows the time n / fps; by default the file's own, else 24.", section="Time"),
+        SettingTexts("Frames a second", "Frame n shows the time n / fps; by default the file's own, else 24.", section="Time"),
     ] = None
     turntable: Annotated[
         float | None,
         Setting(1e-3, 1e7),
-        Shown(
+        SettingTexts(
             "Turntable",
             "The camera circles what it looks at once in this many seconds.",
             "s",
@@ -107,13 +109,15 @@ class ShotWork:
     order: Annotated[
         str | None,
         Setting(choices=ORDERS, digest=False),
-        Shown(
+        SettingTexts(
             "Order",
             "Which frame comes next; by default in turn, or breadth first if only a time limit ends the shot.",
             section="Time",
         ),
     ] = None
-    every: Annotated[int, Setting(2, 1024, digest=False), Shown("Every", "The n of the order every-nth.", section="Time")] = 8
+    every: Annotated[
+        int, Setting(2, 1024, digest=False), SettingTexts("Every", "The n of the order every-nth.", section="Time")
+    ] = 8
 
 
 SHOT = table(ShotWork)

@@ -32,7 +32,7 @@ from service.ownership.candidate import own
 from service.ownership.ownership import Ownership
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
-from service.scheduling.snapshot import Board
+from service.scheduling.snapshot import SnapshotBoard
 from service.settings import Settings
 from service.store.blobs import BlobFolder, BlobStore
 from service.store.film_snapshots import FilmSnapshots
@@ -102,7 +102,7 @@ class Farm:
     def _assemble_scheduling(self, settings: Settings) -> None:
         """The engine, live views, explanations and quotas."""
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
-        board = Board(self.events)
+        board = SnapshotBoard(self.events)
         self.views = ViewScheduler(settings, board, self.events)
         self.explaining = Explaining(settings, board)
         self.engine = Engine(

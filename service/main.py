@@ -24,10 +24,10 @@ from service.farm import Farm
 from service.health_port import HealthPort
 from service.http import problems
 from service.http.client_address import ClientAddress
-from service.http.compression import Packing
-from service.http.gate import Gate
-from service.http.security import Door
-from service.http.standby_requests import StandingBy
+from service.http.compression import CompressionMiddleware
+from service.http.gate import AuthorizationMiddleware
+from service.http.security import SecurityMiddleware
+from service.http.standby_requests import StandbyMiddleware
 from service.pages import Pages, WebPages
 from service.process_lifecycle import REFUSES_TO_START, Life
 from service.routes import registry
@@ -100,10 +100,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.mount("/", WebPages(settings.web), name="web")
     else:
         app.add_api_route("/", lambda: RedirectResponse("/docs/"), include_in_schema=False)
-    app.add_middleware(Packing)
-    app.add_middleware(Gate)
-    app.add_middleware(StandingBy, settings=settings)
-    app.add_middleware(Door, settings=settings)  # checks host, origin and size of each request
+    app.add_middleware(CompressionMiddleware)
+    app.add_middleware(AuthorizationMiddleware)
+    app.add_middleware(StandbyMiddleware, settings=settings)
+    app.add_middleware(SecurityMiddleware, settings=settings)  # checks host, origin and size of each request
     app.add_middleware(ClientAddress, settings=settings)  # outermost: the others use the client's address and scheme
     return app
 

@@ -13,10 +13,10 @@ from protocol.site import SiteReport, site_key
 from renderer.child_processes import spawn_guard
 from tests.helpers import ROOT, wait_until
 
-__all__ = ["Reducing"]
+__all__ = ["ReducerProcess"]
 
 
-class Reducing:
+class ReducerProcess:
     """A reducer process, started on construction; its data is in `folder`, and remains there for the next process."""
 
     def __init__(self, store: redis.Redis, service: str, token: str, folder: Path, name: str = "attic", port: int = 0) -> None:

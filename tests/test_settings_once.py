@@ -17,7 +17,7 @@ from protocol.reproduce import sample_command
 from rayfarm import picture
 from renderer.errors import SettingsError
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, filled_in, schema
-from renderer.setting_declaration import Choices, Declared, Setting, Shown, table
+from renderer.setting_declaration import Choices, DeclaredSetting, Setting, SettingTexts, table
 from renderer.setting_docs import described
 from renderer.settings import OPTIONAL, RenderSettings, View
 from service.models.declared import with_fields
@@ -25,7 +25,7 @@ from service.models.jobs import JobIn
 from tests.helpers import ROOT
 
 VIEW = View((0, 1, 5), (0, 1, 0))
-SHAPES = Choices({"star": Shown("Star", "Six points."), "dot": Shown("Dot")})
+SHAPES = Choices({"star": SettingTexts("Star", "Six points."), "dot": SettingTexts("Dot")})
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class Snowy(RenderSettings):
     glitter: Annotated[
         float,
         Setting(0.1, 2.0, off=0.0),
-        Shown("Glitter", "How much the snow sparkles.", integrators=("path",), off="dull", option="sparkle"),
+        SettingTexts("Glitter", "How much the snow sparkles.", integrators=("path",), off="dull", option="sparkle"),
     ] = 0.0
-    flake: Annotated[str, Setting(choices=SHAPES), Shown("Flake", "Its shape.", group="lab", section="Samples")] = "star"
+    flake: Annotated[str, Setting(choices=SHAPES), SettingTexts("Flake", "Its shape.", group="lab", section="Samples")] = "star"
 
 
 ALL = table(Snowy)
-MORE: dict[str, Declared] = {name: ALL[name] for name in ("glitter", "flake")}
+MORE: dict[str, DeclaredSetting] = {name: ALL[name] for name in ("glitter", "flake")}
 
 
 def test_the_renderer_checks_it() -> None:

@@ -209,7 +209,7 @@ def _check(options: argparse.Namespace) -> Blender | None:
 def _blender(named: str) -> Blender:
     """The Blender at the given path. Raises RefusedError if it cannot be used."""
     try:
-        found = program.look_at(named) if named else program.find()
+        found = program.inspect_blender(named) if named else program.find()
     except program.BlenderError as error:
         raise RefusedError(f"--blender: {error}") from None
     if found is None:

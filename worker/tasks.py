@@ -31,7 +31,7 @@ from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
 from worker.exchange.retry import patiently
 from worker.process import context
-from worker.telemetry.task_context import Steps, named, told_about
+from worker.telemetry.task_context import Steps, named, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
 from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
 from worker.work.explain import explain_pixel, say
@@ -67,7 +67,7 @@ def register(app: Celery) -> None:
         EXPLAIN: (_explain, "explain"),
     }
     for name, (task, span) in tasks.items():
-        app.task(told_about(task, span), name=name, bind=True)
+        app.task(traced_task(task, span), name=name, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:

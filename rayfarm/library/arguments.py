@@ -17,13 +17,13 @@ from rayfarm.picture import ASKED, ENDS, LIGHT, Picture
 from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.scene.animation import Moment
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.settings import VIEW
 
 __all__ = ["Asked", "asked"]
 
 _OWN = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
-_TABLES: tuple[Mapping[str, Declared], ...] = (ENDS, VIEW, ASKED, LIGHT)
+_TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (ENDS, VIEW, ASKED, LIGHT)
 
 
 class _Wanted(Picture):

@@ -109,10 +109,10 @@ def _image(
         if name == "color":
             return mean(sums, exponent)
         if name == "denoised":
-            from renderer.denoise import cleaned
+            from renderer.denoise import denoise_with_guides
 
             color, albedo, normal = (mean(sums, exponent, each) for each in (COLOR, ALBEDO, NORMAL))
-            return cleaned(color, albedo, normal, wanted.threads).color
+            return denoise_with_guides(color, albedo, normal, wanted.threads).color
         if name == aovs.MOTION:
             assert motion is not None
             return motion

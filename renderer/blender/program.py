@@ -12,7 +12,7 @@ from pathlib import Path
 from renderer.cache_folders import private_folder
 from renderer.sentences import Sentence
 
-__all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "look_at"]
+__all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "find", "inspect_blender"]
 
 NAMED = "RAYFARM_BLENDER"
 BPY = "bpy>=4.5,<4.6"  # a release with long-term support
@@ -54,18 +54,18 @@ def find() -> Blender | None:
     Raises BlenderError if the named one cannot be used.
     """
     if named := os.environ.get(NAMED):
-        return look_at(named)
+        return inspect_blender(named)
     for path in (str(environment_python()), shutil.which("blender")):
         if path is not None and Path(path).exists():
             try:
-                return look_at(path)
+                return inspect_blender(path)
             except BlenderError:
                 continue
     return None
 
 
 @functools.cache
-def look_at(path: str) -> Blender:
+def inspect_blender(path: str) -> Blender:
     """Returns the Blender at a path: a program's, or that of a Python that has the module. Raises BlenderError."""
     place = Path(path).expanduser()
     program = str(place) if place.exists() else shutil.which(path)

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from renderer.bvh.layout import INSTANCE, SPHERES, TRIANGLES
 from renderer.bvh.simd import extract, load, load_int, splat, store, store_int
-from renderer.bvh.simd_builder import raise_to, swapped
+from renderer.bvh.simd_builder import store_maximum, swapped
 from renderer.jit import device
 
 __all__ = [
@@ -61,13 +61,13 @@ def clear(boxes, i):
 @device
 def grow(boxes, i, others, j):
     """Extends box i to contain box j of `others`."""
-    raise_to(boxes, np.uintp(i * 8), load(others, np.uintp(j * 8)))
+    store_maximum(boxes, np.uintp(i * 8), load(others, np.uintp(j * 8)))
 
 
 @device
 def grow_by(boxes, i, other):
     """Extends box i to contain another box, an f32x8."""
-    raise_to(boxes, np.uintp(i * 8), other)
+    store_maximum(boxes, np.uintp(i * 8), other)
 
 
 @device

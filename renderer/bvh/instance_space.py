@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.motion import inverse_of, placed_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 
 __all__ = ["into", "to_local"]
 
@@ -22,7 +22,7 @@ def into(bvh, number, o, d, time):
 
 @subroutine
 def _to_moving(motion, first, keys, time, o, d):
-    out_of_line()
+    never_inline()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
     dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])

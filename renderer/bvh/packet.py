@@ -23,9 +23,9 @@ from renderer.bvh.simd import (
     to_double,
     to_single,
 )
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 
-__all__ = ["is_beyond", "meet_spheres", "meet_triangles"]
+__all__ = ["intersect_spheres", "intersect_triangles", "is_beyond"]
 
 _ZERO = np.float32(0.0)
 # Relative distance by which front faces are nearer and back faces farther: 16 ulps, above the rounding of coincident faces.
@@ -37,7 +37,7 @@ _CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 
 
 @device
-def meet_triangles(base, axes, shear, origin, margin, t_max):
+def intersect_triangles(base, axes, shear, origin, margin, t_max):
     """Intersects a ray with the triangles of a packet: (mask8, f32x8 distance, barycentric of b, of c, determinant).
 
     Distance and barycentrics are still to be divided by the determinant.
@@ -97,7 +97,7 @@ def is_beyond(after, limit, t, numbers):
 
 
 @subroutine
-def meet_spheres(base, origin, direction, t_max, after, limit, numbers):
+def intersect_spheres(base, origin, direction, t_max, after, limit, numbers):
     """Intersects a ray with the spheres of a packet, ahead of its origin: (mask8, f32x8 distance of the first hit).
 
     after, limit, numbers: as for `is_beyond`, which then filters the hits; None: unfiltered.
@@ -105,7 +105,7 @@ def meet_spheres(base, origin, direction, t_max, after, limit, numbers):
     In double precision: in single, the distance to a sphere of radius 1e5 would be wrong by its third decimal, and the
     sphere would shadow itself in rings.
     """
-    out_of_line()
+    never_inline()
     fx = to_double(splat(origin[0])) - to_double(load_from(base, np.uintp(0)))
     fy = to_double(splat(origin[1])) - to_double(load_from(base, _W))
     fz = to_double(splat(origin[2])) - to_double(load_from(base, _W + _W))

@@ -8,14 +8,14 @@ from renderer.bvh.layout import NODE_SIZE, PACKET_SIZE
 from renderer.bvh.simd import address, fetch, select
 from renderer.jit import device
 
-__all__ = ["ask_for"]
+__all__ = ["prefetch_child"]
 
 _NODE, _PACKET = np.uintp(NODE_SIZE), np.uintp(PACKET_SIZE)
 _LINES = 5  # cache lines: a node has four, a packet five
 
 
 @device
-def ask_for(bvh, child, nearby):
+def prefetch_child(bvh, child, nearby):
     """Prefetches the node or packet of a child reference; not in trees of `nearby` nodes or fewer, which stay in the cache."""
     if len(bvh.node) > nearby:
         node = address(bvh.node, np.uintp(np.uint32(child)) * _NODE)

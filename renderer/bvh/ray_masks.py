@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.layout import INSTANCE, NEVER, ROW_CHILD, ROW_PRIMITIVE, Bvh
-from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, Laid, padded
+from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh, padded
 
-__all__ = ["leave_out"]
+__all__ = ["exclude_primitives"]
 
 Array = npt.NDArray[Any]
 _CAMERA, _SHADOW = 0, 1  # indices into Bvh.begin
 
 
-def leave_out(laid: Laid, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> Laid:
+def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> AssembledBvh:
     """Returns the tree with separate root nodes for camera rays and shadow rays.
 
     unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All of these are in the world's own tree,

@@ -9,11 +9,11 @@ from numba.extending import intrinsic
 from renderer.bvh.simd import LANES, f32x8, row_at
 from renderer.lane_types import called
 
-__all__ = ["raise_to", "swapped"]
+__all__ = ["store_maximum", "swapped"]
 
 
 @intrinsic
-def raise_to(typingctx, array, index, value):
+def store_maximum(typingctx, array, index, value):
     """Replaces eight float32 of a C-contiguous array, from its flat element `index` on, by their maximum with an f32x8.
 
     Unchecked. LLVM would turn the plain form into one masked store, which takes AMD's processors twenty times as long.

@@ -1,6 +1,7 @@
 """Per-ray constants for tests against boxes and triangles; for one ray or for eight lanes.
 
-Hit distances on triangles are rounded, and biased by the side that the ray hits (`meet_triangles` in renderer/bvh/packet.py).
+Hit distances on triangles are rounded, and biased by the side that the ray hits (`intersect_triangles` in
+renderer/bvh/packet.py).
 Culling of boxes must allow for both, or the nearest hit would depend on the order in which boxes are visited. So all distances
 of boxes are reduced by a factor, `_NEARER`, and by a multiple of `_margin_of`: both exceed the bias.
 """
@@ -29,7 +30,7 @@ _EARLIER = np.float32(1 - 2.0**-16)
 
 
 class RayConstants(NamedTuple):
-    """A ray's constants for `meet_boxes` (node_test.py) and `meet_triangles` (packet.py), by axis."""
+    """A ray's constants for `meet_boxes` (node_test.py) and `intersect_triangles` (packet.py), by axis."""
 
     planes: Any  # first elements of the rows of a node that hold the near planes
     inverse: Any  # 1 / direction, for boxes

@@ -22,7 +22,7 @@ from renderer.bvh.motion_bvh import motion_boxes
 from renderer.bvh.transforms import inverted
 from renderer.threads import Team
 
-__all__ = ["NODE_BYTES", "PACKET_BYTES", "Laid", "Tree", "lay", "padded"]
+__all__ = ["NODE_BYTES", "PACKET_BYTES", "AssembledBvh", "Tree", "assemble_bvh", "padded"]
 
 Array = npt.NDArray[Any]
 Tree = tuple[Array, Array]  # nodes and packets, as returned by `renderer.bvh.build.tree_of`
@@ -44,7 +44,7 @@ def _new_room(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads:
 NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
-class Laid(NamedTuple):
+class AssembledBvh(NamedTuple):
     """The assembled arrays, and the offsets in them of top, static, bodies and loose parts; the last number is the end."""
 
     bvh: Bvh
@@ -53,7 +53,7 @@ class Laid(NamedTuple):
     kept: tuple[object, object]  # the static tree and the bodies' trees, as passed in
 
 
-def lay(
+def assemble_bvh(
     still: Bvh,
     bodies: Sequence[Tree],
     first_triangle: Sequence[int],
@@ -66,7 +66,7 @@ def lay(
     room: Room = _new_room,
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
-) -> Laid:
+) -> AssembledBvh:
     """Assembles the whole tree. still: a complete tree, perhaps with instances; loose: one of world-space geometry, without
     instances.
 
@@ -110,7 +110,7 @@ def lay(
         bvh = bvh._replace(motion=np.concatenate(keys), instance_motion=np.stack([begin, count], axis=1))
     if loose_keys > 1:
         bvh = bvh._replace(keyed=np.array([packets[3], loose_keys], np.int32))
-    return Laid(bvh, nodes, packets, (still, bodies))
+    return AssembledBvh(bvh, nodes, packets, (still, bodies))
 
 
 def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:

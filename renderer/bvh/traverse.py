@@ -33,8 +33,8 @@ from renderer.bvh.layout import (
 )
 from renderer.bvh.motion import step_at
 from renderer.bvh.node_test import ANY_PRIMITIVE, WORLD, is_nearer, meet_boxes, primitive_of, tie_of
-from renderer.bvh.packet import is_beyond, meet_spheres, meet_triangles
-from renderer.bvh.prefetch import ask_for
+from renderer.bvh.packet import intersect_spheres, intersect_triangles, is_beyond
+from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import (
     address,
     bits,
@@ -49,7 +49,7 @@ from renderer.bvh.simd import (
     store_int,
 )
 from renderer.bvh.slabs import MORE, begins_at, ray_constants
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 
 __all__ = [
     "FROM_ORIGIN",
@@ -108,7 +108,7 @@ def _lanes(vector):
 
 @device
 def _prepared(o, d):
-    """Returns a ray's constants: (those of `meet_boxes`; axes, shear, permuted origin and margin for `meet_triangles`)."""
+    """Returns a ray's constants: (those of `meet_boxes`; axes, shear, permuted origin and margin for `intersect_triangles`)."""
     ray = ray_constants(o, d, _W)
     slabs = ray.planes, _lanes(ray.inverse), _lanes(ray.near), _lanes(ray.far)
     return slabs, (ray.axes, ray.shear, ray.origin, ray.margin)
@@ -123,7 +123,7 @@ def _place(packet, leaf):
 @subroutine
 def _put_between(packet, leaf, keys, time, stack):
     """Interpolates a leaf's packet at a shutter time and writes it to the stack. keys: the number of the packet's keys."""
-    out_of_line()
+    never_inline()
     step, share = step_at(time, keys)
     first = (np.uintp(leaf >> 2) + np.uintp(step)) * _PACKET
     part = splat(share)
@@ -147,8 +147,8 @@ def _blocks(place, leaf, o, d, constants, t_max):
     """Whether a leaf's packet, at that address, occludes a shadow ray. constants: of `_prepared`."""
     axes, shear, permuted, _ = constants
     if leaf & SPHERES:
-        return bits(meet_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
-    return bits(meet_triangles(place, axes, shear, permuted, None, t_max)[0]) != np.uint32(0)
+        return bits(intersect_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
+    return bits(intersect_triangles(place, axes, shear, permuted, None, t_max)[0]) != np.uint32(0)
 
 
 @device
@@ -156,9 +156,9 @@ def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
     """Intersects a ray with a leaf's packet: (mask8, distance, u, v, determinant), still to be divided."""
     axes, shear, permuted, margin = constants
     if leaf & SPHERES:
-        hit, t = meet_spheres(place, o, d, t_max, after, limit, numbers)
+        hit, t = intersect_spheres(place, o, d, t_max, after, limit, numbers)
         return hit, t, splat(_ZERO), splat(_ZERO), splat(_ONE)
-    return meet_triangles(place, axes, shear, permuted, margin, t_max)
+    return intersect_triangles(place, axes, shear, permuted, margin, t_max)
 
 
 @device
@@ -236,7 +236,7 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
 
     holder: the instance of the hit at distance `best`, -1 for the world; after: as of `closest_hit`.
     """
-    out_of_line()
+    never_inline()
     number = np.int32(number)
     o, d = into(bvh, number, o, d, time)
     slabs, constants = _prepared(o, d)
@@ -308,7 +308,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
         child = _child(bvh.node, base, key & _LANE)
         keys = beyond(keys, key)
         key = least(keys)  # the next key, found while the leaf is tested
-        ask_for(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
+        prefetch_child(bvh, _child(bvh.node, base, key & _LANE), _NEARBY)
         if child >= 0:
             if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
@@ -333,7 +333,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
 @subroutine
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """Whether a ray hits anything in an instance's tree; as `any_hit`."""
-    out_of_line()
+    never_inline()
     o, d = into(bvh, number, o, d, time)
     slabs, constants = _prepared(o, d)
     top = bottom
@@ -368,7 +368,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
             child = _child(bvh.node, base, lowest_bit(met))
             met = np.uint32(met & np.uint32(met - _BIT))
             if child >= 0:
-                ask_for(bvh, child, _NEARBY)
+                prefetch_child(bvh, child, _NEARBY)
                 store_int(stack, top, child)
                 top += np.uintp(1)
                 continue

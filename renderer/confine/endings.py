@@ -12,7 +12,7 @@ from renderer.confine.limits import amount, callers_limit
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.sentences import Sentence, joined
 
-__all__ = ["Bounds", "TooLargeError", "error_of", "how_it_ended", "too_slow"]
+__all__ = ["Bounds", "TooLargeError", "error_of", "error_of_exit", "too_slow"]
 
 log = logging.getLogger(__name__)
 
@@ -96,7 +96,7 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
     )
 
 
-def how_it_ended(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
+def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: int = 0) -> RayfarmError:
     """Returns the error for a reader that ended without a result. status: from `os.wait`.
 
     room: bytes that it could allocate. needed: bytes that an importer may need. A crash with less room than that is taken for a

@@ -131,7 +131,7 @@ class _Launcher:
             for standard in (0, 1, 2):
                 os.dup2(nothing, standard)
             os.close(nothing)
-            reader.live(asked, said, parent, system)
+            reader.run_reader(asked, said, parent, system)
         self._running[asked] = _Running(pid, asked, status)
         self._poll.register(asked, 0)  # reports only that the other end is closed
         return None

@@ -32,7 +32,7 @@ from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.sentences import Sentence, decoded, encoded
 
-__all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "live", "told"]
+__all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "run_reader", "told"]
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -145,7 +145,7 @@ def is_reader() -> bool:
     return _link is not None
 
 
-def live(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
+def run_reader(asked: int, said: int, parent: int, system: Iterable[str]) -> NoReturn:
     """Runs a forked child to its end. system: paths of the interpreter, its libraries and the kernels."""
     global _link
     code = 1

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from renderer.cache_folders import cache_home
-from renderer.confine.endings import Bounds, TooLargeError, error_of, how_it_ended, too_slow
+from renderer.confine.endings import Bounds, TooLargeError, error_of, error_of_exit, too_slow
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
@@ -31,7 +31,7 @@ from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.sentences import Sentence, decoded, encoded
 
-__all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "how_it_ended", "run"]
+__all__ = ["Bounds", "Reader", "TooLargeError", "begin_launcher", "confinement", "error_of", "error_of_exit", "run"]
 
 _ROOT = Path(__file__).resolve().parents[2]
 _START = "import json, sys\nsys.path[:] = json.loads(sys.argv.pop(1))\nfrom renderer.confine.launcher import main\nmain()\n"
@@ -311,7 +311,7 @@ class Reader:
         if "status" not in ended:
             _give_up(self._launcher)
             return _no_launcher(self._launcher, "it has ended")
-        return how_it_ended(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
+        return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
         """Returns the launcher's report; empty if the launcher is gone or the reader does not end."""

@@ -23,7 +23,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import device, entry, local_floats, out_of_line, subroutine, template
+from renderer.jit import device, entry, local_floats, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool, stages
 from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS, forget_first_hit, load_first_hit
@@ -159,25 +159,25 @@ def _render_tile(trace, scene, stack, camera, options, batch, output):
 
 @subroutine
 def _with_pool(scene, pool, camera, options, batch, output):
-    out_of_line()
+    never_inline()
     return render_with_pool(scene, pool, camera, options, batch, output)
 
 
 @subroutine
 def _by_path(scene, stack, camera, options, batch, output):
-    out_of_line()
+    never_inline()
     return _render_tile(trace_special_path, scene, stack, camera, options, batch, output)
 
 
 @subroutine
 def _by_whitted(scene, stack, camera, options, batch, output):
-    out_of_line()
+    never_inline()
     return _render_tile(trace_whitted, scene, stack, camera, options, batch, output)
 
 
 @subroutine
 def _by_ao(scene, stack, camera, options, batch, output):
-    out_of_line()
+    never_inline()
     return _render_tile(trace_ao, scene, stack, camera, options, batch, output)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 
 __all__ = [
     "BESIDE",
@@ -47,7 +47,7 @@ _FAR = np.float32(np.inf)
 
 @subroutine
 def _record(log, row, kind, distance, point, normal, ray, path):
-    out_of_line()
+    never_inline()
     log[row, KIND] = kind
     log[row, DISTANCE] = distance
     log[row, PDF] = ray.pdf
@@ -88,7 +88,7 @@ def record_miss(log, row, ray, path):
 @subroutine
 def record_light(log, row, column, radiance):
     """Records the accumulated radiance: from column EMITTED on with the vertex's emission, from DIRECT on with direct light."""
-    out_of_line()
+    never_inline()
     for i in range(3):
         for j in range(column, DIRECT + 3, 3):
             log[row, j + i] = radiance[i]
@@ -97,7 +97,7 @@ def record_light(log, row, column, radiance):
 @subroutine
 def record_beside(log, radiance):
     """Records the radiance of the second branch, which splits from the recorded path at its first vertex (splitting.py)."""
-    out_of_line()
+    never_inline()
     for row in range(len(log)):
         if log[row, KIND] == SURFACE or log[row, KIND] == IN_MEDIUM:
             for i in range(3):

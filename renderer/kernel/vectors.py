@@ -13,13 +13,13 @@ import numpy as np
 from renderer.arrays.rows import LAMP, TRANSPARENT
 from renderer.bvh.motion import placed_at
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
-from renderer.jit import device, entry, out_of_line, subroutine
+from renderer.jit import device, entry, never_inline, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
-__all__ = ["see_places"]
+__all__ = ["trace_motion_points"]
 
 _INF = np.float32(np.inf)
 _LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
@@ -56,7 +56,7 @@ def _radius(scene, i, time):
 @subroutine
 def _of_triangle(scene, hit, time):
     """Returns the world position of a triangle's hit point at a time, float64."""
-    out_of_line()
+    never_inline()
     keys = np.int64(scene.bvh.keyed[1])
     corners = scene.triangle[hit.primitive]
     a = _row(scene.position, scene.key_position, keys, np.int64(corners[0]), time)
@@ -92,7 +92,7 @@ def _of_sphere(scene, hit, o, d, time):
 
     Spheres do not rotate, so the point's direction from the centre is constant.
     """
-    out_of_line()
+    never_inline()
     keys = np.int64(scene.bvh.keyed[1])
     i = np.int64(hit.primitive) - len(scene.triangle)
     c = _row(scene.sphere, scene.key_sphere, keys, i, _HALF)
@@ -106,7 +106,7 @@ def _of_sphere(scene, hit, o, d, time):
 @subroutine
 def _seen(scene, stack, o, d):
     """Returns the first Hit with an opacity of at least 1/2 along the ray."""
-    out_of_line()
+    never_inline()
     root = camera_root(scene.bvh)
     after = FROM_ORIGIN
     while True:
@@ -133,7 +133,7 @@ def _write(places, y, x, which, place, near):
 
 @subroutine
 def _see_places(scene, stack, camera, top, places):
-    out_of_line()
+    never_inline()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
@@ -149,7 +149,7 @@ def _see_places(scene, stack, camera, top, places):
 
 
 @entry
-def see_places(scene, stack, camera, top, places):
+def trace_motion_points(scene, stack, camera, top, places):
     """Fills `places`, (h, w, 3, 4) float64, for h rows of pixels from row `top` on.
 
     For each of the three times: a world point (x, y, z, 1), or the ray's direction and 0 where nothing is hit.

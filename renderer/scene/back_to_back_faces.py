@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import F32, I32
 
-__all__ = ["set_apart"]
+__all__ = ["separate_coincident"]
 
 I64 = npt.NDArray[np.int64]
 
@@ -23,7 +23,9 @@ _ODD = [np.uint64(each) for each in (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x1
 _HALF = np.uint64(32)
 
 
-def set_apart(position: F32, triangle: I32, material: I32, attributes: Sequence[F32], begins: Sequence[int] = ()) -> F32:
+def separate_coincident(
+    position: F32, triangle: I32, material: I32, attributes: Sequence[F32], begins: Sequence[int] = ()
+) -> F32:
     """Returns the vertices (V, 3), offset where coincident faces back to back look different.
 
     triangle: (T, 3). material: (T,). attributes: (V, n) each, further attributes that affect the look of vertices. begins: the

@@ -10,14 +10,14 @@ import numpy as np
 
 from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
-from renderer.bvh.ray_masks import leave_out
-from renderer.bvh.subtrees import Laid
+from renderer.bvh.ray_masks import exclude_primitives
+from renderer.bvh.subtrees import AssembledBvh
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import motion_keys
 from renderer.scene.default_camera import frame
 from renderer.scene.description import I32, Camera, SceneDescription
 from renderer.scene.emission_maps import maps_of, tabulate_emission
-from renderer.scene.emitters import emitting_triangles, sends_evenly
+from renderer.scene.emitters import emitting_triangles, is_uniform_emitter
 from renderer.scene.environment import (
     EnvironmentTables,
     are_accents,
@@ -25,15 +25,15 @@ from renderer.scene.environment import (
     search_tables,
     tabulate_environment,
 )
-from renderer.scene.frame_reuse import Cuts, Kept
+from renderer.scene.frame_reuse import PartOffsets, ShotCache
 from renderer.scene.geometry import NOWHERE, Geometry, by_triangle
 from renderer.scene.guiding_targets import list_guides
 from renderer.scene.lights import list_lights, with_area
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, rebased
-from renderer.scene.placed_bodies import Stood, stand
+from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
-from renderer.scene.scene_bvh import grow
+from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import STUDIO_TOO, light_studio
 from renderer.sentences import Sentence
 from renderer.settings import View
@@ -51,7 +51,7 @@ def compile_scene(
     progress: Progress | None = None,
     brute: bool = False,
     threads: int | None = None,
-    kept: Kept | None = None,
+    kept: ShotCache | None = None,
 ) -> CompiledScene:
     """Returns the compiled scene, every array C-contiguous and read-only.
 
@@ -61,7 +61,7 @@ def compile_scene(
     Raises SceneError if the scene is empty or too large.
     """
     with Team(threads) as team:
-        own = Kept() if kept is None or brute else kept
+        own = ShotCache() if kept is None or brute else kept
         own.begin()
         scene = _compiled(description, progress or (lambda step, fraction: None), brute, team, own)
         if kept is not None:
@@ -69,11 +69,11 @@ def compile_scene(
         return scene
 
 
-def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: Kept) -> CompiledScene:
+def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: ShotCache) -> CompiledScene:
     say(Sentence("placing-meshes", "placing meshes"), 0.0)
     origin = origin_of(description, kept)
     whole, description = description, rebased(description, origin, kept)
-    stood = stand(description, team, kept)
+    stood = place_geometry(description, team, kept)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
     say(Sentence("packing-textures", "packing textures"), 0.25)
@@ -90,7 +90,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
             Sentence("emitting-triangles-without-area", "Triangles that emit and have no area give no light: {n}.", n=left_out)
         )
     sphere_keys = motion_keys.sphere_keys(description, stood.spheres[stood.still_spheres :])
-    even = sends_evenly(packed, geometry)
+    even = is_uniform_emitter(packed, geometry)
     of_spheres = sphere, stood.sphere_material
     lights = list_lights(packed.emitted, emitters, double_sided, even, geometry, *of_spheres, punctual, sphere_keys)
     lit_on_purpose = bool(description.lights or description.environment)  # a scene with its own lights may be dark on purpose
@@ -106,9 +106,11 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     say(Sentence("building-bvh", "building the BVH"), 0.5)
     keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
-    laid = grow(stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys)
+    laid = build_scene_bvh(
+        stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, kept, keys, sphere_keys
+    )
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
-        laid = leave_out(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP | SHADELESS))
+        laid = exclude_primitives(laid, _of_kind(stood, UNSEEN), _of_kind(stood, LAMP | SHADELESS))
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
@@ -185,7 +187,7 @@ def _image_of(description: SceneDescription) -> np.ndarray | None:
     return None if source is None or source.image is None else description.images[source.image].pixels
 
 
-def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...], emission: object) -> Cuts:
+def _cuts(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[object, ...], emission: object) -> PartOffsets:
     still, bodies, _ = stood.sections
     joined = stood.joined
     geometry = joined.geometry
@@ -199,10 +201,10 @@ def _cuts(stood: Stood, laid: Laid, environment: tuple[object, ...], emission: o
         "emission": (emission,),
         "environment": environment,
     }
-    return Cuts(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
+    return PartOffsets(joined.first_vertex, joined.first_triangle, laid.node, laid.packet, heads)
 
 
-def _to_check(stood: Stood, laid: Laid, scene: CompiledScene, kept: Kept) -> dict[str, np.ndarray]:
+def _to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
     """Returns the rows to check of arrays that were checked for another frame; those not listed in full."""
     if not kept.knows("checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])):
         return {}
@@ -291,7 +293,7 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
 
 
-def _of_kind(stood: Stood, flag: int) -> np.ndarray:
+def _of_kind(stood: PlacedGeometry, flag: int) -> np.ndarray:
     """Returns (T + S,) which primitives have a material with that flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry

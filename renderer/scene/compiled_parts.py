@@ -24,7 +24,7 @@ import numpy.typing as npt
 from renderer.arrays.scene import LAYOUT, CompiledScene, check, flat, nested
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, ROW_PRIMITIVE, WIDTH
 from renderer.errors import SceneError
-from renderer.scene.frame_reuse import Cuts
+from renderer.scene.frame_reuse import PartOffsets
 from renderer.sentences import Sentence
 
 __all__ = ["MANIFEST_STARTS", "Find", "Part", "Saver", "load_parts", "parts_of", "save_changed"]
@@ -74,7 +74,7 @@ class Saver:
         self._folder = folder
         self._known: dict[str, tuple[tuple[object, ...], Part]] = {}  # parts reused between frames: by what they were made from
 
-    def save(self, scene: CompiledScene, cuts: Cuts, folder: Path | None = None) -> Path:
+    def save(self, scene: CompiledScene, cuts: PartOffsets, folder: Path | None = None) -> Path:
         """Writes the scene's manifest, and the parts not written yet, into another folder if one is given.
 
         Returns the manifest's path.
@@ -170,7 +170,7 @@ def _are(known: tuple[object, ...], heads: tuple[object, ...]) -> bool:
     return len(known) == len(heads) and all(a is b or (isinstance(a, int) and a == b) for a, b in zip(known, heads, strict=True))
 
 
-def _slices(arrays: dict[str, Array], cuts: Cuts) -> dict[str, dict[str, Array]]:
+def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:
     """Returns the rows of each array in each part. Arrays without a part of their own are in the first, which every frame has."""
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from renderer.bvh.subtrees import padded
 from renderer.scene.description import I32
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.geometry import NOWHERE, Geometry, Section, by_triangle
 
 __all__ = ["Joined", "join"]
@@ -34,7 +34,7 @@ class Joined(NamedTuple):
     first_triangle: tuple[int, ...]
 
 
-def join(sections: Sequence[Section], has_uvs: bool, kept: Kept) -> Joined:
+def join(sections: Sequence[Section], has_uvs: bool, kept: ShotCache) -> Joined:
     """Concatenates the sections; all but the last are cached from frame to frame. has_uvs: whether anything has a texture."""
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))

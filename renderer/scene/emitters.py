@@ -12,7 +12,7 @@ from renderer.scene.geometry import NOWHERE, Geometry
 from renderer.scene.lights import Emitters
 from renderer.scene.material_packing import Packed
 
-__all__ = ["emitting_triangles", "sends_evenly"]
+__all__ = ["emitting_triangles", "is_uniform_emitter"]
 
 _SPREAD = 0.05  # of a mesh's light is assumed uniform over its triangles: a mean over few points may miss a bright texel
 
@@ -43,7 +43,7 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
     return Emitters(triangle[shines], material_of[shines], emitted[shines])
 
 
-def sends_evenly(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
+def is_uniform_emitter(packed: Packed, geometry: Geometry) -> npt.NDArray[np.bool_]:
     """Whether each material, (M,), emits equally at every point: no texture, alpha or vertex colours."""
     if len(geometry.color):
         return np.zeros(len(packed.material_flags), bool)

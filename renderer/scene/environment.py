@@ -23,11 +23,11 @@ __all__ = [
     "EnvironmentTables",
     "are_accents",
     "choose_environment",
-    "left_to_surfaces",
+    "environment_sampled_fully",
     "relit",
-    "sampled_alone",
     "search_tables",
     "tabulate_environment",
+    "without_environment_sampling",
 ]
 
 F64 = npt.NDArray[np.float64]
@@ -145,7 +145,7 @@ def relit(
     return scene if color is None else scene._replace(**search_tables(cumulative(np.ones(1)), cumulative(np.ones((1, 1)))))
 
 
-def sampled_alone(scene: CompiledScene) -> CompiledScene:
+def environment_sampled_fully(scene: CompiledScene) -> CompiledScene:
     """Returns the scene with an environment that light sampling covers completely, without BSDF sampling.
 
     A texel's weight is the luminance of the brightest texel around, since lookups are bilinear, not its excess over the mean.
@@ -159,7 +159,7 @@ def sampled_alone(scene: CompiledScene) -> CompiledScene:
     return scene._replace(**search_tables(cumulative(weight.mean(axis=1) * _solid_angles(height)), cumulative(weight)))
 
 
-def left_to_surfaces(scene: CompiledScene) -> CompiledScene:
+def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
     """Returns the scene without light sampling of its environment if that is constant and has no sun.
 
     BSDF sampling finds a constant environment without noise except from occlusion, so a further uniform sample with its own

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.scene.scene_equality import same
 
-__all__ = ["Cuts", "Kept"]
+__all__ = ["PartOffsets", "ShotCache"]
 
 Made = TypeVar("Made")
 Array = npt.NDArray[Any]
@@ -24,7 +24,7 @@ class _Entry(NamedTuple):
     made: Any
 
 
-class Cuts(NamedTuple):
+class PartOffsets(NamedTuple):
     """The offsets of a compiled scene's parts in its arrays, and the objects each was made from: equal objects, equal bytes."""
 
     vertex: tuple[int, ...]  # static, bodies, loose; the last number is the end
@@ -34,7 +34,7 @@ class Cuts(NamedTuple):
     heads: dict[str, tuple[object, ...]]  # of the parts that may be reused by the next frame
 
 
-class Kept:
+class ShotCache:
     """The cache of one shot's compiled parts. Its results depend on the requested key only, not on the order of requests.
 
     Returned arrays are valid until the next frame is compiled: their changing ends are overwritten in place.
@@ -45,7 +45,7 @@ class Kept:
         self._buffers: dict[str, Array] = {}
         self._heads: dict[str, tuple[object, ...]] = {}
         self._used: set[Hashable] = set()
-        self.cuts: Cuts | None = None  # of the last compiled frame
+        self.cuts: PartOffsets | None = None  # of the last compiled frame
         self.lights_power = 0.0  # its lights' total power, without the environment
 
     def begin(self) -> None:

@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.kernel.mesh.faces import find_corners
-from renderer.scene.back_to_back_faces import set_apart
+from renderer.scene.back_to_back_faces import separate_coincident
 from renderer.scene.description import F32, I32, SceneDescription
-from renderer.scene.instances import Group, Sharing, goes_straight
+from renderer.scene.instances import Group, Sharing, is_linearly_keyed
 from renderer.scene.kernel_arguments import read_only
 from renderer.scene.mesh_batch import MOST_VERTICES, placed_together
 from renderer.scene.object_ids import number_objects
@@ -136,7 +136,7 @@ def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bo
     ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
     if apart:
         material, looks = by_triangle(geometry, geometry.material), (geometry.color, geometry.uv, geometry.uv1)
-        apart_ones = set_apart(geometry.position, geometry.triangle, material, looks, [end for end in ends[:-1] if end])
+        apart_ones = separate_coincident(geometry.position, geometry.triangle, material, looks, [end for end in ends[:-1] if end])
         geometry = geometry._replace(position=apart_ones)
     position, triangle = read_only(geometry.position), read_only(geometry.triangle)
     corners = [_corners_of(position, triangle, a, b, team) for a, b in pairwise([0, *ends])]
@@ -257,7 +257,7 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 def keys_step(description: SceneDescription) -> int:
     """Returns the stride of the shutter's keys used for linearly interpolated vertices: every n-th is one."""
-    straight = any(goes_straight(description, instance) for instance in description.instances)
+    straight = any(is_linearly_keyed(description, instance) for instance in description.instances)
     turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
     return (description.keys - 1) // (_FEW_KEYS - 1) if few and not turns else 1

@@ -16,7 +16,16 @@ from renderer.bvh.transforms import stretches
 from renderer.scene.description import Instance, Material, SceneDescription
 from renderer.scene.object_ids import number_objects
 
-__all__ = ["Group", "Sharing", "Standing", "goes_straight", "is_loose", "share", "share_movers", "share_still"]
+__all__ = [
+    "Group",
+    "Sharing",
+    "StaticSharing",
+    "is_linearly_keyed",
+    "is_placed_per_frame",
+    "share",
+    "share_movers",
+    "share_still",
+]
 
 _FEW = 8  # triangles: too few for a separate tree
 _WORTH = 30_000  # triangles that copying would add, from which on a mesh is stored once
@@ -40,7 +49,7 @@ class Sharing(NamedTuple):
     loose: list[int]  # moving geometry placed in world space for each frame
 
 
-class Standing(NamedTuple):
+class StaticSharing(NamedTuple):
     """How static instances are stored, and which instances move."""
 
     copied: list[int]
@@ -54,7 +63,7 @@ def share(description: SceneDescription) -> Sharing:
     return Sharing(standing.copied, standing.groups, *share_movers(description, standing.movers))
 
 
-def share_still(description: SceneDescription) -> Standing:
+def share_still(description: SceneDescription) -> StaticSharing:
     """Decides for static instances, independently of the moving ones."""
     instances, meshes = description.instances, description.meshes
     movers = [n for n, instance in enumerate(instances) if instance.moves or meshes[instance.mesh].deforms]
@@ -65,7 +74,7 @@ def share_still(description: SceneDescription) -> Standing:
     groups = _repeated(description, number_objects(description).instance, still, fit)
     kept = {m for group in groups for m in group.meshes}
     once = {n for n in fit if instances[n].mesh in kept}
-    return Standing([n for n in still if n not in once], groups, movers)
+    return StaticSharing([n for n in still if n not in once], groups, movers)
 
 
 def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
@@ -81,14 +90,14 @@ def share_movers(description: SceneDescription, movers: list[int]) -> tuple[list
     return _bodies(description, bodily), [n for n in movers if n not in bodies]
 
 
-def goes_straight(description: SceneDescription, instance: Instance) -> bool:
+def is_linearly_keyed(description: SceneDescription, instance: Instance) -> bool:
     """Whether it moves while the shutter is open with linearly interpolated vertices: deforming or emitting geometry does."""
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]
-    return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or is_loose(material))
+    return bool(instance.keys) and (mesh.deforms or bool(mesh.keys) or is_placed_per_frame(material))
 
 
-def is_loose(material: Material) -> bool:
+def is_placed_per_frame(material: Material) -> bool:
     """Whether instances of a material are placed in world space: emitters, and materials that some kinds of rays ignore."""
     return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
 
@@ -96,7 +105,7 @@ def is_loose(material: Material) -> bool:
 def _is_loose(description: SceneDescription, number: int) -> bool:
     instance = description.instances[number]
     material = description.meshes[instance.mesh].material if instance.material is None else instance.material
-    return is_loose(description.materials[material])
+    return is_placed_per_frame(description.materials[material])
 
 
 def _repeated(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:

@@ -112,7 +112,7 @@ def list_lights(
     )
 
 
-class _Lamps(NamedTuple):
+class _AreaLights(NamedTuple):
     """Emitting triangles; of pairs that form parallelograms only the first."""
 
     emitters: Emitters
@@ -123,7 +123,7 @@ class _Lamps(NamedTuple):
     shapes: np.ndarray  # (m, 4, 3) and corners, as of `pair`
 
 
-def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _Lamps:
+def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
     over = _over_the_shutter(geometry, emitters.triangle)
     pairs, shapes = pair(over[0], _alike(emitters, even, over))
     most = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
@@ -133,7 +133,7 @@ def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) 
     kept = np.delete(np.arange(len(emitters.triangle)), pairs + 1)
     first = Emitters(emitters.triangle[kept], emitters.material[kept], emitters.emitted[kept])
     second = emitters.triangle[pairs + 1]
-    return _Lamps(first, corners[:, kept], most[kept], np.searchsorted(kept, pairs), second, shapes)
+    return _AreaLights(first, corners[:, kept], most[kept], np.searchsorted(kept, pairs), second, shapes)
 
 
 def with_area(emitters: Emitters, geometry: Geometry) -> Emitters:

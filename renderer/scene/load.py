@@ -19,7 +19,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.polygon_meshes import filled, of_triangles
-from renderer.scene.shutter_merge import between_files, while_open
+from renderer.scene.shutter_merge import between_files, merge_over_shutter
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, both, reason_of
@@ -116,7 +116,7 @@ class Shot:
         shutter = Shutter.of(chosen({name: asked.get(name) for name in SHUTTER}, first.defaults))
         if shutter.length == 0 or not first.moves:
             return first
-        moving = while_open(lambda each: first if each == moment else self.at(each), moment, shutter)
+        moving = merge_over_shutter(lambda each: first if each == moment else self.at(each), moment, shutter)
         if self._files.is_numbered:
             between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
         return moving

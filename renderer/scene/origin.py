@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, Instance, Light, SceneDescription, Sphere
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.settings import RenderSettings, Vec3, View
 
 __all__ = ["about_centre", "exact", "fixed_place", "origin_of", "rebased", "seen_from"]
@@ -44,13 +44,13 @@ def about_centre(points: npt.NDArray[Any]) -> tuple[F32, F64]:
     return (points - offset).astype(np.float32), offset
 
 
-def origin_of(description: SceneDescription, kept: Kept | None = None) -> F64:
+def origin_of(description: SceneDescription, kept: ShotCache | None = None) -> F64:
     """Returns the origin (3,) of the compiled scene: the centre of static geometry if that is far away relative to its size, else
     zero.
 
     Only a scene in which everything moves has different origins in different frames. kept: cache of the same shot.
     """
-    kept = kept or Kept()
+    kept = kept or ShotCache()
 
     def of_still() -> F64 | None:
         points = _samples(description, False)
@@ -114,7 +114,7 @@ def _corners(description: SceneDescription, instance: Instance, triangles: npt.N
     return found
 
 
-def rebased(description: SceneDescription, origin: F64, kept: Kept | None = None) -> SceneDescription:
+def rebased(description: SceneDescription, origin: F64, kept: ShotCache | None = None) -> SceneDescription:
     """Returns the description with float32 meshes, and with instances, spheres and lights relative to another origin.
 
     Cameras are unchanged. kept: cache of the same shot.
@@ -123,7 +123,7 @@ def rebased(description: SceneDescription, origin: F64, kept: Kept | None = None
     if not origin.any() and not far:
         return description
     meshes, offsets = list(description.meshes), {}
-    points = (kept or Kept()).recall(
+    points = (kept or ShotCache()).recall(
         "points", lambda: [meshes[n].positions for n in far], lambda: [about_centre(meshes[n].positions) for n in far]
     )
     for n, (position, offset) in zip(far, points, strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 from renderer.errors import SceneError
 from renderer.scene.concatenate import Joined, join
 from renderer.scene.description import F32, I32, Mesh, SceneDescription
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.geometry import (
     Placement,
     Section,
@@ -21,7 +21,7 @@ from renderer.scene.geometry import (
     placement_of,
     still_corners,
 )
-from renderer.scene.instances import Group, Sharing, is_loose, share_movers, share_still
+from renderer.scene.instances import Group, Sharing, is_placed_per_frame, share_movers, share_still
 from renderer.scene.material_packing import Packed, pack
 from renderer.scene.object_ids import number_objects
 from renderer.scene.placed_mesh import MAX_COORDINATE
@@ -29,10 +29,10 @@ from renderer.scene.tangents import needs_tangents, tangent_uv_set
 from renderer.sentences import Sentence
 from renderer.threads import Team
 
-__all__ = ["Stood", "stand"]
+__all__ = ["PlacedGeometry", "place_geometry"]
 
 
-class Stood(NamedTuple):
+class PlacedGeometry(NamedTuple):
     """All placed geometry of a scene."""
 
     sections: tuple[Section, Section, Section]  # static, rigid moving bodies, loose
@@ -47,7 +47,7 @@ class Stood(NamedTuple):
     bounds: F32  # (2, 3)
 
 
-def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
+def place_geometry(description: SceneDescription, team: Team, kept: ShotCache) -> PlacedGeometry:
     """Places meshes and spheres. Raises SceneError if there are none or too many, or positions exceed the range of float32."""
     token = description.still
     numbers = kept.recall(
@@ -85,7 +85,7 @@ def stand(description: SceneDescription, team: Team, kept: Kept) -> Stood:
     spheres = sorted(range(len(description.spheres)), key=lambda n: description.spheres[n].moves)
     sphere = _spheres(description, spheres)
     sections = still, bodies, loose
-    return Stood(
+    return PlacedGeometry(
         sections,
         join(sections, len(packed.texture) > 0, kept),
         placement,
@@ -104,7 +104,7 @@ def _standing_key(description: SceneDescription) -> Any:
     return (
         [(i.mesh, None if i.moves else i.transform, i.material, i.name, i.moves) for i in description.instances],
         [(m.name, len(m.triangles), m.material, m.deforms) for m in description.meshes],
-        [is_loose(m) for m in description.materials],
+        [is_placed_per_frame(m) for m in description.materials],
     )
 
 
@@ -148,7 +148,7 @@ def _spheres(description: SceneDescription, order: list[int]) -> F32:
     return found.astype(np.float32)
 
 
-def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Placement, sphere: F32, kept: Kept) -> F32:
+def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Placement, sphere: F32, kept: ShotCache) -> F32:
     still, bodies, loose = sections
     places = placement.to_world[: placement.still]
     standing = kept.recall("bounds", lambda: (still, places), lambda: still_corners(still, placement))

@@ -51,7 +51,7 @@ class Punctual(NamedTuple):
     bounds: LightBounds  # for the light tree
 
 
-class _Sent(NamedTuple):
+class _MapFlux(NamedTuple):
     """The flux and the emission cone of a light's map."""
 
     flux: np.ndarray  # (3,) for intensity 1
@@ -74,8 +74,8 @@ def tabulate_punctual(
     return Punctual(kind, row.astype(np.float32), emission_frames(lights, maps), power, found)
 
 
-def _sent(tables: EmissionTables, number: int) -> _Sent:
-    return _Sent(tables.flux[number], float(tables.reach[number]))
+def _sent(tables: EmissionTables, number: int) -> _MapFlux:
+    return _MapFlux(tables.flux[number], float(tables.reach[number]))
 
 
 def _kind(light: Light) -> int:
@@ -220,7 +220,7 @@ def _row(light: Light) -> tuple[float, ...]:
     return (*place, *direction, *value, extent, scale, -outer * scale)
 
 
-def _bounds(lights: Sequence[Light], sent: Sequence[_Sent | None]) -> LightBounds:
+def _bounds(lights: Sequence[Light], sent: Sequence[_MapFlux | None]) -> LightBounds:
     """Returns the lights' bounds: points emit all around, spots up to their outer cone, distant lights within half their angle.
 
     Emission maps may narrow them.
@@ -240,13 +240,13 @@ def _bounds(lights: Sequence[Light], sent: Sequence[_Sent | None]) -> LightBound
     )
 
 
-def _spread(light: Light, sent: _Sent | None) -> float:
+def _spread(light: Light, sent: _MapFlux | None) -> float:
     """Returns the half angle of a light's emission cone in radians."""
     own = {"point": 180.0, "spot": light.outer_cone, "directional": light.angle / 2}[light.kind]
     return math.radians(own) if sent is None else min(math.radians(own), sent.reach)
 
 
-def _mean_intensity(light: Light, sent: _Sent | None) -> float:
+def _mean_intensity(light: Light, sent: _MapFlux | None) -> float:
     """Returns the mean intensity as luminance; for a map as if its cone were filled uniformly."""
     if sent is None:
         return _luminance(light)
@@ -254,7 +254,7 @@ def _mean_intensity(light: Light, sent: _Sent | None) -> float:
     return float(np.dot(light.intensity * sent.flux, REC_709)) / max(cone, _LEAST_CONE)
 
 
-def _over(lights: Sequence[Light], sent: Sequence[_Sent | None], bounds: LightBounds) -> LightBounds:
+def _over(lights: Sequence[Light], sent: Sequence[_MapFlux | None], bounds: LightBounds) -> LightBounds:
     """Returns the bounds enlarged to all positions and intensities while the shutter is open."""
     for i, light in enumerate(lights):
         if not light.keys:
@@ -275,7 +275,7 @@ def _luminance(light: Light) -> float:
     return float(np.dot(light.intensity, REC_709))
 
 
-def _power(light: Light, scene_radius: float, sent: _Sent | None) -> float:
+def _power(light: Light, scene_radius: float, sent: _MapFlux | None) -> float:
     if sent is not None:
         return float(np.dot(light.intensity * sent.flux, REC_709))
     intensity = _luminance(light)

@@ -12,20 +12,20 @@ from renderer.bvh.build import build, tree_of
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, WIDTH, Bvh
 from renderer.bvh.motion_bvh import keyed_tree
-from renderer.bvh.subtrees import Laid, Tree, lay
+from renderer.bvh.subtrees import AssembledBvh, Tree, assemble_bvh
 from renderer.scene.description import F32
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.geometry import Placement, Section
 from renderer.threads import Team
 
-__all__ = ["grow"]
+__all__ = ["build_scene_bvh"]
 
 Array = npt.NDArray[Any]
 
 _NO_TREE: Tree = np.zeros((0, NODE_ROWS, WIDTH), np.float32), np.zeros((0, PACKET_ROWS, WIDTH), np.float32)
 
 
-def grow(
+def build_scene_bvh(
     sections: tuple[Section, Section, Section],
     first_triangle: tuple[int, ...],
     placement: Placement,
@@ -33,14 +33,14 @@ def grow(
     still_spheres: int,
     brute: bool,
     team: Team,
-    kept: Kept,
+    kept: ShotCache,
     keys: Sequence[Array] = (),
     sphere_keys: F32 = np.zeros((0, 0, 4), np.float32),
-) -> Laid:
+) -> AssembledBvh:
     """Builds the tree. sections: static, bodies and loose geometry; first_triangle: the numbers of their first triangles.
 
-    sphere: (S, 4), `still_spheres` static ones first. While the shutter is open: keys of moving instances, as `lay` takes them;
-    sphere_keys: (K or 0, Z, 4) of the last spheres.
+    sphere: (S, 4), `still_spheres` static ones first. While the shutter is open: keys of moving instances, as `assemble_bvh`
+    takes them; sphere_keys: (K or 0, Z, 4) of the last spheres.
     """
     still, bodies, loose = sections
     _, first_body, first_loose, triangles = first_triangle
@@ -65,7 +65,7 @@ def grow(
         "still tree", lambda: (still, placement.group[: placement.still], shown, spheres, first_sphere), build_still
     )
     if not moves:
-        return Laid(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
+        return AssembledBvh(base, (0, 0, *[len(base.node)] * 3), (0, 0, *[len(base.packet)] * 3), (base, ()))
     trees = kept.recall("body trees", lambda: bodies, lambda: _body_trees(bodies, team))
     lax = _NO_TREE
     loose_keys = max(len(loose.geometry.keys), len(sphere_keys), 1)
@@ -82,7 +82,7 @@ def grow(
     begins = [first_body + a for a, _ in bodies.trees]
     which = placement.group[placement.still :] - len(still.trees)
     places = placement.to_world
-    return lay(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
+    return assemble_bvh(base, trees, begins, lax, first_loose, which, places, team, brute, kept.room, keys, loose_keys)
 
 
 def _body_trees(bodies: Section, team: Team) -> list[Tree]:

@@ -18,13 +18,13 @@ from renderer.bvh.rigid_motion import motion_keys, turned_by
 from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
-from renderer.scene.instances import goes_straight
+from renderer.scene.instances import is_linearly_keyed
 from renderer.scene.scene_equality import same
-from renderer.scene.texture_motion import slid
+from renderer.scene.texture_motion import merge_moving_textures
 from renderer.sentences import Sentence
 from renderer.settings import MOST_KEYS
 
-__all__ = ["between_files", "while_open"]
+__all__ = ["between_files", "merge_over_shutter"]
 
 _FIRST_KEYS = 5
 _MOST_TURN = math.radians(50.0)  # from key to key: so that a full rotation is recognised
@@ -33,7 +33,7 @@ _STRAIGHT_TURN = math.radians(12.0)  # for vertices interpolated linearly from k
 _Thing = TypeVar("_Thing")
 
 
-def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutter: Shutter) -> SceneDescription:
+def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Moment, shutter: Shutter) -> SceneDescription:
     """Returns the scene in the middle of a frame's shutter, with the keys of moving objects.
 
     read: returns the scene at a moment, as a separate object. If the shutter does not set the number of keys, it is doubled until
@@ -57,7 +57,7 @@ def while_open(read: Callable[[Moment], SceneDescription], moment: Moment, shutt
 
 def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
     """Returns the description in the middle, with the others as its keys."""
-    middle, found, changes = slid(middle, found)
+    middle, found, changes = merge_moving_textures(middle, found)
     instances, meshes, changed = _placed(middle, found)
     cameras = [
         replace(camera, keys=_keys([c.view for c in over], camera.view))
@@ -216,7 +216,7 @@ def _is_fine(moving: SceneDescription) -> bool:
     straight: list[list[np.ndarray]] = []
     for instance in moving.instances:
         if instance.keys:
-            (straight if goes_straight(moving, instance) else free).append([each[:3] for each in instance.keys])
+            (straight if is_linearly_keyed(moving, instance) else free).append([each[:3] for each in instance.keys])
     straight += [[_in_space(key) for key in texture.keys] for texture in moving.textures if texture.keys]
     free += [[np.stack(axes_of(view), -1) for view in camera.keys] for camera in moving.cameras if camera.keys]
     return _turn(free) <= _MOST_TURN and _turn(straight) <= _STRAIGHT_TURN

@@ -13,14 +13,16 @@ from renderer.scene.description import Material, SceneDescription, Texture
 from renderer.scene.material import PARAMETERS
 from renderer.scene.scene_equality import same
 
-__all__ = ["slid"]
+__all__ = ["merge_moving_textures"]
 
 _SLOTS = tuple(parameter.name for parameter in PARAMETERS if parameter.form == "texture")
 
 _Over = list[tuple[SceneDescription, int]]  # a texture at each time: the scene and the texture's index in it
 
 
-def slid(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[SceneDescription, list[SceneDescription], bool]:
+def merge_moving_textures(
+    middle: SceneDescription, found: Sequence[SceneDescription]
+) -> tuple[SceneDescription, list[SceneDescription], bool]:
     """Returns the descriptions with moving textures merged.
 
     (the description in the middle, its textures with keys; the others with materials that refer to these textures; whether

@@ -14,7 +14,7 @@ from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
 from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
-from renderer.scene.warning_list import Warned
+from renderer.scene.warning_list import WarningList
 from renderer.sentences import Sentence, stopped
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
@@ -29,7 +29,7 @@ class TextureShelf:
     def __init__(self, description: SceneDescription, files: SceneFiles) -> None:
         self._description = description
         self._files = files
-        self._warned = Warned(description.warnings)
+        self._warned = WarningList(description.warnings)
         self._images: dict[tuple[str, bool], int | None] = {}
         self._textures: dict[Texture, int] = {}
         self._bytes = 0

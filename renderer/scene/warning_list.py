@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["MOST_WARNINGS", "Warned"]
+__all__ = ["MOST_WARNINGS", "WarningList"]
 
 MOST_WARNINGS = 1000  # more are not useful, and a file may have a hundred thousand materials without their textures
 
 
-class Warned:
+class WarningList:
     """Adds to a list of warnings that others may append to directly."""
 
     def __init__(self, warnings: list[str]) -> None:

@@ -24,7 +24,17 @@ from service.errors import Conflict, Invalid, NotAllowed, NotFound
 from service.store.database import Sessions
 from service.store.models import Environment, Job, Member, Project, Reference, Scene, ShareTerms, User
 
-__all__ = ["EVERYTHING", "NOTHING", "Kind", "MemberRole", "Projects", "Sight", "Summary", "hold_project", "only_looks"]
+__all__ = [
+    "EVERYTHING",
+    "NOTHING",
+    "Kind",
+    "MemberRole",
+    "ProjectVisibility",
+    "Projects",
+    "Summary",
+    "hold_project",
+    "only_looks",
+]
 
 Kind = Literal["scene", "job", "environment", "reference"]
 MemberRole = Literal["view", "submit"]
@@ -34,7 +44,7 @@ MOST_KNOWN = 65536
 
 
 @dataclass(frozen=True)
-class Sight:
+class ProjectVisibility:
     """The projects visible to a caller: all, or those listed and content of no project. looks: projects that are read-only."""
 
     everything: bool
@@ -57,8 +67,8 @@ class Sight:
         return found
 
 
-EVERYTHING = Sight(True)
-NOTHING = Sight(False)
+EVERYTHING = ProjectVisibility(True)
+NOTHING = ProjectVisibility(False)
 
 
 @dataclass(frozen=True)
@@ -78,10 +88,10 @@ class Projects:
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
         self._lock = threading.Lock()
-        self._sights: dict[str, tuple[float, Sight]] = {}
+        self._sights: dict[str, tuple[float, ProjectVisibility]] = {}
         self._where: dict[tuple[Kind, str], str] = {}  # an object never changes its project
 
-    def remembered(self, caller: Caller | None) -> Sight | None:
+    def remembered(self, caller: Caller | None) -> ProjectVisibility | None:
         """Returns what a caller sees if that is known without a database query, else None."""
         if caller is None or caller.is_worker:
             return NOTHING
@@ -90,7 +100,7 @@ class Projects:
         read, sight = self._sights.get(caller.name, (0.0, NOTHING))
         return sight if read and time.monotonic() - read < FRESH_S else None
 
-    def sight(self, caller: Caller | None) -> Sight:
+    def sight(self, caller: Caller | None) -> ProjectVisibility:
         """Returns what a caller sees."""
         if (known := self.remembered(caller)) is not None:
             return known
@@ -98,7 +108,7 @@ class Projects:
         read = time.monotonic()
         with self._sessions() as session:
             roles = {row.project: row.role for row in session.scalars(select(Member).where(Member.user == caller.name))}
-        sight = Sight(False, frozenset(roles), frozenset(name for name, role in roles.items() if role == "view"))
+        sight = ProjectVisibility(False, frozenset(roles), frozenset(name for name, role in roles.items() if role == "view"))
         with self._lock:
             if len(self._sights) >= MOST_KNOWN:
                 self._sights.clear()
@@ -146,7 +156,7 @@ class Projects:
             ) from None
         return self.find(name)
 
-    def named(self, sight: Sight) -> list[str]:
+    def named(self, sight: ProjectVisibility) -> list[str]:
         """Returns the names of the visible projects, in order."""
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
@@ -173,7 +183,7 @@ class Projects:
             raise no_project(name)
         return found[0]
 
-    def check(self, name: str, sight: Sight) -> str:
+    def check(self, name: str, sight: ProjectVisibility) -> str:
         """Returns `name` if content may be added to it: no project, or a visible one.
 
         Raises NotFound, or NotAllowed if it is read-only.
@@ -188,7 +198,7 @@ class Projects:
             raise only_looks(name)
         return name
 
-    def check_again(self, name: str, caller: Caller | None, sight: Sight) -> None:
+    def check_again(self, name: str, caller: Caller | None, sight: ProjectVisibility) -> None:
         """Repeats `check` after an upload, which may have taken hours. sight: as of the upload's start. Raises as `check`."""
         self.check(name, sight if sight.everything else self.sight(caller))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from service.access.projects import NOTHING, Sight
+from service.access.projects import NOTHING, ProjectVisibility
 from service.access.roles import Caller
 
 __all__ = ["Visit"]
@@ -21,7 +21,7 @@ class Visit:
     caller: Caller | None
     needs_login: bool
     address: str
-    sight: Sight = NOTHING
+    sight: ProjectVisibility = NOTHING
 
     @property
     def user(self) -> str | None:

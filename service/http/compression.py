@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["Packing"]
+__all__ = ["CompressionMiddleware"]
 
 FEWEST, MOST = 1400, 1 << 20  # bytes: fewer fit into one packet; more are for programs on fast networks
 LEVEL = 1  # 1 ms of CPU time for 100 kB
@@ -19,7 +19,7 @@ IN_PLACE = 1 << 16  # bytes compressed on the event loop, which is faster than a
 GZIP = 31  # zlib's window bits for the gzip format
 
 
-class Packing:
+class CompressionMiddleware:
     """ASGI middleware around the routes."""
 
     def __init__(self, app: ASGIApp) -> None:

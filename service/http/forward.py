@@ -26,7 +26,7 @@ from service.http.problems import Problem
 from service.http.security import refuse
 from service.settings import Settings
 
-__all__ = ["Forward"]
+__all__ = ["OwnerClient"]
 
 CONNECT_S = 3.0
 GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
@@ -41,7 +41,7 @@ SERVERS = {"date", "server"}  # also set by this server
 HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocket-extensions", "sec-websocket-protocol"}
 
 
-class Forward:
+class OwnerClient:
     """HTTP and WebSocket client for the owner of the farm."""
 
     def __init__(self, settings: Settings) -> None:

@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from renderer.sentences import Sentence
 from service.access.access import Access
-from service.access.projects import EVERYTHING, Kind, Sight, only_looks
+from service.access.projects import EVERYTHING, Kind, ProjectVisibility, only_looks
 from service.access.roles import OPEN, Caller, Role
 from service.access.visit import Visit
 from service.errors import FarmError, Unavailable
@@ -31,7 +31,7 @@ from service.http.security import SAFE_METHODS, refuse
 from service.http.visit import VISIT, address_of, shown_secret
 from service.jobs.lookup import no_thing
 
-__all__ = ["LOG_IN", "Gate", "cookie_name"]
+__all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
 LOG_IN = Sentence(
     "log-first",
@@ -59,8 +59,8 @@ LONGEST_REASON = 120
 CLOSED_SINCE = Sentence("no-longer-yours", "It is no longer yours to see: you are no member of its project any more.")
 
 
-class Gate:
-    """ASGI middleware that authorizes requests, between `Door` and the routes."""
+class AuthorizationMiddleware:
+    """ASGI middleware that authorizes requests, between `SecurityMiddleware` and the routes."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -107,13 +107,13 @@ class Gate:
             await refuse(Problem(403, str(only_looks(project)), {"Connection": "close"}), scope, receive, send)
             return
         if method == "WS" or pattern in STAYS_OPEN:
-            lasting = _Lasting(access, shown, need, visit, thing, receive, send)
+            lasting = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send)
             await self._app(scope, lasting.receive, lasting.send)
         elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
             await self._app(scope, receive, _kept_private(send) if needs_login else send)
         else:
             if pattern in UPLOADS:
-                receive = _Lasting(access, shown, need, visit, thing, receive, send).take
+                receive = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send).take
             await self._app(scope, receive, _written_down(access, caller, address, f"{method} {pattern}", path, send))
 
 
@@ -165,7 +165,7 @@ async def _known(access: Access, shown: str) -> Caller | None:
     return access.remembered(shown) or await run_in_threadpool(access.find, shown)
 
 
-async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Sight:
+async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
     """Returns the projects that a caller may see; all of them if no login is needed."""
     if not needs_login and caller is not None and not caller.is_worker:
         return EVERYTHING
@@ -173,7 +173,7 @@ async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> Si
     return await run_in_threadpool(access.projects.sight, caller) if known is None else known
 
 
-async def _sees(access: Access, sight: Sight, thing: tuple[Kind, str]) -> bool:
+async def _sees(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
     """Whether a caller may see a resource; False for a missing one too, so that both look the same."""
     if sight.everything:
         return True
@@ -251,7 +251,7 @@ def _kept_private(send: Send) -> Send:
     return wrapped
 
 
-class _Lasting:
+class _ReauthorizedConnection:
     """A WebSocket, a streaming response or an upload, which ends when its caller is no longer authorized."""
 
     def __init__(

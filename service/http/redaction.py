@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from service.access.projects import Kind, Projects, Sight
+from service.access.projects import Kind, Projects, ProjectVisibility
 
 __all__ = ["HIDDEN", "seen_slots"]
 
@@ -12,7 +12,7 @@ HIDDEN = {"hidden": True}
 NAMES: dict[str, Kind] = {"job": "job", "scene": "scene", "denoise": "job", "vectors": "job", "environment": "environment"}
 
 
-def seen_slots(slots: list[dict[str, Any]], sight: Sight, projects: Projects) -> list[dict[str, Any]]:
+def seen_slots(slots: list[dict[str, Any]], sight: ProjectVisibility, projects: Projects) -> list[dict[str, Any]]:
     """Returns the current work of each slot, redacted to what the caller may see. May query the database."""
     if sight.everything:
         return slots

@@ -19,7 +19,7 @@ from service.http.hosts import Hosts, name_of
 from service.http.problems import Problem, response
 from service.settings import Settings
 
-__all__ = ["SAFE_METHODS", "Door", "is_beyond", "refuse"]
+__all__ = ["SAFE_METHODS", "SecurityMiddleware", "is_beyond", "refuse"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -44,7 +44,7 @@ MAX_BODY = 1 << 20  # bytes; uploads have separate limits
 STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/blobs/", "/api/farm/kernels/")
 
 
-class Door:
+class SecurityMiddleware:
     """ASGI middleware around the whole application."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:

@@ -9,23 +9,24 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from renderer.sentences import Sentence, joined
 from service.errors import NotOwner, Unavailable
 from service.http.client_address import PASSED_ON
-from service.http.forward import Forward
+from service.http.forward import OwnerClient
 from service.http.problems import Problem
 from service.http.security import SAFE_METHODS, refuse
 from service.process_lifecycle import Life
 from service.settings import Settings
 
-__all__ = ["StandingBy"]
+__all__ = ["StandbyMiddleware"]
 
 AGAIN = {"Retry-After": "1"}
 
 
-class StandingBy:
-    """ASGI middleware between `Door` and `Gate`, which forwards requests while this service stands by."""
+class StandbyMiddleware:
+    """ASGI middleware between `SecurityMiddleware` and `AuthorizationMiddleware`, which forwards requests while this service
+    stands by."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
-        self._forward = Forward(settings)
+        self._forward = OwnerClient(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handles a request here if this service owns the farm, and forwards it otherwise."""

@@ -11,14 +11,14 @@ from collections.abc import AsyncIterator
 
 from fastapi import WebSocket, WebSocketDisconnect
 
-__all__ = ["heard"]
+__all__ = ["throttled_messages"]
 
 RATE = 500.0  # messages a second accepted from one client continuously
 BURST = 200.0  # messages accepted at once after a pause
 CHARACTERS = 8192  # per additional message in the count
 
 
-async def heard(socket: WebSocket) -> AsyncIterator[str]:
+async def throttled_messages(socket: WebSocket) -> AsyncIterator[str]:
     """Yields each message as text; a binary message as an empty string. Raises WebSocketDisconnect when the client leaves."""
     left, at = BURST, time.monotonic()
     while True:

@@ -27,7 +27,7 @@ from service.models.jobs import (
 from service.models.queue import WaitOut
 from service.scheduling.engine import Engine
 from service.scheduling.fleet.needs import Needs
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.snapshot import JobNumbers, Snapshot
 from service.shot import Shot
@@ -201,12 +201,12 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
         return why
     if job.lit in view.preparing:
         return Sentence("scene-prepared-under-light", "Its scene is prepared under its light.")
-    if job.shot is not None and view.roster.shooting_kind() is None:
+    if job.shot is not None and view.roster.frame_preparing_kind() is None:
         return Sentence(
             "waits-for-worker-release",
             "Waits for a worker of this release: those that are connected prepare no frames of shots.",
         )
-    if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.blurring_kind() is None:
+    if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.open_shutter_kind() is None:
         return Sentence(
             "waits-for-workers-release",
             "Waits for workers of this release: of those that are connected some blur nothing that moves.",
@@ -232,12 +232,12 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     return None
 
 
-def _is_stranded(job: Job, roster: Roster) -> bool:
+def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
     """Whether a job has started on a kind of worker of which none is connected."""
     return job.kind is not None and not roster.slots(job.kind)
 
 
-def _unmet(job: Job, roster: Roster) -> str | None:
+def _unmet(job: Job, roster: WorkerSnapshot) -> str | None:
     """Returns the reason why no worker that could render a job meets its requirements; None if one does."""
     needs = Needs.of(job.needs)
     able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
@@ -256,7 +256,7 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
     return Sentence("finished-without", "Finished without {which}. Set the job to running to try again.", which=which)
 
 
-def why_nothing_runs(roster: Roster) -> str | None:
+def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
     """Returns the reason why the whole farm does not progress; None if a worker accepts work."""
     if roster.ready():
         return None

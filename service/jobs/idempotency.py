@@ -10,7 +10,7 @@ import hashlib
 from sqlalchemy import select
 
 from renderer.sentences import Sentence
-from service.access.projects import Sight
+from service.access.projects import ProjectVisibility
 from service.errors import Conflict
 from service.farm import Farm
 from service.jobs.describe import job_out
@@ -37,7 +37,7 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
         )
 
 
-def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: Sight) -> JobOut:
+def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
     """Returns the current answer for the job of the first request. Raises Conflict if the key was used for another request."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict(

@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 from sqlalchemy import ColumnElement, Select, case, false, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 
-from service.access.projects import NOTHING, Sight
+from service.access.projects import NOTHING, ProjectVisibility
 from service.store.models import Job, Scene
 
 __all__ = ["Chosen", "Order", "says", "words_of"]
@@ -35,7 +35,7 @@ class Chosen:
     words: tuple[str, ...] = ()
     shots: bool | None = None
     ids: tuple[str, ...] = ()
-    sight: Sight = NOTHING
+    sight: ProjectVisibility = NOTHING
     project: str | None = None
 
     def count(self, session: Session) -> int:

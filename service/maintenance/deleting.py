@@ -47,7 +47,7 @@ class Deleting:
         long = self._condemn(ids)
         for job in long:
             self._events.publish(RowWritten("job", job))
-            self.frames.carry_out_drop(job)
+            self.frames.drop_frames(job)
         return [long.get(each.id, each) for each in self._forget(ids)]
 
     def _condemn(self, ids: Sequence[str]) -> dict[str, Deleted]:

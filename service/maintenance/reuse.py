@@ -28,7 +28,7 @@ from service.errors import FarmError
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.plan import FIRST_CHECK
 from service.scheduling.jobs.shot_changes import NOISIEST
-from service.scheduling.snapshot import Board
+from service.scheduling.snapshot import SnapshotBoard
 from service.shot import Shot
 from service.store.database import Sessions
 from service.store.disk_space import need_room
@@ -63,7 +63,7 @@ class _Source:
 class Reuse:
     """Copies films of earlier jobs to new ones. Thread-safe."""
 
-    def __init__(self, sessions: Sessions, films: FilmStore, board: Board, data: Path, min_free_bytes: int) -> None:
+    def __init__(self, sessions: Sessions, films: FilmStore, board: SnapshotBoard, data: Path, min_free_bytes: int) -> None:
         """Creates the copier. data: folder of the films, on whose disk `min_free_bytes` remain free."""
         self._sessions = sessions
         self._films = films

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, Field, create_model
 
 from renderer.errors import SettingsError
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.setting_docs import sentences
 
 __all__ = ["with_fields"]
@@ -17,7 +17,7 @@ __all__ = ["with_fields"]
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def with_fields(settings: Mapping[str, Declared], of_scene: bool = False) -> Callable[[type[Model]], type[Model]]:
+def with_fields(settings: Mapping[str, DeclaredSetting], of_scene: bool = False) -> Callable[[type[Model]], type[Model]]:
     """Decorator that adds these settings to a model as fields, replacing those declared in the class for the type checker.
 
     of_scene: a value missing from a request is taken from the scene file, and then from the setting's default.
@@ -30,7 +30,7 @@ def with_fields(settings: Mapping[str, Declared], of_scene: bool = False) -> Cal
     return add
 
 
-def _field(each: Declared, of_scene: bool) -> tuple[Any, Any]:
+def _field(each: DeclaredSetting, of_scene: bool) -> tuple[Any, Any]:
     number: Any = Annotated[each.number, Field(ge=each.lowest, le=each.setting.high, allow_inf_nan=False)]
     kind: Any = tuple[number, number, number] if each.kind is tuple else number
     names: list[Any] = list(each.setting.choices or ())
@@ -42,7 +42,7 @@ def _field(each: Declared, of_scene: bool) -> tuple[Any, Any]:
     return kind, Field(default, description=sentences(each), json_schema_extra={"enum": names} if names else None)
 
 
-def _checked(each: Declared) -> Callable[[Any], Any]:
+def _checked(each: DeclaredSetting) -> Callable[[Any], Any]:
     def check(value: Any) -> Any:
         try:
             return each.check(value)

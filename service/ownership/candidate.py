@@ -22,7 +22,7 @@ from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
 from service.ownership.ownership import LOOK_EVERY_S, Ownership
 from service.ownership.process import end, is_gone, is_stopped, this_process
-from service.ownership.silence import Silence
+from service.ownership.silence import OwnerTimeout
 from service.settings import Settings
 from service.store.database import Sessions, faults, open_database
 from service.store.models import Owner
@@ -49,7 +49,7 @@ class Candidate:
         self._sessions = Sessions(self._engine, PATIENCE_S)
         place = f"{socket.gethostname()}:{settings.port}"
         self._me = rows.Claimant(secrets.token_hex(8), place, settings.own_url, settings.instance(), this_process())
-        self._silence = Silence(settings.lease_s, clock)
+        self._silence = OwnerTimeout(settings.lease_s, clock)
         self._has_table = False
         self._looks_at = 0.0  # the row is not read again before this time
         self._stuck_since: float | None = None

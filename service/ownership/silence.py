@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from service.store.models import Owner
 
-__all__ = ["LEAST_LOOKS", "Silence"]
+__all__ = ["LEAST_LOOKS", "OwnerTimeout"]
 
 LEAST_LOOKS = 4  # checks of the row; a candidate that was suspended itself must not mistake that for the owner's silence
 
 
-class Silence:
+class OwnerTimeout:
     """Measures how long the owner has not answered, by this process's monotonic clock: clocks of machines differ and jump."""
 
     def __init__(self, lease_s: float, clock: Callable[[], float]) -> None:

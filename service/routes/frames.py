@@ -39,7 +39,7 @@ from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.lookup import find_film, find_job, find_picture, no_frame, without_samples
 from service.jobs.motion import motion_of
 from service.models.jobs import FrameOut, FrameState
-from service.scheduling.artifacts.artifact_task import MadeAside
+from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.store import bands
 from service.store.films import Film
 from service.store.models import FINAL, Scene
@@ -254,7 +254,7 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
     return Digest(digest=made, samples=samples)
 
 
-async def _denoised(id: str, n: float, film: Film, farm: Farm) -> MadeAside:
+async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
     """Waits for the denoised frame without occupying a thread, since many clients may wait at once."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a client that disconnects must not cancel the work for other clients.

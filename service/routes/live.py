@@ -32,7 +32,7 @@ from renderer.sentences import Sentence
 from service.errors import FarmError
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.websocket_messages import heard
+from service.http.websocket_messages import throttled_messages
 from service.jobs.describe import job_out
 from service.jobs.describe_frames import frame_numbers, plain_frames
 from service.jobs.lookup import no_job
@@ -99,7 +99,7 @@ class _Watcher:
 
     async def receive(self) -> None:
         """Processes acknowledgements and frame selections until the client leaves. Ignores malformed messages."""
-        async for text in heard(self._socket):
+        async for text in throttled_messages(self._socket):
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
                 continue

@@ -24,7 +24,7 @@ from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.problems import told
-from service.http.websocket_messages import heard
+from service.http.websocket_messages import throttled_messages
 from service.jobs.lookup import find_scene
 from service.models.jobs import JobIn
 from service.viewing.session import ViewSession
@@ -115,7 +115,7 @@ class _Viewer:
 
     async def receive(self) -> None:
         """Processes messages until the page leaves."""
-        async for text in heard(self._socket):
+        async for text in throttled_messages(self._socket):
             try:
                 self._hear(text)
             except ValidationError as error:

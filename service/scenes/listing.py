@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
-from service.access.projects import Sight
+from service.access.projects import ProjectVisibility
 from service.jobs.listing import says, words_of
 from service.store.models import Scene
 
@@ -17,7 +17,7 @@ __all__ = ["SceneFilter"]
 class SceneFilter:
     """Uploaded scenes that the caller may see. search: words that the name contains, or a prefix of the id."""
 
-    def __init__(self, sight: Sight, project: str | None, search: str) -> None:
+    def __init__(self, sight: ProjectVisibility, project: str | None, search: str) -> None:
         self._conditions: list[ColumnElement[Any]] = [Scene.of.is_(None), sight.clause(Scene.project)]
         self._conditions += [says(word, Scene.name, Scene.id) for word in words_of(search)]
         self._conditions += [] if project is None else [Scene.project == project]

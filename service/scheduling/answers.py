@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 from renderer.sentences import Sentence, joined
 from service.events import Events, ItemKind, TilesChanged
-from service.scheduling.artifacts.artifacts import Errands
+from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.artifacts.scene_preparation import Progress
 from service.scheduling.artifacts.unfit_machines import Fault
 from service.scheduling.dispatching.pacing import Pace
 from service.scheduling.dispatching.scheduler import Scheduler, named
-from service.scheduling.faults.bulkhead import Bulkheads, Step, is_of_what_was_said
-from service.scheduling.fleet.dead_letters import PutAside
+from service.scheduling.faults.bulkhead import Bulkheads, Step, is_message_fault
+from service.scheduling.fleet.dead_letters import DeadLetters
 from service.scheduling.incoming.merging import Arrived, batch_of, merge
 from service.scheduling.incoming.messages import (
     SAME_RELEASE,
@@ -43,12 +43,12 @@ from service.scheduling.incoming.messages import (
     PrepareStarted,
     Unusable,
     Wake,
-    understand,
+    parse_message,
 )
 from service.scheduling.incoming.results import Entry, Results
 from service.scheduling.jobs import traces
 from service.scheduling.jobs.active_job import ActiveJob
-from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, Trouble
+from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, BatchFailures
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.tile_log import words_of
@@ -89,11 +89,11 @@ class Answers:
         bulkheads: Bulkheads,
         scheduler: Scheduler,
         lifecycle: Lifecycle,
-        errands: Errands,
+        errands: ArtifactTasks,
         trust: Trust,
         pace: Pace,
         logs: JobLogs,
-        put_aside: PutAside,
+        put_aside: DeadLetters,
         tell: Callable[[ItemKind, str], None],
         events: Events,
         settled: Callable[[ActiveJob], None],
@@ -182,7 +182,7 @@ class Answers:
 
     def _sort(self, entry: Entry) -> None:
         try:
-            message = understand(entry)
+            message = parse_message(entry)
         except Unusable as error:
             self._put_aside.add(entry.where, str(error), entry.fields, error.__cause__)
             self._stored.append(entry)
@@ -224,15 +224,15 @@ class Answers:
         try:
             action()
         except Exception as error:
-            if not is_of_what_was_said(error):
+            if not is_message_fault(error):
                 raise
             self._put_aside.add(entry.where, error, entry.fields, error)
             if instead is not None:
                 instead()
             if message is not None:
-                self._make_up_for(message, f"{type(error).__name__}: {error}")
+                self._hand_out_again(message, f"{type(error).__name__}: {error}")
 
-    def _make_up_for(self, message: Message, why: str) -> None:
+    def _hand_out_again(self, message: Message, why: str) -> None:
         """Hands out again the work that a message answered which was put aside."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
@@ -252,7 +252,7 @@ class Answers:
         try:
             arrived = self._add(job, rendered)
         except Exception as error:
-            if not is_of_what_was_said(error):
+            if not is_message_fault(error):
                 raise
             arrived = []
 
@@ -271,7 +271,7 @@ class Answers:
         """Merges batches into a job's film, all or none."""
         entries = {id(answer.message): answer for answer in rendered}
         sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
-        kept = self._trust.sort_out(job, sums)
+        kept = self._trust.mergeable_answers(job, sums)
         return [_Merged(each, entries[id(each.message)]) for each in merge(job, kept)]
 
     def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
@@ -335,7 +335,7 @@ class Answers:
             if trouble is not None:
                 self._give_up(job, batch, trouble)
 
-    def _give_up(self, job: ActiveJob, batch: Range, trouble: Trouble) -> None:
+    def _give_up(self, job: ActiveJob, batch: Range, trouble: BatchFailures) -> None:
         sentence = Sentence(
             "batch-failed-times", "A batch failed {n} times: {error}", n=len(trouble.workers), error=trouble.error
         )

@@ -23,16 +23,16 @@ from renderer.sentences import Sentence
 from service.errors import FarmError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
-from service.scheduling.artifacts.artifact_task import MadeAside
-from service.scheduling.artifacts.artifacts import Errands
+from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
 from service.scheduling.dispatching.pacing import Pace
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step
-from service.scheduling.faults.redis_errors import causes, trouble_of
+from service.scheduling.faults.redis_errors import causes, redis_fault
 from service.scheduling.faults.repair import is_wrong_type, repair_all
-from service.scheduling.fleet.dead_letters import FILE, PutAside
+from service.scheduling.fleet.dead_letters import FILE, DeadLetters
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.forecasts.deadlines import Deadlines
 from service.scheduling.forecasts.forecast import Forecaster
@@ -42,9 +42,9 @@ from service.scheduling.jobs.film_snapshots import SnapshotKeeper
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.lifecycle import Lifecycle
 from service.scheduling.records import Records
-from service.scheduling.snapshot import Board, JobNumbers, Snapshot
+from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotBoard
 from service.scheduling.trust.trust import Trust
-from service.scheduling.waiting import Waiting
+from service.scheduling.waiting import DependencyTracker
 from service.settings import Settings
 from service.store.blobs import BlobStore
 from service.store.film_snapshots import FilmSnapshots
@@ -75,7 +75,7 @@ class Engine:
         films: FilmStore,
         snapshots: FilmSnapshots,
         blobs: BlobStore,
-        board: Board,
+        board: SnapshotBoard,
         events: Events,
         guard: Callable[[], None],
         has_views: Callable[[], bool],
@@ -100,14 +100,14 @@ class Engine:
         self._changes = Changes()
         self._bulkheads = Bulkheads()
         change = self._board.change
-        self._put_aside = PutAside(settings.data / FILE)
+        self._put_aside = DeadLetters(settings.data / FILE)
         self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
-        self._errands = Errands(settings, self._dispatcher, self._workers, blobs, events)
+        self._errands = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = Pace(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
-        self._waiting = Waiting(records, self._bulkheads, self._changes)
+        self._waiting = DependencyTracker(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
             *(records, films, self._scheduler, self._errands, self.logs, self._bulkheads, self._changes, self._waiting),
             tell=change,
@@ -193,23 +193,23 @@ class Engine:
         """
         return self._workers.log(worker)
 
-    def denoise(self, job: str, frame: int, film: Film) -> Future[MadeAside]:
+    def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
         """Requests that a worker denoise the frame's current film. Raises Unavailable if no worker can."""
         wish = DenoiseFrame("", job, frame, film.width, film.height)
         return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
 
-    def vectors(self, wish: FrameVectors) -> Future[MadeAside]:
+    def vectors(self, wish: FrameVectors) -> Future[ArtifactResult]:
         """Requests a frame's motion vectors from a worker. Raises Unavailable if no worker can make them."""
         return self._awaited(self._errands.vectors.want(wish))
 
-    def show_environment(self, wish: ShowEnvironment) -> Future[MadeAside]:
+    def show_environment(self, wish: ShowEnvironment) -> Future[ArtifactResult]:
         """Requests a thumbnail of an environment image.
 
         The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make it.
         """
         return self._awaited(self._errands.environments.want(wish))
 
-    def _awaited(self, answer: Future[MadeAside]) -> Future[MadeAside]:
+    def _awaited(self, answer: Future[ArtifactResult]) -> Future[ArtifactResult]:
         if not answer.done():
             self._results.wake()
         return answer
@@ -225,7 +225,7 @@ class Engine:
         try:
             action()
         except (redis.RedisError, QueueError) as error:
-            fault = " ".join(trouble_of(error))
+            fault = " ".join(redis_fault(error))
             if self._fault is None:
                 log.warning("%s", fault)
             if any(is_wrong_type(each) for each in causes(error)):
@@ -311,7 +311,7 @@ class Engine:
             if what == "worker":
                 self._workers.look(now=True)
                 if id not in self._workers.roster.orders:
-                    self._scheduler.suspicion.forgive(id)
+                    self._scheduler.suspicion.clear_failures(id)
                     self._scheduler.distrusted.discard(id)
             elif what == "terms":
                 if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
@@ -357,7 +357,7 @@ class Engine:
         for job, frame in self._errands.moments.review(self._scheduler.jobs, self._results):
             self._lifecycle.frame_lost(job, frame)
         for job, sentence in self._errands.moments.impossible(self._scheduler.jobs):
-            self._bulkheads.condemn(job.id, sentence)
+            self._bulkheads.give_verdict(job.id, sentence)
 
     def _ask_workers(self) -> None:
         needs = [job.needs for job in self._scheduler.jobs.values() if job.needs is not None]

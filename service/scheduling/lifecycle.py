@@ -19,7 +19,7 @@ from renderer.sentences import Sentence, stopped
 from service.errors import FarmError
 from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
 from service.intake.resolve import frame_settings, refuse_warnings
-from service.scheduling.artifacts.artifacts import Errands
+from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step, Verdict
@@ -33,7 +33,7 @@ from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.traces import job_over
 from service.scheduling.loading import Loading
 from service.scheduling.records import PendingJob, Records
-from service.scheduling.waiting import Waiting
+from service.scheduling.waiting import DependencyTracker
 from service.shot import Shot
 from service.store.film_faults import FILM
 from service.store.film_store import FilmStore
@@ -53,11 +53,11 @@ class Lifecycle:
         records: Records,
         films: FilmStore,
         scheduler: Scheduler,
-        errands: Errands,
+        errands: ArtifactTasks,
         logs: JobLogs,
         bulkheads: Bulkheads,
         changes: Changes,
-        waiting: Waiting,
+        waiting: DependencyTracker,
         tell: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
@@ -169,7 +169,7 @@ class Lifecycle:
             job.deadline, job.expected, job.urgency = row.deadline, None, math.inf
         if job.focus != row.focus:
             job.focus_on(row.focus)
-        if shot is None and row.spp and job.asks_for(row.spp, row.noise, row.seconds):
+        if shot is None and row.spp and job.differs_from_goal(row.spp, row.noise, row.seconds):
             self._scheduler.withdraw(job)
             job.ask(row.spp, row.noise, row.seconds)
         return True
@@ -326,7 +326,7 @@ class Lifecycle:
             if job is None and row.status == "failed":
                 self._records.failed(id, error)
             elif job is not None and kind not in job.compiled and job.kind in (None, kind):
-                self._bulkheads.condemn(id, error)
+                self._bulkheads.give_verdict(id, error)
             self._tell("job", id)
         self._tell("scene", scene)
 

@@ -17,7 +17,7 @@ from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.history import History
 from service.scheduling.jobs.job_log import JobLogs
 from service.scheduling.records import PendingJob, Records
-from service.scheduling.waiting import Waiting
+from service.scheduling.waiting import DependencyTracker
 from service.shot import Shot
 from service.store.film_store import FilmStore
 from service.store.films import Film
@@ -37,7 +37,7 @@ class Loading:
         records: Records,
         films: FilmStore,
         scheduler: Scheduler,
-        waiting: Waiting,
+        waiting: DependencyTracker,
         logs: JobLogs,
         loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
@@ -138,7 +138,7 @@ class Loading:
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.take_back(worker)
         if row.doubted:
-            self._records.believed(row.id)
+            self._records.clear_distrusted(row.id)
         return film
 
     def _add(self, job: ActiveJob, row: Job, scene: Scene, is_of_this_round: bool) -> None:

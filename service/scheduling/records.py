@@ -130,7 +130,7 @@ class Records:
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
-    def believed(self, job: str) -> None:
+    def clear_distrusted(self, job: str) -> None:
         """Clears the list of distrusted workers whose samples were to be removed from a job's film."""
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job).values(doubted=None))

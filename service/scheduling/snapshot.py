@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from renderer.sentences import Sentence
 from service.events import Events, ItemChanged, ItemKind
 from service.scheduling.artifacts.scene_preparation import Progress
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Board", "JobNumbers", "Snapshot"]
+__all__ = ["JobNumbers", "Snapshot", "SnapshotBoard"]
 
 STUCK_S = 4.0
 NUMBERS_EVERY_S = 0.1
@@ -69,7 +69,7 @@ class Snapshot:
     """The state of the engine at one time."""
 
     fault: str | None = Sentence("service-starting", "The service is starting.")  # why the whole engine is stopped
-    roster: Roster = field(default_factory=Roster)
+    roster: WorkerSnapshot = field(default_factory=WorkerSnapshot)
     jobs: Mapping[str, JobNumbers] = field(default_factory=dict)
     ahead: Mapping[str, int] = field(default_factory=dict)  # by job: number of higher-priority jobs served first
     waits: Mapping[str, str] = field(default_factory=dict)  # by job or scene: why it waits
@@ -100,7 +100,7 @@ class Snapshot:
         return None
 
 
-class Board:
+class SnapshotBoard:
     """Holds the engine's latest snapshot. Publishes `ItemChanged` once the snapshot shows the change."""
 
     def __init__(self, events: Events) -> None:
@@ -110,7 +110,7 @@ class Board:
         self.latest = Snapshot()
 
     @property
-    def roster(self) -> Roster:
+    def roster(self) -> WorkerSnapshot:
         """The workers in the latest snapshot."""
         return self.latest.roster
 

@@ -16,13 +16,13 @@ from service.scheduling.changes import Changes
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.records import Records
 
-__all__ = ["Waiting"]
+__all__ = ["DependencyTracker"]
 
 ALL = "jobs that wait"
 REVIEW_S = 0.1  # seconds per review, limited for long chains of failing jobs
 
 
-class Waiting:
+class DependencyTracker:
     """Tracks jobs with dependencies. Used only by the engine's thread."""
 
     def __init__(self, records: Records, bulkheads: Bulkheads, changes: Changes) -> None:

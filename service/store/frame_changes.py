@@ -132,7 +132,7 @@ class FrameChanges:
             self._later.put(job)
             raise
 
-    def carry_out_drop(self, job: str) -> None:
+    def drop_frames(self, job: str) -> None:
         """Deletes the frames of a job that is being deleted, except those that refer to blobs.
 
         If this raises FarmError, the background thread tries again later.

@@ -15,10 +15,10 @@ from protocol.explained import ExplainPixel, explained_key
 from protocol.view_parts import view_queue
 from renderer.sentences import Sentence, decoded
 from service.errors import Failed, TooLate, Unavailable
-from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
 from service.scheduling.faults.redis_errors import away
-from service.scheduling.snapshot import Board
+from service.scheduling.snapshot import SnapshotBoard
 from service.settings import Settings
 
 __all__ = ["Explaining", "no_sense"]
@@ -34,7 +34,7 @@ ASKED_AT_MOST = 2
 class Explaining:
     """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
 
-    def __init__(self, settings: Settings, board: Board) -> None:
+    def __init__(self, settings: Settings, board: SnapshotBoard) -> None:
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
         self._dispatcher = Dispatcher(settings.redis_url, self._redis)
         self._board = board
@@ -84,7 +84,7 @@ class Explaining:
                 Sentence("other-pixels-being-explained", "Other pixels are being explained. Try again in a moment."), 2.0
             )
         try:
-            unfit, queue, losses = Unfit(), view_queue(kind), 0
+            unfit, queue, losses = UnfitMachines(), view_queue(kind), 0
             while losses < ASKED_AT_MOST:
                 answer = self._asked(replace(work, message=secrets.token_hex(8)), queue)
                 if isinstance(answer, dict):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["SampleCosts"]
@@ -19,7 +19,7 @@ class SampleCosts:
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
-    def estimate(self, request: ViewRequest, kind: str, roster: Roster) -> float:
+    def estimate(self, request: ViewRequest, kind: str, roster: WorkerSnapshot) -> float:
         """Returns the measured seconds per sample, or a guess from the workers' speeds for a new scene."""
         known = self._known.get(_name(request))
         if known is not None:

@@ -23,10 +23,10 @@ from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from renderer.sentences import Sentence, stopped
 from service.events import Events
-from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
-from service.scheduling.faults.redis_errors import trouble_of
-from service.scheduling.snapshot import Board
+from service.scheduling.faults.redis_errors import redis_fault
+from service.scheduling.snapshot import SnapshotBoard
 from service.settings import Settings
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import FULL, fits_in_memory
@@ -57,7 +57,7 @@ class ViewScheduler:
     def __init__(
         self,
         settings: Settings,
-        board: Board,
+        board: SnapshotBoard,
         events: Events,
     ) -> None:
         self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
@@ -69,7 +69,7 @@ class ViewScheduler:
         self._out: dict[str, PendingMessage] = {}
         self._costs = SampleCosts()
         self._losses: Counter[str] = Counter()  # by session, since its view began
-        self._unfit = Unfit()  # by session
+        self._unfit = UnfitMachines()  # by session
         self._orders: deque[Callable[[], None]] = deque()
         self._frames = PendingFrames()
         self._shared: set[str] = set()  # kinds of workers that have other work queued
@@ -173,7 +173,7 @@ class ViewScheduler:
                 self._step()
             except (redis.RedisError, QueueError) as error:
                 for session in self._sessions.values():
-                    self._tell(session, trouble_of(error)[0])
+                    self._tell(session, redis_fault(error)[0])
                 self._stop.wait(IDLE_S)
             except Exception:
                 log.exception("the view scheduler failed")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from renderer.sentences import Sentence
 from service.events import Events, PreparationRequested
-from service.scheduling.snapshot import Board
+from service.scheduling.snapshot import SnapshotBoard
 from service.viewing.view_request import ViewRequest
 
 __all__ = ["ViewWorkers"]
@@ -13,7 +13,7 @@ __all__ = ["ViewWorkers"]
 class ViewWorkers:
     """Selects workers by their latest reports."""
 
-    def __init__(self, board: Board, events: Events) -> None:
+    def __init__(self, board: SnapshotBoard, events: Events) -> None:
         self._board = board
         self._events = events
 

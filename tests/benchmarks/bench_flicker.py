@@ -19,15 +19,15 @@ from dataclasses import replace
 import numpy as np
 
 from renderer import aovs
-from renderer.denoise import cleaned
+from renderer.denoise import denoise_with_guides
 from renderer.film import ALBEDO, COLOR, NORMAL, mean
 from renderer.render import render_frame
 from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
-from renderer.scene.shutter_merge import while_open
+from renderer.scene.shutter_merge import merge_over_shutter
 from renderer.settings import RenderSettings, View
-from renderer.temporal_denoise import REACH, Still, steadied
+from renderer.temporal_denoise import REACH, DenoisedFrame, stabilised_frame
 from renderer.vectors import motion_vectors
 from tests.renderer.builders import gray, square
 
@@ -143,17 +143,17 @@ def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescript
     return at
 
 
-def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> Still:
+def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> DenoisedFrame:
     """A frame, denoised by itself."""
     description, view = shot(frame)
     settings = RenderSettings(*size, view, seed=seed)
     sums = render_frame(compile_scene(description), settings, spp)
     exponent = settings.film_exponent
-    over = while_open(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN)
+    over = merge_over_shutter(lambda moment: shot(frame + moment.offset)[0], Moment(), BETWEEN)
     views = tuple(shot(frame + k)[1] for k in (-1, 0, 1))
     moving = replace(settings, views=views if len({*views}) > 1 else ())
-    return Still(
-        cleaned(mean(sums, exponent, COLOR), mean(sums, exponent, ALBEDO), mean(sums, exponent, NORMAL)),
+    return DenoisedFrame(
+        denoise_with_guides(mean(sums, exponent, COLOR), mean(sums, exponent, ALBEDO), mean(sums, exponent, NORMAL)),
         aovs.values(sums, exponent, "object"),
         aovs.values(sums, exponent, "material"),
         motion_vectors(compile_scene(over), moving),
@@ -165,7 +165,7 @@ def _shown(light: F32) -> F32:
     return light / (1 + light)
 
 
-def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
+def off_along(first: F32, second: F32, there: DenoisedFrame) -> tuple[F32, np.ndarray]:
     """How what is off changes on the way to the second frame, and where that can be told: within the picture, of one object."""
     height, width = first.shape[:2]
     rows, columns = np.mgrid[0:height, 0:width]
@@ -176,7 +176,7 @@ def off_along(first: F32, second: F32, there: Still) -> tuple[F32, np.ndarray]:
     return second - first[y, x], inside
 
 
-def figures(made: dict[int, F32], truth: dict[int, Still]) -> tuple[float, float]:
+def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[float, float]:
     """(error, flicker) of the judged frames."""
     whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
     off = {n: _shown(picture / whole) - _shown(truth[n].clean.color / whole) for n, picture in made.items()}
@@ -209,7 +209,7 @@ def main() -> int:
             for seeds in ("one", "each"):
                 frames = {n: still(shot, n, spp, n if seeds == "each" else 0, (width, height)) for n in whole}
                 alone = figures({n: frames[n].clean.color for n in numbers}, truth)
-                steady = figures({n: steadied(frames, n) for n in numbers}, truth)
+                steady = figures({n: stabilised_frame(frames, n) for n in numbers}, truth)
                 row = " | ".join(f"{100 * value:.2f}" for value in (alone[0], steady[0], alone[1], steady[1]))
                 print(f"| {name} | {light} | {seeds} | {row} |", flush=True)
     return 0

@@ -17,7 +17,7 @@ from blender.rayfarm_addon.scene.world import read_world
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.load import Shot, read
 from renderer.scene.object_ids import number_objects
-from renderer.scene.shutter_merge import while_open
+from renderer.scene.shutter_merge import merge_over_shutter
 from tests.blender.fake_nodes import Node as Sky
 from tests.blender.fake_nodes import linked
 
@@ -74,7 +74,7 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
         by_name = {instance.name: instance for instance in found.instances}
         np.testing.assert_allclose(by_name[f"{NAME}/hard"].transform, TO_Y_UP @ places[i], atol=1e-5)
         np.testing.assert_allclose(found.meshes[by_name[f"{NAME}/soft"].mesh].positions, keys[i], atol=1e-5)
-    moving = while_open(shot.at, Moment(64), Shutter(0.5))
+    moving = merge_over_shutter(shot.at, Moment(64), Shutter(0.5))
     assert any(instance.keys for instance in moving.instances)
 
 

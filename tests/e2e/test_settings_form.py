@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from renderer import settings
-from renderer.setting_declaration import Declared, Setting, Shown, table
+from renderer.setting_declaration import DeclaredSetting, Setting, SettingTexts, table
 from renderer.setting_docs import described
 from tests.e2e.site import call
 
@@ -31,7 +31,7 @@ TOLD = "(await import('/js/news/settings-table.js')).table.set(a.table);"
 
 def open_form(
     page: Page,
-    known: Mapping[str, Declared] = settings.SETTINGS,
+    known: Mapping[str, DeclaredSetting] = settings.SETTINGS,
     scene: Mapping[str, object] = SCENE,
     as_shot: bool = False,
 ) -> None:
@@ -56,7 +56,9 @@ class Sparkling(settings.RenderSettings):
     sparkle: Annotated[
         float,
         Setting(0.1, 2.0, off=0.0),
-        Shown("Sparkle", "How much the snow glitters.", group="lab", integrators=("path", "ao"), off="dull", phrase="glitter {}"),
+        SettingTexts(
+            "Sparkle", "How much the snow glitters.", group="lab", integrators=("path", "ao"), off="dull", phrase="glitter {}"
+        ),
     ] = 0.0
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from renderer.blender.convert import convert
-from renderer.blender.program import look_at
+from renderer.blender.program import inspect_blender
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
@@ -97,7 +97,7 @@ def test_a_process_that_is_confined_can_neither_read_write_nor_connect(made: Pat
         listening.listen()
         script.write_text(script.read_text().replace("PORT", str(listening.getsockname()[1])))
         with pytest.raises(SceneError, match=r"did \[\]"):
-            convert(look_at(str(python)), upload(made, tmp_path, "moving.blend"), "moving.blend", tmp_path, 4 << 30, 100)
+            convert(inspect_blender(str(python)), upload(made, tmp_path, "moving.blend"), "moving.blend", tmp_path, 4 << 30, 100)
 
 
 @pytest.mark.parametrize("frame", [1, 6, 12])
@@ -170,7 +170,7 @@ def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
 
 def test_the_same_file_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
     folder = upload(made, tmp_path, "moving.blend")
-    blender = look_at(str(python_with_bpy()))
+    blender = inspect_blender(str(python_with_bpy()))
     both = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()

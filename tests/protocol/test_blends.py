@@ -12,7 +12,7 @@ import pytest
 
 from protocol.blends import blender_queue
 from protocol.contract import Manifest, prepare_queue
-from renderer.blender.program import NAMED, look_at
+from renderer.blender.program import NAMED, inspect_blender
 from worker import __main__ as command
 from worker.exchange.errors import RefusedError, WorkError
 from worker.process.context import WorkerContext
@@ -31,7 +31,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
         'for name in blender-scene.yaml blender-world.exr report.json; do echo "{}" > "$out/$name"; done\n'
     )
     path.chmod(0o755)
-    look_at.cache_clear()
+    inspect_blender.cache_clear()
     monkeypatch.setenv(NAMED, str(path))
     return str(path)
 

@@ -125,4 +125,4 @@ def test_kernels_in_a_folder_that_can_only_be_read_are_loaded_and_nothing_is_wri
     with jit.compiling("absent") as is_cold:
         assert is_cold
         files.save(("other", *KEY[1:]), "code")
-    assert not jit.is_kept("absent")
+    assert not jit.is_cached("absent")

@@ -83,7 +83,7 @@ def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
 def test_a_glance_has_less_error_too(pictures):
     reference, noisy = pictures[0][0], pictures[1]
     everywhere = np.ones(reference.shape[:2], bool)
-    clean = [rmse(denoise.for_a_glance(*inputs), reference, everywhere) for inputs in noisy]
+    clean = [rmse(denoise.denoise_preview(*inputs), reference, everywhere) for inputs in noisy]
     ratios = np.log(clean) - np.log([rmse(inputs[0], reference, everywhere) for inputs in noisy])
     assert ratios.mean() + 3 * ratios.std(ddof=1) / np.sqrt(len(ratios)) < 0, ratios
 
@@ -114,4 +114,4 @@ def test_a_missing_library_is_a_sentence(monkeypatch):
     black = np.zeros((3, 5, 3), np.float32)
     with pytest.raises(SettingsError, match="pip install"):
         denoise.denoise(black, black, black)
-    assert denoise.for_a_glance(black, black, black) is black
+    assert denoise.denoise_preview(black, black, black) is black

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renderer.jit import device, entry, out_of_line, subroutine
+from renderer.jit import device, entry, never_inline, subroutine
 
 
 @device
@@ -17,7 +17,7 @@ def _merged(x):
 
 @subroutine
 def _apart_from_all(values):
-    out_of_line()
+    never_inline()
     total = 0.0
     for i in range(len(values)):
         total += _merged(values[i])
@@ -26,7 +26,7 @@ def _apart_from_all(values):
 
 @subroutine
 def _between(values):
-    out_of_line()
+    never_inline()
     return _apart_from_all(values) + 1.0
 
 

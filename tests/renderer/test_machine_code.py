@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from renderer import machine_code
-from renderer.machine_code import noted
+from renderer.machine_code import collect_cache_files
 
 KEY = (("int64", "float32"), ("x86-64", "v3"), ("ab", "cd"))
 
@@ -48,7 +48,7 @@ def test_where_there_is_no_room_nothing_is_kept(tmp_path: Path) -> None:
 
 def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
     files.save(KEY, 1)
-    with noted() as paths:
+    with collect_cache_files() as paths:
         assert paths == set()
         files.load(KEY)
         files.load((("nobody",), *KEY[1:]))
@@ -62,7 +62,7 @@ def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
 
 def test_what_kernels_are_made_of_is_not_noted(tmp_path: Path) -> None:
     files = machine_code._Files(tmp_path, "walk.walk-1.py311", "stamp", is_kernel=False)
-    with noted() as paths:
+    with collect_cache_files() as paths:
         files.save(KEY, 1)
         assert files.load(KEY) == 1
     assert paths == set()

@@ -17,7 +17,7 @@ from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load, save
 from renderer.scene.description import Camera, Environment, Image, Instance, Light, Material, SceneDescription, Sphere, Texture
-from renderer.scene.shutter_merge import while_open
+from renderer.scene.shutter_merge import merge_over_shutter
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.grids import grid
 from tests.renderer.builders import gray, icosphere, square
@@ -40,7 +40,7 @@ def described(**things) -> SceneDescription:
 
 
 def over(at: At, shutter: Shutter = OPEN) -> SceneDescription:
-    return while_open(lambda moment: at(moment.offset), Moment(), shutter)
+    return merge_over_shutter(lambda moment: at(moment.offset), Moment(), shutter)
 
 
 def turned(angle: float, place: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:

@@ -36,7 +36,7 @@ class TypedError(Exception):
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
-class TellCalls(FunctionPass):
+class RecordCalls(FunctionPass):
     """Records the called functions and their argument types."""
 
     _name = "tell_calls"
@@ -49,14 +49,14 @@ class TellCalls(FunctionPass):
         called = (
             (state.typemap[e.func.name], s) for e, s in state.calltypes.items() if isinstance(e, ir.Expr) and e.op == "call"
         )
-        TellCalls.calls = frozenset((f.dispatcher.__name__, str(s.args)) for f, s in called if isinstance(f, types.Dispatcher))
+        RecordCalls.calls = frozenset((f.dispatcher.__name__, str(s.args)) for f, s in called if isinstance(f, types.Dispatcher))
         raise TypedError
 
 
 class Typed(Compiler):
     def define_pipelines(self) -> list[Any]:
         (steps,) = super().define_pipelines()
-        steps.add_pass_after(TellCalls, NopythonTypeInference)
+        steps.add_pass_after(RecordCalls, NopythonTypeInference)
         steps.finalize()
         return [steps]
 
@@ -66,7 +66,7 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
     fresh = KernelDispatcher(function.py_func, targetoptions=options, pipeline_class=Typed)
     with pytest.raises(TypedError):
         fresh.compile(arguments)
-    return TellCalls.calls
+    return RecordCalls.calls
 
 
 @pytest.mark.long

@@ -43,7 +43,7 @@ def test_a_first_scene_compiles_nothing_by_itself(name: str) -> None:
 @pytest.mark.parametrize("has_full", [True, False])
 def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.MonkeyPatch, has_full: bool) -> None:
     done: list[str] = []
-    monkeypatch.setattr(jit, "is_kept", lambda name: has_full and name == kernel_name(edition=FULL))
+    monkeypatch.setattr(jit, "is_cached", lambda name: has_full and name == kernel_name(edition=FULL))
     monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
     load_preparing()
     assert done == ["all"] * has_full

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import typeof
 
-from renderer.jit import entry, out_of_line, subroutine
+from renderer.jit import entry, never_inline, subroutine
 from renderer.reference import Reference, by_reference
 
 
@@ -34,7 +34,7 @@ class Renamed(NamedTuple):
 
 @subroutine
 def _sum_of(inner):
-    out_of_line()
+    never_inline()
     total = 0.0
     for i in range(inner.numbers.shape[0]):
         for k in range(inner.numbers.shape[1]):
@@ -44,7 +44,7 @@ def _sum_of(inner):
 
 @subroutine
 def _read(outer, out):
-    out_of_line()
+    never_inline()
     out[0] = len(outer.first) + outer.first[2]
     out[1] = _sum_of(outer.inner)
     out[2] = outer.point[1]

@@ -12,7 +12,7 @@ from renderer.scene.description import EmissionMap, Light
 from renderer.scene.emission_maps import emission_frames, flux_of, tabulate_emission
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.readers.ies import read_ies
-from renderer.scene.readers.light_maps import all_around, thrown
+from renderer.scene.readers.light_maps import all_around, projected_map
 from tests.renderer.builders import gray, scene
 from tests.renderer.scene.ies_files import ies, looked_up
 from tests.renderer.test_punctual import FLOOR, WHITE, assert_irradiance, irradiance
@@ -58,7 +58,7 @@ def test_a_profile_lies_in_the_frame_of_its_light():
 def test_a_picture_is_thrown_upright(kind):
     """An image of four colours is projected upright onto a floor: red at the upper left, for a viewer with -Z up."""
     pixels = np.array([[[4, 0, 0], [0, 3, 0]], [[0, 0, 2], [1, 1, 1]]], np.float32).repeat(64, axis=0).repeat(64, axis=1)
-    lamp = Light("point", gray(5.0), (0, 2, 0), (0, -1, 0), emission=thrown(pixels, 1.0, 0.5, kind), up=(0, 0, -1))
+    lamp = Light("point", gray(5.0), (0, 2, 0), (0, -1, 0), emission=projected_map(pixels, 1.0, 0.5, kind), up=(0, 0, -1))
     for x, z, color in ((-0.5, -0.25, (4, 0, 0)), (0.5, -0.25, (0, 3, 0)), (-0.7, 0.3, (0, 0, 2)), (0.3, 0.4, (1, 1, 1))):
         cosine = 1 / math.sqrt(1 + x * x + z * z)
         expected = 5.0 * np.array(color) / 4 * (cosine**3 if kind == "window" else 1.0)
@@ -80,7 +80,7 @@ def test_a_picture_all_around_is_seen_upright_from_the_light():
 
 
 def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
-    picture = thrown(np.full((4, 4, 3), 2.0, np.float32), 2.0, 2.0)
+    picture = projected_map(np.full((4, 4, 3), 2.0, np.float32), 2.0, 2.0)
     lamp = Light("spot", gray(3.0), (0, 1, 0), (0, -1, 0), inner_cone=29.9, outer_cone=30.0, emission=picture)
     assert_irradiance(irradiance(lamp), 6.0)
     assert_irradiance(irradiance(lamp, at=(math.tan(math.radians(31)), 0, 0)), 0.0)
@@ -112,8 +112,11 @@ def test_lights_are_chosen_by_what_their_maps_send():
 @pytest.mark.parametrize(
     ("emission", "expected"),
     [
-        (thrown(np.ones((8, 8, 3), np.float32), 1.0, 1.0), 4 * math.asin(1 / 2)),  # of a pyramid of 90 degrees: a sixth of all
-        (thrown(np.ones((9, 5, 3), np.float32), 0.5, 2.0, "screen"), 4.0),  # irradiance by area
+        (
+            projected_map(np.ones((8, 8, 3), np.float32), 1.0, 1.0),
+            4 * math.asin(1 / 2),
+        ),  # of a pyramid of 90 degrees: a sixth of all
+        (projected_map(np.ones((9, 5, 3), np.float32), 0.5, 2.0, "screen"), 4.0),  # irradiance by area
         (all_around(np.ones((16, 32, 3), np.float32)), 4 * math.pi),
     ],
 )
@@ -125,7 +128,12 @@ def test_flux_is_what_is_looked_up():
     """The flux equals the mean of the map over random directions, to four standard errors."""
     local = RANDOM.normal(size=(200_000, 3))
     picture = RANDOM.random((7, 5, 3), np.float32)
-    for emission in (WEB.emission, thrown(picture, 1.5, 0.7), thrown(picture, 0.8, 1.2, "screen"), all_around(picture)):
+    for emission in (
+        WEB.emission,
+        projected_map(picture, 1.5, 0.7),
+        projected_map(picture, 0.8, 1.2, "screen"),
+        all_around(picture),
+    ):
         found = looked_up(emission, local).astype(float) * 4 * math.pi
         error = found.std(axis=0) / math.sqrt(len(local))
         assert (np.abs(found.mean(axis=0) - flux_of(emission)) < 4.5 * error + 2e-3 * flux_of(emission)).all()

@@ -60,7 +60,7 @@ def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pyt
         raise InterruptedError
 
     monkeypatch.setattr(render, "take_shipped", stop)
-    monkeypatch.setattr(render.jit, "is_kept", lambda name: False)
+    monkeypatch.setattr(render.jit, "is_cached", lambda name: False)
     with pytest.raises(InterruptedError):
         render.warm_up()
     assert taken == [jit.cache_folder()]
@@ -75,7 +75,7 @@ def test_an_unknown_kernel_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     ran: list[tuple[str, ...]] = []
     monkeypatch.setattr(precompile, "_beside", lambda *job: ran.append(job))
-    monkeypatch.setattr(precompile.jit, "is_kept", lambda name: False)
+    monkeypatch.setattr(precompile.jit, "is_cached", lambda name: False)
     monkeypatch.setattr(precompile, "take_shipped", lambda cache: None)
     precompile.main(["--kernels", "plain,full"])
     assert sorted(ran) == [("full",), ("full", "--prepares"), ("plain",), ("plain", "--prepares"), ("preparing",)]

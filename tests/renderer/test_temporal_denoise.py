@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.denoise import Clean
-from renderer.temporal_denoise import Still, steadied
+from renderer.denoise import DenoisedPicture
+from renderer.temporal_denoise import DenoisedFrame, stabilised_frame
 
 SHAPE = (24, 32)
 RANDOM = np.random.default_rng(7)
@@ -13,7 +13,9 @@ TRUTH = 0.4
 NOISE = 0.02
 
 
-def frame(shift: float = 0.0, color: np.ndarray | None = None, albedo: np.ndarray | None = None, object: float = 1.0) -> Still:
+def frame(
+    shift: float = 0.0, color: np.ndarray | None = None, albedo: np.ndarray | None = None, object: float = 1.0
+) -> DenoisedFrame:
     """Returns a frame of a uniformly lit wall with noise, which moves by `shift` pixels to the right per frame."""
     up = np.zeros((*SHAPE, 3), np.float32)
     up[..., 1] = 1.0
@@ -21,7 +23,9 @@ def frame(shift: float = 0.0, color: np.ndarray | None = None, albedo: np.ndarra
     light = TRUTH * (1 + NOISE * RANDOM.standard_normal((*SHAPE, 1))) if color is None else color
     vectors = np.zeros((*SHAPE, 4), np.float32)
     vectors[..., [0, 2]] = -shift
-    return Still(Clean((light * surface).astype(np.float32), surface, up), np.full(SHAPE, object), np.ones(SHAPE), vectors)
+    return DenoisedFrame(
+        DenoisedPicture((light * surface).astype(np.float32), surface, up), np.full(SHAPE, object), np.ones(SHAPE), vectors
+    )
 
 
 def off(picture: np.ndarray) -> float:
@@ -32,12 +36,12 @@ def off(picture: np.ndarray) -> float:
 def test_five_guesses_are_better_than_one() -> None:
     frames = {n: frame() for n in range(5)}
     expected = NOISE / np.sqrt(5)
-    assert abs(off(steadied(frames, 2)) / expected - 1) < 0.1
+    assert abs(off(stabilised_frame(frames, 2)) / expected - 1) < 0.1
     moving = {n: frame(shift=1.5) for n in range(5)}
-    assert off(steadied(moving, 2)) < NOISE / 2
-    apart = np.abs(steadied(frames, 2) - steadied({n: frames[n] for n in (1, 2, 3)}, 2)).mean()
+    assert off(stabilised_frame(moving, 2)) < NOISE / 2
+    apart = np.abs(stabilised_frame(frames, 2) - stabilised_frame({n: frames[n] for n in (1, 2, 3)}, 2)).mean()
     assert apart > 0
-    np.testing.assert_array_equal(steadied({n: frames[n] for n in (0, 2, 4)}, 2), frames[2].clean.color)
+    np.testing.assert_array_equal(stabilised_frame({n: frames[n] for n in (0, 2, 4)}, 2), frames[2].clean.color)
 
 
 def test_a_texture_that_moves_stays_sharp() -> None:
@@ -48,7 +52,7 @@ def test_a_texture_that_moves_stays_sharp() -> None:
             sides = (np.where((columns - way(shift * n)) % 4 < 2, 0.8, 0.2) for way in (np.floor, np.ceil))
             stripes = np.broadcast_to(sum(sides)[None, :, None] / 2, (*SHAPE, 3))
             frames[n] = frame(shift, albedo=stripes.astype(np.float32))
-        made = steadied(frames, 2)
+        made = stabilised_frame(frames, 2)
         assert (np.abs(made / frames[2].clean.albedo / TRUTH - 1)[:, 4:-4] < 4 * NOISE).all()
 
 
@@ -60,11 +64,11 @@ def test_other_things_and_other_light_do_not_count() -> None:
         here._replace(clean=here.clean._replace(color=3 * here.clean.color, normal=-here.clean.normal)),
         here._replace(motion=here.motion + 1, clean=here.clean._replace(color=1.05 * here.clean.color)),
     ):
-        np.testing.assert_allclose(steadied({0: other, 1: here, 2: other}, 1), here.clean.color, rtol=1e-6)
+        np.testing.assert_allclose(stabilised_frame({0: other, 1: here, 2: other}, 1), here.clean.color, rtol=1e-6)
 
 
 def test_a_moving_shadow_keeps_its_edge() -> None:
     columns = np.arange(SHAPE[1])
     shadows = {n: np.where(columns < 10 + 2 * n, 0.2, 1.0)[None, :, None] * TRUTH for n in range(5)}
     frames = {n: frame(color=np.broadcast_to(shadow, (*SHAPE, 1))) for n, shadow in shadows.items()}
-    np.testing.assert_allclose(steadied(frames, 2), frames[2].clean.color, rtol=1e-4)
+    np.testing.assert_allclose(stabilised_frame(frames, 2), frames[2].clean.color, rtol=1e-4)

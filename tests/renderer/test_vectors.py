@@ -14,7 +14,7 @@ from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.load import Shot
-from renderer.scene.shutter_merge import while_open
+from renderer.scene.shutter_merge import merge_over_shutter
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
 from tests.grids import grid
@@ -105,7 +105,7 @@ def settings_of(views: list[View]) -> RenderSettings:
 
 
 def over(at: Callable[[float], SceneDescription]) -> SceneDescription:
-    return while_open(lambda moment: at(moment.offset), Moment(), BETWEEN)
+    return merge_over_shutter(lambda moment: at(moment.offset), Moment(), BETWEEN)
 
 
 def described(**things) -> SceneDescription:

@@ -12,7 +12,7 @@ import pytest
 
 from telemetry.log_lines import JsonLines, about, ids
 from tests.helpers import ROOT
-from worker.telemetry.task_context import named, told_about
+from worker.telemetry.task_context import named, traced_task
 
 
 def line(record: logging.LogRecord) -> dict[str, Any]:
@@ -60,8 +60,8 @@ def test_a_task_is_about_what_its_message_names() -> None:
     def task(self: object, message: Any) -> None:
         seen.append(line(record("here")))
 
-    told_about(task, "x")(None, batch={"batch": "b", "job": "j", "frame": 4, "tile": [0, 0, 8, 8]})
-    told_about(task, "x")(None, scene="s")
+    traced_task(task, "x")(None, batch={"batch": "b", "job": "j", "frame": 4, "tile": [0, 0, 8, 8]})
+    traced_task(task, "x")(None, scene="s")
     assert (seen[0]["batch"], seen[0]["job"], seen[0]["frame"]) == ("b", "j", 4)
     assert seen[1]["scene"] == "s"
     assert named({"job": ["of", "another", "release"], "watch": "v"}) == {"view": "v"}

@@ -32,7 +32,7 @@ STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel 
 
 def get_ready_ahead(link: Link) -> None:
     """Starts the process, unless this machine has the kernel. The process ends with this one."""
-    if jit.is_kept(kernel_name(edition=FULL)):
+    if jit.is_cached(kernel_name(edition=FULL)):
         return
     guard = spawn_guard()
 

@@ -22,7 +22,7 @@ from renderer.scene.compile import AUTO_CAMERA, compile_scene, own_cameras, summ
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import Saver
 from renderer.scene.description import SceneDescription
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot
 from renderer.scene.scene_equality import compiles_alike
 from renderer.settings import View, chosen
@@ -74,7 +74,7 @@ class Stage:
         self._shot = shot
         self._work = work
         self._base = base
-        self._kept = Kept()
+        self._kept = ShotCache()
         self._saver = Saver(out)
         self._out = out
         # Each moment has a separate folder: an equal moment may be written while these files are being deleted.
@@ -111,7 +111,7 @@ class Stage:
             return read, *self._last[1:]
         untouched = _untouched(read)
         self._last = None
-        kept, self._kept = self._kept, Kept()  # discard the cache if compiling fails
+        kept, self._kept = self._kept, ShotCache()  # discard the cache if compiling fails
         compiled = compile_scene(read, kept=kept)
         assert kept.cuts is not None
         room = next(self._rooms)

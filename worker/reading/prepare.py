@@ -16,7 +16,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import Saver
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot
 from renderer.sentences import Sentence
 from renderer.settings import RenderSettings, Tile, View
@@ -39,7 +39,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     progress("reading", 0.05)
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
     description = shot.at(Moment(shot.start))
-    kept = Kept()
+    kept = ShotCache()
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)
     summary["lights_power"] = kept.lights_power
@@ -64,4 +64,4 @@ def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Lin
     render_batch(compiled, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel before timing starts
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     albedo, normal = (values(sums, settings.film_exponent, name) for name in ("albedo", "normal"))
-    path.write_bytes(encode.encode(denoise.for_a_glance(mean(sums, settings.film_exponent), albedo, normal), "png"))
+    path.write_bytes(encode.encode(denoise.denoise_preview(mean(sums, settings.film_exponent), albedo, normal), "png"))

@@ -11,7 +11,7 @@ from typing import Any
 from telemetry import tracing
 from telemetry.log_lines import about
 
-__all__ = ["Steps", "named", "told_about"]
+__all__ = ["Steps", "named", "traced_task"]
 
 # What messages call it, and what lines do.
 NAMES = {"job": "job", "batch": "batch", "frame": "frame", "scene": "scene", "work": "work", "watch": "view"}
@@ -43,7 +43,7 @@ class Steps:
             self._name, self._begun = name, time.time()
 
 
-def told_about(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
+def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
     """Wraps a task (its argument is one message, by name) with its ids in log lines and its span.
 
     The span's parent comes with Celery's message; without one there is no span. span: empty if batches have their own.

@@ -24,7 +24,7 @@ from worker.process.context import WorkerContext
 from worker.work.frames import see_frame
 from worker.work.render import mapped_scene
 
-__all__ = ["explain_pixel", "say", "told"]
+__all__ = ["explain_pixel", "explanation_json", "say"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
@@ -57,7 +57,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             get_ready(worker.link, work.settings, edition)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
-        say(worker, work.message, "done", explained=told(scene, found))
+        say(worker, work.message, "done", explained=explanation_json(scene, found))
     except (UnfitError, MachineError) as error:
         say(worker, work.message, "returned", error=str(error), unfit=True)
     except Trouble as error:
@@ -110,7 +110,7 @@ def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
     return patiently(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
 
 
-def told(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
+def explanation_json(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
     """An explanation as JSON; non-finite numbers become null."""
     paths = [_path(scene, path) for path in found.paths]
     return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}

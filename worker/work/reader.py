@@ -134,7 +134,7 @@ class Room:
             "that this worker grants one scene",
             Sentence("make-smaller-split", "Make it smaller, or split it into several."),
         )
-        more = [_ALL_PREPARING] if jit.is_kept(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
+        more = [_ALL_PREPARING] if jit.is_cached(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
         with as_of_worker():
             return running.Reader(

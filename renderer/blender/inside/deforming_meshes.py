@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["Bending", "without_bones"]
+__all__ = ["DeformedShapes", "without_bones"]
 
 NEAR = 1e-5  # relative to a coordinate: smaller differences are rounding errors
 MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file, and a microsecond or two to write
 
 
-class Bending:
+class DeformedShapes:
     """The shapes of modifier-deformed meshes at each frame, except for armatures, which become skins.
 
     left: names of meshes that stay static because the data would be too large.

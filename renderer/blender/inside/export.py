@@ -33,7 +33,7 @@ MOST_FILES = 20_000
 LEAST = (4, 2)
 
 
-class Came:
+class UploadedFiles:
     """The uploaded files of a scene, and copies of the .blend files among them."""
 
     def __init__(self, folder: Path, copies: Path) -> None:
@@ -90,7 +90,7 @@ class Came:
 def copied(job: dict[str, Any]) -> Path:
     """Copies the scene's .blend file, and all other .blend files, with safe paths; returns the main copy for Blender to open."""
     folder, copies = Path(job["folder"]).resolve(), Path(job["out"]).resolve() / COPIES
-    came = Came(folder, copies)
+    came = UploadedFiles(folder, copies)
     left = int(job["most_bytes"])
     for name in dict.fromkeys((job["main"], *came.blends())):
         target = copies / name

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from .keys import animated_paths
 
-__all__ = ["Thrown", "is_thrown", "moves", "photographed"]
+__all__ = ["EmissionImage", "is_thrown", "moves", "photographed"]
 
 WIDE = 120.0  # degrees: cones up to this are rendered by a perspective camera
 SIDE, AROUND = 512, 1024  # pixels: side of a perspective image, and width of a panorama
@@ -22,7 +22,7 @@ FINE = (256, 128)  # faces of the sphere: around, and from pole to pole
 FALLING = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on the distance or the kind of ray
 
 
-class Thrown(NamedTuple):
+class EmissionImage(NamedTuple):
     """A linear image beside the scene file, that multiplies the light's emission without its nodes."""
 
     file: str
@@ -36,7 +36,7 @@ def is_thrown(bpy: Any, data: Any) -> bool:
     return not any(node.type in FALLING for node in _nodes(data.node_tree))
 
 
-def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> Thrown:
+def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
     """Writes the emission image of a light object into a folder."""
     is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
     sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
@@ -46,7 +46,7 @@ def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> Thrown:
         studio.take(out / name, width, width if is_window else width // 2)
     finally:
         studio.close()
-    return Thrown(name, is_window)
+    return EmissionImage(name, is_window)
 
 
 def moves(data: Any) -> bool:

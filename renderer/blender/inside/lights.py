@@ -9,7 +9,7 @@ from typing import Any
 
 from .cameras import to_ours
 from .keys import keyed
-from .light_profiles import Thrown, is_thrown, moves, photographed
+from .light_profiles import EmissionImage, is_thrown, moves, photographed
 
 __all__ = ["Lights", "is_linked_to_lights"]
 
@@ -36,14 +36,14 @@ class Lights:
         lights = [thing for thing in scene.objects if thing.type == "LIGHT" and not thing.hide_render]
         self._all = sorted((thing for thing in lights if not _is_portal(thing.data)), key=lambda thing: thing.name)
         self._turns: dict[str, Any] = {}
-        self._thrown: dict[str, Thrown] = {}
+        self._thrown: dict[str, EmissionImage] = {}
         self._throw(out)
         for thing in lights:
             self._note(thing, notes)
 
     def _throw(self, out: Path) -> None:
         """Renders the emission images, one for each light data block."""
-        taken: dict[str, Thrown] = {}
+        taken: dict[str, EmissionImage] = {}
         for thing in self._all:
             data = thing.data
             is_odd = self._known is not None and data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None
@@ -186,7 +186,7 @@ def _is_portal(data: Any) -> bool:
     return data.type == "AREA" and bool(getattr(getattr(data, "cycles", None), "is_portal", False))
 
 
-def _kind(thing: Any, thrown: Thrown | None) -> dict[str, Any]:
+def _kind(thing: Any, thrown: EmissionImage | None) -> dict[str, Any]:
     data = thing.data
     if data.type == "SUN":
         seen = {"seen": "always" if getattr(thing, "visible_camera", True) else "mirrored"} if data.angle > 0 else {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .deforming_meshes import Bending, without_bones
+from .deforming_meshes import DeformedShapes, without_bones
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
 
@@ -142,7 +142,7 @@ def _modifiers(bpy: Any, scene: Any, shown: set[str], frames: list[int], exposed
     Shape keys prevent other modifiers from being applied, and replace those that deform a mesh over time.
     """
     keyed = []
-    bending = Bending(bpy, scene, shown, exposed if len(frames) > 1 else frames)
+    bending = DeformedShapes(bpy, scene, shown, exposed if len(frames) > 1 else frames)
     scene.frame_set(frames[0])
     for name in sorted(shown):
         thing = scene.objects[name]

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import out_of_line, subroutine
+from renderer.jit import never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import erf, erf_inverse, exp
 
@@ -81,7 +81,7 @@ def _visible_slope(tangent, u):
 @subroutine
 def sample_visible_beckmann(wo, alpha_x, alpha_y, u):
     """Samples a microfacet normal (unit, local) from the distribution of normals visible from wo; u: two numbers in [0, 1)."""
-    out_of_line()
+    never_inline()
     v = (wo[0] * alpha_x, wo[1] * alpha_y, wo[2])
     sine = math.sqrt(v[0] * v[0] + v[1] * v[1])
     cosine, turn = (v[0] / sine, v[1] / sine) if sine > _ZERO else (_ONE, _ZERO)

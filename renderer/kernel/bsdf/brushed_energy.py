@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.albedo_tables import BRUSHED_NODES, table_path
 from renderer.kernel.bsdf.energy import ggx_albedo, ggx_mean_albedo
 from renderer.kernel.fetch import columns
@@ -71,7 +71,7 @@ def _is_tabled(beckmann, alpha_x, alpha_y):
 
 @subroutine
 def _lookup(first, w, alpha_x, alpha_y):
-    out_of_line()
+    never_inline()
     sine2 = w[0] * w[0] + w[1] * w[1]
     x, y = alpha_x * w[0], alpha_y * w[1]
     alpha = where(sine2 > _ZERO, math.sqrt((x * x + y * y) / sine2), alpha_x)
@@ -91,7 +91,7 @@ def _lookup(first, w, alpha_x, alpha_y):
 
 @subroutine
 def _mean_lookup(first, alpha_x, alpha_y):
-    out_of_line()
+    never_inline()
     i, r = _node(math.sqrt(alpha_x), _LAST_ROUGHNESS)
     j, q = _node(math.sqrt(alpha_y / alpha_x), _LAST_RATIO)
     a = b = nil(r)

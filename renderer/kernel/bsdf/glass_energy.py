@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.albedo_tables import GLASS_SIZE, MOST_BEND, table_path
 
 __all__ = ["glass_albedo", "glass_mean_albedo"]
@@ -58,7 +58,7 @@ def glass_albedo(beckmann, cosine, roughness, eta):
 
     eta: index beyond the boundary over index on this side.
     """
-    out_of_line()
+    never_inline()
     k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * _LAST)
@@ -68,7 +68,7 @@ def glass_albedo(beckmann, cosine, roughness, eta):
 @subroutine
 def glass_mean_albedo(beckmann, roughness, eta):
     """Returns the mean of `glass_albedo` over the cosine-weighted hemisphere."""
-    out_of_line()
+    never_inline()
     k, r = _plane_of(beckmann, eta)
     i, s = _node(roughness * _LAST)
     here = _mix(_TABLE[k, GLASS_SIZE, i], _TABLE[k, GLASS_SIZE, i + 1], s)

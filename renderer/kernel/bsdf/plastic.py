@@ -19,7 +19,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.arrays.rows import ALPHA_X, HAS_BECKMANN, HAS_NONLINEAR
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.albedo_tables import COAT_NODES, MOST_BEND, table_path
 from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visible_facet
@@ -72,7 +72,7 @@ def _at(k, r, i, s, j):
 @subroutine
 def _passing(m, cosine):
     """Returns T: the share of light from outside that the facets transmit."""
-    out_of_line()
+    never_inline()
     k, r, i, s = _place(m)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * np.float32(_COSINES - 1), _COSINES)
     return _mix(_at(k, r, i, s, j), _at(k, r, i, s, j + 1), t)

@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from renderer.bvh.motion import step_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.polynomial import atan2, floor
@@ -40,7 +40,7 @@ def emission_towards(scene, number, p, w):
 
     p: in world space. w: unit direction from p to the sampled point of the light.
     """
-    out_of_line()
+    never_inline()
     frame = row(scene.emission_frame, number, 4)
     light = columns(scene.punctual, number, 12, 0, 10)
     return _emission(scene, frame, light[0:3], light[3:6], light[9], p, w)
@@ -49,7 +49,7 @@ def emission_towards(scene, number, p, w):
 @subroutine
 def moving_emission_towards(scene, number, p, w, time):
     """Returns `emission_towards` at the shutter time `time`, 0 ... 1."""
-    out_of_line()
+    never_inline()
     count = len(scene.key_punctual) // len(scene.punctual)
     step, share = step_at(time, count)
     key = number * count + step

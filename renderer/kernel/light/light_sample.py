@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.material.material import emission, opacity
 from renderer.wide.values import any_of, as_wide, nil, not_, where, where3
 
-__all__ = ["LightSample", "either", "emitted", "if_found", "nothing"]
+__all__ = ["LightSample", "emitted", "empty_light_sample", "if_found", "select_light_sample"]
 
 _ONE = np.float32(1.0)
 
@@ -30,7 +30,7 @@ class LightSample(NamedTuple):
 
 
 @device
-def nothing(p):
+def empty_light_sample(p):
     """Returns an empty sample, with pdf 0, in the lane type of p."""
     zero, one = nil(p[0]), as_wide(_ONE, p[0])
     black = zero, zero, zero
@@ -38,7 +38,7 @@ def nothing(p):
 
 
 @device
-def either(choice, a, b):
+def select_light_sample(choice, a, b):
     """Returns sample a where `choice` is true, else b, lane by lane."""
     return LightSample(
         where3(choice, a.direction, b.direction),
@@ -53,7 +53,7 @@ def either(choice, a, b):
 def if_found(found, sample, p):
     """Returns the sample where `found` is true, else an empty one; does nothing when all lanes have found one."""
     if any_of(not_(found)):
-        sample = either(found, sample, nothing(p))
+        sample = select_light_sample(found, sample, empty_light_sample(p))
     return sample
 
 

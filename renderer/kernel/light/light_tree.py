@@ -42,7 +42,7 @@ from renderer.bvh.simd import (
     splat,
     sqrt,
 )
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.wide.inverse_root import inverse_root
 
 __all__ = ["choose_from_tree", "descend", "tree_chance"]
@@ -147,7 +147,7 @@ def choose_from_tree(node, p, n, choice):
 
     The probability is 0 if the descent reaches a node none of whose children illuminates p.
     """
-    out_of_line()
+    never_inline()
     chance = _ONE
     base = np.uintp(0)
     while True:
@@ -161,7 +161,7 @@ def choose_from_tree(node, p, n, choice):
 @subroutine
 def tree_chance(node, p, n, light):
     """Returns the probability with which `choose_from_tree` picks `light`, with the same rounding."""
-    out_of_line()
+    never_inline()
     chance = _ONE
     base = np.uintp(0)
     while True:

@@ -18,7 +18,7 @@ from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.light.emission_map import emission_towards, moving_emission_towards
 from renderer.kernel.light.environment import choose, environment_light, environment_radiance, sample_environment
-from renderer.kernel.light.light_sample import LightSample, either, emitted, if_found, nothing
+from renderer.kernel.light.light_sample import LightSample, emitted, empty_light_sample, if_found, select_light_sample
 from renderer.kernel.light.light_tree import choose_from_tree, tree_chance
 from renderer.kernel.light.parallelogram import on_parallelogram, on_parallelogram_pdf
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN, moving_sun, sample_moving_punctual, sample_punctual
@@ -135,28 +135,28 @@ def sample_one_light(scene, light, p, n, u, time=None):
     primitive = u32(lookup(scene.light_primitive, light))
     beyond = u32(primitive - np.uint32(len(scene.triangle)))  # wraps to a large number for triangles
     is_triangle, is_sphere = primitive < np.uint32(len(scene.triangle)), beyond < np.uint32(len(scene.sphere))
-    sample = nothing(p)
+    sample = empty_light_sample(p)
     if any_of(is_triangle):
         area, number = lookup(scene.light_area, light), where(is_triangle, primitive, _FIRST)
         paired = _is_parallelogram(scene, light)
         if any_of(paired):
             sample = if_found(paired, _sample_parallelogram(scene, light, number, area, p, n, u, time), p)
         if any_of(is_triangle & not_(paired)):
-            sample = either(paired, sample, _sample_triangle(scene, number, area, p, u, time))
+            sample = select_light_sample(paired, sample, _sample_triangle(scene, number, area, p, u, time))
     if any_of(is_sphere):
         number = where(is_sphere, beyond, _FIRST)
         facing = is_sphere & faces_viewer(scene, number)
         if any_of(is_sphere & not_(facing)):
-            sample = either(is_sphere, sample_sphere(scene, number, p, u, time), sample)
+            sample = select_light_sample(is_sphere, sample_sphere(scene, number, p, u, time), sample)
         if any_of(facing):
-            sample = either(facing, sample_facing(scene, number, p, u, time), sample)
+            sample = select_light_sample(facing, sample_facing(scene, number, p, u, time), sample)
     if scene.has.lights is not None:
         alone = not_(is_triangle | is_sphere)
         if any_of(alone):
             number = u32(beyond - np.uint32(len(scene.sphere)))
             w, end, radiance, density = _sample_alone(scene, number, alone, p, u, time)
             met = u32(lookup(scene.punctual_kind, where(alone, number, _FIRST))) >= _SUN
-            sample = either(alone, LightSample(w, end, radiance, density, alone & not_(met)), sample)
+            sample = select_light_sample(alone, LightSample(w, end, radiance, density, alone & not_(met)), sample)
     return sample
 
 
@@ -231,14 +231,14 @@ def sample_chosen(scene, p, n, choice, u, light, chance, time):
     environment_chance = scene.environment_frame[3]
     from_far = choice < environment_chance
     nearby = not_(from_far)
-    sample = nothing(p)
+    sample = empty_light_sample(p)
     if any_of(from_far):
         w, pdf = sample_environment(scene, choice / environment_chance, u)
         radiance = environment_radiance(scene.environment, scene.environment_frame, w)
         end = vec.add(p, vec.scale(w, FAR))
         sample = LightSample(w, end, radiance, pdf * environment_chance, as_wide(False, choice))
     if any_of(nearby):
-        sample = either(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)
+        sample = select_light_sample(nearby, _sample_nearby(scene, p, n, u, light, chance, nearby, time), sample)
     return sample
 
 
@@ -248,7 +248,7 @@ def _sample_nearby(scene, p, n, u, light, chance, wanted, time):
 
     The pdf includes the probability of the choice.
     """
-    sample = nothing(p)
+    sample = empty_light_sample(p)
     if len(scene.light_primitive) > 0 and any_of(wanted & (chance != _ZERO)):
         found = sample_one_light(scene, light, p, n, u, time)
         pdf = found.pdf * (_ONE - scene.environment_frame[3]) * chance

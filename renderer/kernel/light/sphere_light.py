@@ -17,7 +17,7 @@ from renderer.kernel.surface.shapes import ball_at
 from renderer.kernel.surface.surface import sphere_uv
 from renderer.wide.values import any_of, as_wide, lookup, nil, not_, u32, where, where3
 
-__all__ = ["faces_viewer", "met_from_front", "sample_facing", "sample_sphere", "sphere_light_pdf"]
+__all__ = ["faces_viewer", "hits_emitting_side", "sample_facing", "sample_sphere", "sphere_light_pdf"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -128,7 +128,7 @@ def sample_facing(scene, number, p, u, time):
 
 
 @device
-def met_from_front(scene, light, p, w, front, time):
+def hits_emitting_side(scene, light, p, w, front, time):
     """Whether a ray from the vertex p in direction w that hit a light hit its emitting side.
 
     front: whether it hit the front side. For a sphere that acts as a facing disk the ray must pass through the disk; only one of

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import eval_material, sample_material
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
@@ -120,7 +120,7 @@ def mixture_bounce(scene, p, frame, material, wo, choose, u):
     The pdf is 0, so that emission that is hit counts fully. p: the point; frame: its shading frame (s, t, n). Discrete directions
     come only from the material's half.
     """
-    out_of_line()
+    never_inline()
     s, q, n = frame
     count = len(scene.guide)
     if count == 0:

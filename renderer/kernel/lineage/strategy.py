@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.lineage.mixture import mixture_bounce
 from renderer.kernel.material.material import eval_material, is_specular, sample_material
@@ -70,7 +70,7 @@ def _uniform_bounce(material, wo, choose, u):
     Uniform over the hemisphere, or over the sphere where the material transmits; there, with probability 1/2, a discrete
     direction of the material is taken instead, since uniform sampling cannot find it.
     """
-    out_of_line()
+    never_inline()
     both = material.two_sided
     if both:
         if choose < _HALF:

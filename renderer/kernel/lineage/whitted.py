@@ -23,7 +23,7 @@ from renderer.kernel.backends.scalar.visibility import transmittance
 from renderer.kernel.light.environment import environment_radiance
 from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.light.lights import choose_light, sample_light, sample_one_light, sun_seen
-from renderer.kernel.light.sphere_light import met_from_front
+from renderer.kernel.light.sphere_light import hits_emitting_side
 from renderer.kernel.lineage.strategy import mistaken
 from renderer.kernel.material.material import emission, eval_material, is_specular, sample_material
 from renderer.kernel.options import NO_MISTAKE
@@ -160,7 +160,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
         if entry < len(log):
             record_surface(log, entry, surface, surface.point, through, hit.t, ray, path)
         if shines(surface) and counts_emission(scene, surface, through):
-            front = met_from_front(scene, surface.light, last.point, ray.d, surface.front, time)
+            front = hits_emitting_side(scene, surface.light, last.point, ray.d, surface.front, time)
             path = _add(path, emission(scene, surface.material, surface.uv, surface.uv1, front, time))
         if through:
             if entry < len(log):

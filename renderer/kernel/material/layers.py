@@ -10,7 +10,7 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, IS_PANE
 from renderer.arrays.scene_features import Has
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.material.texture import lookup
@@ -63,7 +63,7 @@ def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     pane: whether its glass is thin, without refraction. COAT_NORMAL is set to the shading normal. For a conductor only the
     parameters from ANISOTROPY on, and its alphas, are filled.
     """
-    out_of_line()
+    never_inline()
     for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):
         m[column] = material[textures.material, column]
     if textures.has.textures is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
@@ -60,7 +60,7 @@ def _kd_ks(m):
 @subroutine
 def eval_rare(has, kind, m, eta, wo, wi):
     """Returns (f |cos|, pdf per steradian), as `eval_material`, for the rarer kinds from their looked-up parameters m."""
-    out_of_line()
+    never_inline()
     if has.layers is not None and kind == LAYERED:
         return eval_and_pdf_layered(m, eta, wo, wi)
     if kind == CONDUCTOR:
@@ -85,7 +85,7 @@ def sample_rare(has, kind, m, eta, wo, choose, u):
 
     Returns (wi, weight, pdf per steradian, radiance scale).
     """
-    out_of_line()
+    never_inline()
     if has.layers is not None and kind == LAYERED:
         return sample_layered(m, eta, wo, choose, u)
     if kind == CONDUCTOR:

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.arrays.rows import ABOVE, BLEND, ENCODING, GAIN, HALF_GAIN, LINEAR_16, MOST, NEAREST, SRGB_8, STRENGTH, UV_SET
 from renderer.bvh.motion import step_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.material.blend import blended
 from renderer.kernel.polynomial import floor
 
@@ -78,7 +78,7 @@ def _from_half(code):
 @subroutine
 def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
     """Returns the bilinear interpolation of four texels with 16 bits a channel; out of line, since they are rare."""
-    out_of_line()
+    never_inline()
     above = _mix(_decoded_16(texel, first, a, encoding), _decoded_16(texel, first, b, encoding), s)
     below = _mix(_decoded_16(texel, first, c, encoding), _decoded_16(texel, first, d, encoding), s)
     return _mix(above, below, t)
@@ -154,7 +154,7 @@ def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
 
     The alpha is that of the lowest layer.
     """
-    out_of_line()
+    never_inline()
     gain = transform[number, GAIN]
     r, g, b, alpha = color[0] * gain, color[1] * gain, color[2] * gain, color[3]
     number = np.int64(texture[number, ABOVE])

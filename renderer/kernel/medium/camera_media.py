@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, closest_hit
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.camera import camera_ray, moving_ray
 from renderer.kernel.medium.medium_stack import NO_MEDIUM, beneath, entered, holds, left
 from renderer.kernel.surface.surface import surface_at
@@ -30,7 +30,7 @@ def _media_at(scene, stack, o, time):
 
     These are the media of the surfaces that a fixed ray from o leaves from inside without having entered them.
     """
-    out_of_line()
+    never_inline()
     medium_stack, on_the_way, depth = _WORLD, _WORLD, _WORLD
     after = FROM_ORIGIN
     while True:

@@ -16,7 +16,7 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.arrays.rows import COLUMNS
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.layer_balance import base_view
 from renderer.kernel.fetch import columns
@@ -28,7 +28,7 @@ from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.ray_origins import departure
 from renderer.kernel.surface.surface import Surface, surface_at
 
-__all__ = ["WALK_BLOCK", "Within", "albedo_of", "go_within"]
+__all__ = ["WALK_BLOCK", "SubsurfaceExit", "albedo_of", "go_within"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -49,7 +49,7 @@ _LEAST = np.float32(1e-6)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
 
-class Within(NamedTuple):
+class SubsurfaceExit(NamedTuple):
     """The outcome at a surface with subsurface scattering: whether a path enters it, and where it exits."""
 
     enters: bool  # else it scatters at the surface
@@ -96,7 +96,7 @@ def _share_in_the_end(sigma_t, sigma_s):
 
 
 @device
-def _in_the_end(sigma_t, sigma_s):
+def _remaining_share(sigma_t, sigma_s):
     """Returns the share of light, rgb, that still leaves the body after a walk has used all its steps.
 
     Equal to the light that diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without it white
@@ -117,7 +117,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
     random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit in all steps leaves where it
     entered.
     """
-    out_of_line()
+    never_inline()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
     radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
     least = _FOUR * surface.error  # shorter distances are below the rounding error
@@ -160,7 +160,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
         back = vec.neg(d)
         s, t = vec.basis(back)
         d = vec.to_world(s, t, back, sample_henyey_greenstein(g, (u[2], u[3])))
-    return entry_surface, vec.mul(throughput, _in_the_end(sigma_t, sigma_s))
+    return entry_surface, vec.mul(throughput, _remaining_share(sigma_t, sigma_s))
 
 
 @subroutine
@@ -171,13 +171,13 @@ def go_within(scene, stack, surface, normal, kind, color, m, wo, throughput, str
     properties where it is layered; stream: the path's random numbers; number: count of the path's earlier vertices; time: shutter
     time.
     """
-    out_of_line()
+    never_inline()
     first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)
     share = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE, 1)[0]
     inside, chance = _entrance(kind, share, color, m, wo)
     if draw4(stream, first)[2] >= chance:
         # Layered materials exclude the light that enters (kernel/material/layers.py); the diffuse model does not.
         left = _ONE if kind == rows.DIFFUSE else _ONE / (_ONE - chance)
-        return Within(_NO, surface, vec.scale(throughput, left))
+        return SubsurfaceExit(_NO, surface, vec.scale(throughput, left))
     out, left = _walk(scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time)
-    return Within(_YES, out, left)
+    return SubsurfaceExit(_YES, out, left)

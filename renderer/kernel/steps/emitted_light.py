@@ -9,7 +9,7 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
-from renderer.kernel.light.sphere_light import met_from_front
+from renderer.kernel.light.sphere_light import hits_emitting_side
 from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
 from renderer.wide.values import any_of, where, where3
@@ -36,7 +36,7 @@ def emitted_light(scene, surface, lit, ray, last, time):
     lit: whether it counts; last: the LastVertex; time: shutter time, 0 ... 1; None in a scene without motion.
     """
     light = where(lit, surface.light, _FIRST_LIGHT)
-    front = met_from_front(scene, light, last.point, ray.d, surface.front, time)
+    front = hits_emitting_side(scene, light, last.point, ray.d, surface.front, time)
     radiance = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
     cosine = vec.dot(surface.geometric, vec.neg(ray.d))
     judged = lit & (ray.pdf > _ZERO)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.arrays.rows import ABSORBING, ABSORPTION, COLUMNS, LAMP, TRANSPARENT
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import has_flag, opacity
@@ -54,7 +54,7 @@ def counts_emission(scene, surface, through):
 @subroutine
 def absorbed(throughput, a, start, end):
     """Returns the throughput after absorption from start to end: Beer's law. a: absorption coefficient, rgb per unit length."""
-    out_of_line()
+    never_inline()
     way = vec.sub(end, start)
     distance = math.sqrt(vec.dot(way, way))
     return throughput[0] * exp(-a[0] * distance), throughput[1] * exp(-a[1] * distance), throughput[2] * exp(-a[2] * distance)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from renderer.jit import out_of_line, subroutine
+from renderer.jit import never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, sincos_turns
 from renderer.wide.values import any_of, not_, where3
@@ -34,7 +34,7 @@ def consistent_normal(n, geometric, wo):
     With n = sin a x + cos a g in the plane of the geometric normal g, and wo's coordinates (p, q) there, the mirror direction
     has the height p sin 2a + q cos 2a = r cos(2a - phi). All three are unit; wo is on the geometric normal's side.
     """
-    out_of_line()
+    never_inline()
     height = vec.dot(geometric, wo)
     least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
     mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.bvh.motion import step_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.wide.lanes import each_lane
@@ -34,7 +34,7 @@ def _vertex(fixed, keys, count, i, time):
 
 @subroutine
 def _three(fixed, keys, count, i, j, k, time):
-    out_of_line()
+    never_inline()
     return (
         _vertex(fixed, keys, count, i, time),
         _vertex(fixed, keys, count, j, time),
@@ -67,7 +67,7 @@ def corner_normals_at(scene, i, j, k, time):
 
 @subroutine
 def _ball(fixed, keys, count, number, time):
-    out_of_line()
+    never_inline()
     moving = len(keys) // count
     first = len(fixed) - moving
     i = np.int64(number)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from renderer.arrays.rows import DIFFUSE, PART_COLUMNS, TEXTURED
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import acos, atan2
@@ -115,7 +115,7 @@ def _inward(scene, hit, error, curvature):
     origin offset by `error` where walls meet at an acute angle. Moving it by a multiple of `error` over the inscribed circle's
     radius prevents that. In slivers the move is limited, to be invisible.
     """
-    out_of_line()
+    never_inline()
     i, j, k, _ = row(scene.triangle, hit.primitive, 4)
     a, b, c = corners_at(scene, i, j, k, hit.time)
     u, v = hit.u - _THIRD, hit.v - _THIRD

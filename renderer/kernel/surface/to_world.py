@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.bvh.motion import inverse_of, placed_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 
 __all__ = ["normal_of_hit", "normal_to_world", "point_of_hit", "point_to_world", "tangent_to_world"]
@@ -20,7 +20,7 @@ _NO_TANGENT = (_ZERO, _ZERO, _ZERO, _ZERO)
 @subroutine
 def normal_to_world(to_local, number, n):
     """Transforms a normal from instance to world space, not normalised. It keeps its side under mirroring transforms."""
-    out_of_line()
+    never_inline()
     m = to_local[number]
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
     x, y, z = (
@@ -36,7 +36,7 @@ def normal_to_world(to_local, number, n):
 @subroutine
 def point_to_world(to_world, number, p, w):
     """Transforms a point (w = 1) or a direction (w = 0) from instance to world space."""
-    out_of_line()
+    never_inline()
     m = to_world[number]
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
     return (
@@ -49,7 +49,7 @@ def point_to_world(to_world, number, p, w):
 @subroutine
 def _moving_normal(motion, first, keys, time, n):
     """Returns `normal_to_world` of a moving instance at a shutter time."""
-    out_of_line()
+    never_inline()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
     x, y, z = a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
@@ -61,7 +61,7 @@ def _moving_normal(motion, first, keys, time, n):
 @subroutine
 def _moving_point(motion, first, keys, time, p, w):
     """Returns `point_to_world` of a moving instance at a shutter time."""
-    out_of_line()
+    never_inline()
     a, b, c = placed_at(motion, first, keys, time)
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
     return (

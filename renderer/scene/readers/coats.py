@@ -11,7 +11,7 @@ import numpy as np
 from renderer.scene.material import Material
 from renderer.scene.readers.number_ranges import unit_color
 
-__all__ = ["coat_over", "dielectric_albedo", "ior_of", "pane_ior", "tint_beneath", "under_a_coat"]
+__all__ = ["dielectric_albedo", "effective_albedo_under_coat", "internal_albedo", "ior_of", "pane_ior", "tint_beneath"]
 
 
 @functools.cache
@@ -41,12 +41,12 @@ def pane_ior(ior: float) -> float:
     return ior_of(2 * once / (1 + once))
 
 
-def coat_over(ior: float) -> float:
+def internal_albedo(ior: float) -> float:
     """Returns the internal albedo, 0..1, of a smooth coat for uniform light from inside it."""
     return 1 - (1 - dielectric_albedo(ior)) / ior**2
 
 
-def under_a_coat(reflectance: Any, inner: float) -> Any:
+def effective_albedo_under_coat(reflectance: Any, inner: float) -> Any:
     """Returns the effective reflectance of paint under a coat, relative to the light that enters the coat.
 
     inner: the coat's internal albedo. Source: Pharr, Jakob and Humphreys 2023, 14.3, in the limit of a thin smooth coat; the

@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["bridged", "keyholes"]
+__all__ = ["bridged", "without_holes"]
 
 Indices = npt.NDArray[np.int64]
 F64 = npt.NDArray[np.float64]
@@ -63,7 +63,7 @@ def _bridge(polygons: ElementTree.Element, mesh: ElementTree.Element) -> int:
             whole = np.concatenate([merged, *holes])
             starts = np.cumsum([0, len(merged), *map(len, holes)])
             loops_of = [np.arange(a, b) for a, b in pairwise(starts.tolist())]
-            found = [whole[loop] for loop in keyholes(points[whole[:, at]], loops_of)]
+            found = [whole[loop] for loop in without_holes(points[whole[:, at]], loops_of)]
         else:
             found = [merged]
             filled += len(holes)
@@ -92,7 +92,7 @@ def _points(vertices: str, mesh: ElementTree.Element) -> F64 | None:
     return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3]
 
 
-def keyholes(points: F64, loops: list[Indices]) -> list[Indices]:
+def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
     """Returns simple loops that cover an outline, `loops[0]`, without the holes in it, the other loops.
 
     points: (n, 3); loops: indices of points.

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from renderer.errors import SceneError
 from renderer.sentences import Sentence
 
-__all__ = ["collada_nodes", "judge_spread", "x3d_nodes"]
+__all__ = ["check_expansion", "collada_nodes", "x3d_nodes"]
 
 MAX_NODES = 500_000
 MAX_DEPTH = 500
@@ -19,7 +19,7 @@ _WITH_NODES = ("library_nodes", "library_visual_scenes", "visual_scene", "node")
 Key = TypeVar("Key", bound=Hashable)
 
 
-def judge_spread(
+def check_expansion(
     root: Key, below: Callable[[Key], Iterable[Key]], file: str, most: int = MAX_NODES, is_circle_error: bool = True
 ) -> int:
     """Returns the number of elements that `root` expands to, each counted once per reference.
@@ -79,7 +79,7 @@ def judge_spread(
 def collada_nodes(root: ElementTree.Element, file: str) -> int:
     """Returns the number of nodes of a Collada file after expanding library references.
 
-    Raises SceneError as `judge_spread` does.
+    Raises SceneError as `check_expansion` does.
     """
     known: dict[str, ElementTree.Element] = {}
     for node in root.iter():
@@ -95,18 +95,18 @@ def collada_nodes(root: ElementTree.Element, file: str) -> int:
             elif _tag(child) == "instance_node" and (found := known.get((child.get("url") or "").lstrip("#"))) is not None:
                 yield found
 
-    return judge_spread(root, below, file)
+    return check_expansion(root, below, file)
 
 
 def x3d_nodes(root: ElementTree.Element, file: str) -> int:
-    """Returns the number of elements of an X3D file after expanding USE references. Raises SceneError as `judge_spread` does."""
+    """Returns the number of elements of an X3D file after expanding USE references. Raises SceneError."""
     known = {name: node for node in root.iter() if (name := node.get("DEF"))}
 
     def below(node: ElementTree.Element) -> Iterator[ElementTree.Element]:
         used = known.get(node.get("USE") or "")
         return iter(node) if used is None else iter((used,))
 
-    return judge_spread(root, below, file, max(MAX_NODES, sum(1 for _ in root.iter())))
+    return check_expansion(root, below, file, max(MAX_NODES, sum(1 for _ in root.iter())))
 
 
 def _tag(element: ElementTree.Element) -> str:

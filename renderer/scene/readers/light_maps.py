@@ -10,7 +10,7 @@ from renderer.scene.description import F32, EmissionKind, EmissionMap
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.ies import Photometry, read_ies
 
-__all__ = ["LUMENS_PER_WATT", "all_around", "photometry_of", "thrown"]
+__all__ = ["LUMENS_PER_WATT", "all_around", "photometry_of", "projected_map"]
 
 LUMENS_PER_WATT = 683.0  # at 555 nm; Blender's glTF importer uses the same factor
 _MOST_SIDE = 2048
@@ -21,12 +21,12 @@ def photometry_of(files: SceneFiles, name: str) -> Photometry:
     return files.recall(("IES", name), lambda: read_ies(files.read(name), name))
 
 
-def thrown(pixels: F32, half_width: float, half_height: float, kind: EmissionKind = "window") -> EmissionMap:
+def projected_map(pixels: F32, half_width: float, half_height: float, kind: EmissionKind = "window") -> EmissionMap:
     """Returns the emission map of a (h, w, 3) image projected along the axis, upright as seen from the light.
 
     half_width, half_height: of the image at distance 1.
     """
-    return EmissionMap(kind, _sane(pixels), (-half_width, half_width, half_height, -half_height))
+    return EmissionMap(kind, _valid_pixels(pixels), (-half_width, half_width, half_height, -half_height))
 
 
 def all_around(pixels: F32) -> EmissionMap:
@@ -35,10 +35,10 @@ def all_around(pixels: F32) -> EmissionMap:
 
     For a light with axis Y and `up` Z, the centre is at -Z, as for an environment.
     """
-    return EmissionMap("sphere", _sane(pixels), (-1.5 * math.pi, 0.5 * math.pi, 0.0, math.pi))
+    return EmissionMap("sphere", _valid_pixels(pixels), (-1.5 * math.pi, 0.5 * math.pi, 0.0, math.pi))
 
 
-def _sane(pixels: F32) -> F32:
+def _valid_pixels(pixels: F32) -> F32:
     """Returns pixels without negative and non-finite values, halved until they are within the size limit."""
     pixels = np.nan_to_num(np.maximum(pixels[..., :3], 0.0), nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
     while max(pixels.shape[:2]) > _MOST_SIDE:

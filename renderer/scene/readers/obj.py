@@ -50,7 +50,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     try:
         said = parse(text, main)
     except SceneError as error:
-        mended = _mended(text)
+        mended = _normalized_numbers(text)
         if mended == text:
             raise
         try:
@@ -94,7 +94,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         )
     materials = Materials(main, said, files, shelf, description)
     cut = filled(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
-    stretches = _stretches(said)
+    stretches = _faces_by_material(said)
     order, begins = _groups(said, cut, list(stretches.values()))
     title = PurePosixPath(main).stem
     made = _meshes([name or title for name in stretches], said, cut, order, begins)
@@ -191,7 +191,7 @@ def _rounded(said: Statements, cut: Cut, meshes: list[Mesh], triangles: list[npt
     return smoothed_together(meshes, _EVERY_EDGE, [np.asarray(surface[cut.face[some]], np.int32) for some in triangles])
 
 
-def _mended(text: bytes) -> bytes:
+def _normalized_numbers(text: bytes) -> bytes:
     """Returns the text with decimal points for commas, and `nan` for a C runtime's non-numbers such as 1.#QNAN."""
 
     def line(found: re.Match[bytes]) -> bytes:
@@ -203,7 +203,7 @@ def _mended(text: bytes) -> bytes:
     return re.sub(rb"(?m)^(v[nt]?)([ \t][^\r\n]*)", line, text)
 
 
-def _stretches(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
+def _faces_by_material(said: Statements) -> dict[str | None, npt.NDArray[np.int64]]:
     """Returns the faces of each material by name; None is the key of faces before the first material."""
     ends = [face for face, _ in said.materials[1:]] + [len(said.starts) - 1]
     stretches: list[tuple[str | None, int, int]] = [(None, 0, said.materials[0][0] if said.materials else ends[0])]

@@ -28,7 +28,7 @@ from renderer.scene.matrices import product
 from renderer.scene.normals import smoothed_together
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.expansion_limits import judge_spread
+from renderer.scene.readers.expansion_limits import check_expansion
 from renderer.scene.readers.threemf_parts import NotSolid
 from renderer.scene.readers.threemf_relations import relations_of
 from renderer.scene.readers.threemf_rows import MARK, Rows, cut_out, transform_of
@@ -315,7 +315,7 @@ class _Reader:
             found = self._model(key[0]).objects.get(key[1])
             return [] if found is None else [(path, number) for path, number, _ in found.components]
 
-        judge_spread(_BUILD, below, self._main)
+        check_expansion(_BUILD, below, self._main)
 
     def _root(self) -> str:
         if "_rels/.rels" in self._names:

@@ -22,14 +22,14 @@ from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, Worke
 from renderer.sentences import Sentence
 from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
 from service.events import BlobsReleased, Events
-from service.scheduling.artifacts.unfit_machines import Fault, Unfit
+from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.faults.redis_errors import away
 from service.scheduling.fleet.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
 
-__all__ = ["Aside", "MadeAside"]
+__all__ = ["ArtifactResult", "ArtifactTask"]
 
 PATIENCE_S_PER_PIXEL = 1e-5
 UNSEEN_ALLOWED = 10  # consecutive polls without a holder, since a crashed slot restarts its work
@@ -40,7 +40,7 @@ Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 
 @dataclass(frozen=True)
-class MadeAside:
+class ArtifactResult:
     """The result of a request: its blob (defined by the request in protocol.contract), film version and sample count."""
 
     sha256: str
@@ -51,12 +51,12 @@ class MadeAside:
 @dataclass
 class _Wanted(Generic[Wish]):
     wish: Wish
-    answer: Future[MadeAside] = field(default_factory=Future)
+    answer: Future[ArtifactResult] = field(default_factory=Future)
     lease: Lease | None = None
     sent: int = 0
 
 
-class Aside(ABC, Generic[Wish]):
+class ArtifactTask(ABC, Generic[Wish]):
     """Base class of results made on request.
 
     Any thread may request one; the engine's thread hands out the work and handles the answers. A separate thread queries the blob
@@ -74,8 +74,8 @@ class Aside(ABC, Generic[Wish]):
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="aside")
         self._lock = threading.Lock()
         self._wanted: dict[Key, _Wanted[Wish]] = {}
-        self._unfit = Unfit()
-        self._made: dict[Key, MadeAside] = {}
+        self._unfit = UnfitMachines()
+        self._made: dict[Key, ArtifactResult] = {}
 
     @abstractmethod
     def _kind(self) -> str | None:
@@ -106,7 +106,7 @@ class Aside(ABC, Generic[Wish]):
     def _name(self) -> str:
         """The name of the result in error messages."""
 
-    def want(self, wish: Wish, version: str = "") -> Future[MadeAside]:
+    def want(self, wish: Wish, version: str = "") -> Future[ArtifactResult]:
         """Returns a future of the result for this version of the film or a newer one, or of the request already in progress.
 
         wish: the request; its `work` is filled in later. The future raises FarmError if the result cannot be made. Raises
@@ -116,7 +116,7 @@ class Aside(ABC, Generic[Wish]):
         made = self._made.get((job, frame))
         # Queried without the lock, which the engine's thread needs: the store may be slow.
         if made is not None and made.version == version and self._blobs.exists(made.sha256):
-            done: Future[MadeAside] = Future()
+            done: Future[ArtifactResult] = Future()
             done.set_result(made)
             return done
         with self._lock:
@@ -152,7 +152,7 @@ class Aside(ABC, Generic[Wish]):
             wanted.lease = lease
             wanted.sent += 1
 
-    def heard(self, work: str, made: MadeAside | None, error: str = "", unfit: Fault | None = None) -> None:
+    def heard(self, work: str, made: ArtifactResult | None, error: str = "", unfit: Fault | None = None) -> None:
         """Handles a worker's answer: the result, or None with an error message.
 
         unfit: the fault of that worker's machine; the request then goes to another worker.
@@ -173,7 +173,7 @@ class Aside(ABC, Generic[Wish]):
         else:
             self._later(self._keep, key, work, made)
 
-    def _keep(self, key: Key, work: str, made: MadeAside) -> None:
+    def _keep(self, key: Key, work: str, made: ArtifactResult) -> None:
         with self._lock:
             wanted = self._wanted.get(key)
         is_there = wanted is not None and is_sha256(made.sha256) and self._is_there(made.sha256, wanted.wish)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from service.events import Events
-from service.scheduling.artifacts.artifact_task import MadeAside
+from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
-from service.scheduling.artifacts.frame_preparation import Moments
+from service.scheduling.artifacts.frame_preparation import FramePreparation
 from service.scheduling.artifacts.scene_preparation import Preparing
 from service.scheduling.artifacts.unfit_machines import Fault
 from service.scheduling.artifacts.vectors import Vectors
@@ -24,15 +24,15 @@ from service.scheduling.incoming.messages import (
 from service.settings import Settings
 from service.store.blobs import BlobStore
 
-__all__ = ["Errands"]
+__all__ = ["ArtifactTasks"]
 
 
-class Errands:
+class ArtifactTasks:
     """All errands: preparation of scenes and frames, and results made on request."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
-        self.moments = Moments(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
+        self.moments = FramePreparation(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self.denoising = Denoising(dispatcher, workers, blobs, events)
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
@@ -52,15 +52,15 @@ class Errands:
         """Handles an answer to a client's request. Other messages are ignored."""
         match message:
             case DenoiseDone():
-                self.denoising.heard(message.work, MadeAside(message.sha256, message.version, message.samples))
+                self.denoising.heard(message.work, ArtifactResult(message.sha256, message.version, message.samples))
             case DenoiseFailed():
                 self.denoising.heard(message.work, None, message.error, _fault(message))
             case VectorsMade():
-                self.vectors.heard(message.work, MadeAside(message.sha256))
+                self.vectors.heard(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
                 self.vectors.heard(message.work, None, message.error, _fault(message))
             case EnvironmentShown():
-                self.environments.heard(message.work, MadeAside(message.sha256))
+                self.environments.heard(message.work, ArtifactResult(message.sha256))
             case EnvironmentFailed():
                 self.environments.heard(message.work, None, message.error, _fault(message))
 

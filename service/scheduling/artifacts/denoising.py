@@ -5,12 +5,12 @@ from __future__ import annotations
 from protocol.contract import DenoiseFrame, WorkerReport, denoise_queue
 from renderer.sentences import Sentence
 from service.errors import Unavailable
-from service.scheduling.artifacts.artifact_task import Aside
+from service.scheduling.artifacts.artifact_task import ArtifactTask
 
 __all__ = ["Denoising"]
 
 
-class Denoising(Aside[DenoiseFrame]):
+class Denoising(ArtifactTask[DenoiseFrame]):
     """Requests for denoised frames of the film's current version."""
 
     _name = Sentence("denoised-picture", "denoised picture")

@@ -5,14 +5,14 @@ from __future__ import annotations
 from protocol.contract import ShowEnvironment, WorkerReport
 from renderer.sentences import Sentence, stopped
 from service.errors import FarmError, Invalid, Unavailable
-from service.scheduling.artifacts.artifact_task import Aside
+from service.scheduling.artifacts.artifact_task import ArtifactTask
 
 __all__ = ["Environments"]
 
 MOST_BYTES = 1 << 20  # of a thumbnail
 
 
-class Environments(Aside[ShowEnvironment]):
+class Environments(ArtifactTask[ShowEnvironment]):
     """Requests for thumbnails of environments. The request's `job` field identifies the image's content."""
 
     _name = Sentence("environment-picture", "environment's picture")
@@ -20,7 +20,7 @@ class Environments(Aside[ShowEnvironment]):
     _patience_s = 150.0
 
     def _kind(self) -> str | None:
-        return self._workers.roster.lighting_kind()
+        return self._workers.roster.environment_kind()
 
     def _able(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready() if report.views]

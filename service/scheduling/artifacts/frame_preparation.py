@@ -14,7 +14,7 @@ from functools import cache
 
 from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 from renderer.settings import OPTIONAL
-from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
+from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
@@ -23,7 +23,7 @@ from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.frame_bytes import alone, held, more
 
-__all__ = ["Moments"]
+__all__ = ["FramePreparation"]
 
 LOSSES_ALLOWED = 3
 AHEAD = 4  # frames, at least
@@ -35,7 +35,7 @@ SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that frames the scene, for PrepareFrames
 
 
-class Moments:
+class FramePreparation:
     """Tracks the frames to prepare and the leases on them. Used only by the engine's thread."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
@@ -52,7 +52,7 @@ class Moments:
         self._seconds: dict[str, float] = {}  # preparation time per frame, by job
         self._sizes: dict[str, int] = {}  # unshared bytes of the latest frame, by job
         self._losses: Counter[tuple[str, int]] = Counter()
-        self._unfit = Unfit()
+        self._unfit = UnfitMachines()
         self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:

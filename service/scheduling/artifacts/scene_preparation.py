@@ -10,7 +10,7 @@ from functools import cache
 from protocol.blends import WAITS, blender_queue
 from protocol.contract import WorkerReport, prepare_queue
 from renderer.sentences import Sentence, joined
-from service.scheduling.artifacts.unfit_machines import Fault, Place, Unfit
+from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
@@ -41,7 +41,7 @@ class Preparing:
         self._deadline_s = deadline_s
         self._wanted: dict[tuple[str, str | None], int] = {}  # (scene, kind) -> number of losses
         self._by_blender: set[str] = set()
-        self._unfit = Unfit()
+        self._unfit = UnfitMachines()
         self.leases = Leases()
         self.progress: dict[str, Progress] = {}
 

@@ -12,7 +12,7 @@ from functools import reduce
 from protocol.contract import WorkerReport, own_prepare_queue
 from renderer.sentences import Sentence, joined
 
-__all__ = ["Fault", "Place", "Unfit"]
+__all__ = ["Fault", "Place", "UnfitMachines"]
 
 MOST_TRIED = 5  # after this many unfit machines, no others are tried
 
@@ -38,7 +38,7 @@ class Place:
     queue: str
 
 
-class Unfit:
+class UnfitMachines:
     """The machine faults, by owner: a scene, a job, or a client's request."""
 
     def __init__(self) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from protocol.contract import FrameVectors, WorkerReport
 from renderer.sentences import Sentence
 from service.errors import Unavailable
-from service.scheduling.artifacts.artifact_task import Aside
+from service.scheduling.artifacts.artifact_task import ArtifactTask
 
 __all__ = ["Vectors"]
 
 
-class Vectors(Aside[FrameVectors]):
+class Vectors(ArtifactTask[FrameVectors]):
     """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
 
     _name = Sentence("motion-vectors", "motion vectors")
@@ -18,7 +18,7 @@ class Vectors(Aside[FrameVectors]):
     _patience_s = 600.0  # the scene is read and compiled first
 
     def _kind(self) -> str | None:
-        return self._workers.roster.pointing_kind()
+        return self._workers.roster.motion_vector_kind()
 
     def _able(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready() if report.vectors]

@@ -15,7 +15,7 @@ from service.scheduling.dispatching.leases import Lease
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
 
-__all__ = ["Handful", "Hands", "joint_work_of", "together", "work_of"]
+__all__ = ["BatchGroup", "SlotGroup", "joint_work_of", "next_batch_groups", "work_of"]
 
 # fraction of the target duration for grouped batches: a slot prefetches two messages, whose batches no other slot can take
 SHARE = 0.5
@@ -23,7 +23,7 @@ MOST = 32
 
 
 @dataclass(frozen=True)
-class Hands:
+class SlotGroup:
     """The receiving slots of one kind of workers. batch_s: target duration of a batch in seconds."""
 
     kind: str
@@ -36,7 +36,7 @@ class Hands:
 
 
 @dataclass(frozen=True)
-class Handful:
+class BatchGroup:
     """The content of one message. is_joint: consecutive batches of one tile, added up by several slots.
 
     run, queue: for messages to a site, the run that the batches belong to, and the site's queue.
@@ -48,7 +48,7 @@ class Handful:
     queue: str = ""
 
 
-def together(job: ActiveJob, hands: Hands) -> list[Handful]:
+def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:
     """Returns the messages that hand out a job's next batches; an empty list if it has none.
 
     A batch of unknown duration or with previous failures is sent alone, so that it cannot affect others.
@@ -57,10 +57,10 @@ def together(job: ActiveJob, hands: Hands) -> list[Handful]:
     if first is None:
         return []
     if not _is_known(job, first):
-        return [Handful([first])]
+        return [BatchGroup([first])]
     if hands.several and job.shot is not None and job.expected_s(first) < SHARE * job.aim_s(hands.batch_s, hands.slots):
         return _in_turn(job, hands, first)
-    return _of_a_tile(job, hands, first) if hands.joint and hands.of_a_tile > 1 else [Handful([first])]
+    return _of_a_tile(job, hands, first) if hands.joint and hands.of_a_tile > 1 else [BatchGroup([first])]
 
 
 def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
@@ -81,7 +81,7 @@ def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hol
     return JointBatch(work_of(job, leases[0], whole), pieces, hold_s, leases[0].queue, run)
 
 
-def _in_turn(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
+def _in_turn(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
     aim = SHARE * job.aim_s(hands.batch_s, hands.slots)
     expected = job.expected_s(first)
@@ -90,13 +90,13 @@ def _in_turn(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
         if batch is None:
             break
         if not _is_known(job, batch):
-            return [Handful(batches), *_alone(job, hands, 1, batch)]
+            return [BatchGroup(batches), *_alone(job, hands, 1, batch)]
         expected += job.expected_s(batch)
         batches.append(batch)
-    return [Handful(batches)]
+    return [BatchGroup(batches)]
 
 
-def _of_a_tile(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
+def _of_a_tile(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
     while len(batches) < min(hands.of_a_tile, hands.most):
         last = batches[-1]
@@ -104,18 +104,18 @@ def _of_a_tile(job: ActiveJob, hands: Hands, first: Range) -> list[Handful]:
         if batch is None:
             break
         if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _is_known(job, batch):
-            return [Handful(batches, is_joint=len(batches) > 1), *_alone(job, hands, len(batches), batch)]
+            return [BatchGroup(batches, is_joint=len(batches) > 1), *_alone(job, hands, len(batches), batch)]
         batches.append(batch)
-    return [Handful(batches, is_joint=len(batches) > 1)]
+    return [BatchGroup(batches, is_joint=len(batches) > 1)]
 
 
-def _alone(job: ActiveJob, hands: Hands, taken: int, batch: Range) -> list[Handful]:
+def _alone(job: ActiveJob, hands: SlotGroup, taken: int, batch: Range) -> list[BatchGroup]:
     """Returns a message with a batch that cannot join the previous ones.
 
     Returns the batch to the plan if the slots are used up.
     """
     if taken < hands.most:
-        return [Handful([batch])]
+        return [BatchGroup([batch])]
     job.lose(batch)
     return []
 

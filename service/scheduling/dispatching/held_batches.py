@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from service.scheduling.dispatching.leases import Lease
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_job import ActiveJob
 
 __all__ = ["Held"]
@@ -14,7 +14,7 @@ __all__ = ["Held"]
 class Held:
     """The batches in one snapshot of the workers' reports."""
 
-    def __init__(self, roster: Roster) -> None:
+    def __init__(self, roster: WorkerSnapshot) -> None:
         self._by_message: dict[Any, str] = {}
         self._by_range: dict[str, str] = {}  # for workers of an older release, which do not report leases
         self._at_work: set[Any] = set()  # leases being rendered

@@ -9,12 +9,12 @@ from collections.abc import Mapping
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["LineUp"]
+__all__ = ["JobQueue"]
 
 AHEAD_EVERY_S = 1.0
 
 
-class LineUp:
+class JobQueue:
     """Orders the jobs for the scheduler. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
@@ -31,7 +31,7 @@ class LineUp:
             return max(serving, key=lambda kind: serving[kind], default=None)
         if job.kind is not None or job.shot is None:
             return job.kind or roster.best_kind()
-        return roster.blurring_kind() if job.settings.shutter else roster.shooting_kind()
+        return roster.open_shutter_kind() if job.settings.shutter else roster.frame_preparing_kind()
 
     def slots_for(self, job: ActiveJob) -> int:
         """Returns the number of slots that accept batches of a job now."""

@@ -18,16 +18,16 @@ from typing import Protocol
 from service.clock import Clock
 from service.scheduling.dispatching.held_batches import Held
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Fate", "Fleet", "Missing", "Queues", "ResultStream"]
+__all__ = ["Fleet", "LossVerdict", "LostLeaseFinder", "Queues", "ResultStream"]
 
 STRAGGLER_S = 3.0
 
 
-class Fate(Enum):
+class LossVerdict(Enum):
     """The verdict on an outstanding batch. The values are used in the log."""
 
     DEAD = "its worker is gone"
@@ -36,9 +36,9 @@ class Fate(Enum):
     LATE = "late"
 
     @property
-    def is_to_blame(self) -> bool:
+    def counts_as_loss(self) -> bool:
         """Whether the batch itself may have caused its loss."""
-        return self in (Fate.DEAD, Fate.OVERDUE)
+        return self in (LossVerdict.DEAD, LossVerdict.OVERDUE)
 
 
 class Queues(Protocol):
@@ -52,7 +52,7 @@ class Fleet(Protocol):
     """The workers as they report themselves."""
 
     @property
-    def roster(self) -> Roster:
+    def roster(self) -> WorkerSnapshot:
         """The latest reports."""
 
     def away(self) -> set[str]:
@@ -72,7 +72,7 @@ class ResultStream(Protocol):
         """Whether all results up to this position were read."""
 
 
-class Missing:
+class LostLeaseFinder:
     """Finds lost and late leases. Used only by the engine's thread."""
 
     def __init__(self, leases: Leases, workers: Fleet, queues: Queues, clock: Clock = time) -> None:
@@ -81,7 +81,9 @@ class Missing:
         self._queues = queues
         self._clock = clock
 
-    def look(self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0) -> Iterator[tuple[Lease, Fate]]:
+    def look(
+        self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0
+    ) -> Iterator[tuple[Lease, LossVerdict]]:
         """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
 
         A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; messages take
@@ -112,23 +114,23 @@ class Missing:
             self._leases.looked_at(lease, is_gone and lease.holder in living, is_rendered)
             fate = self._fate(lease, is_gone, is_late, allowed)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
-            if fate is Fate.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
+            if fate is LossVerdict.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
                 yield lease, fate
 
-    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> Fate | None:
+    def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> LossVerdict | None:
         """Returns the verdict on a lease; None if it is neither lost nor late.
 
         is_gone: whether its holder does not report itself. is_late: whether some worker's report is overdue, so that it may hold
         the lease unreported. allowed: number of looks in a row at which the lease may be unseen.
         """
         if lease.is_away:
-            return None if lease.doubled else Fate.LATE
+            return None if lease.doubled else LossVerdict.LATE
         if is_gone:
-            return Fate.DEAD
+            return LossVerdict.DEAD
         if lease.is_overdue(self._clock.monotonic()) and (lease.is_held or not is_late()):
-            return Fate.OVERDUE
+            return LossVerdict.OVERDUE
         if lease.unseen >= allowed and not is_late():
-            return Fate.UNSEEN
+            return LossVerdict.UNSEEN
         since = lease.held_since or lease.issued
         is_straggler = lease.is_held and self._clock.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
-        return Fate.LATE if is_straggler and not lease.doubled else None
+        return LossVerdict.LATE if is_straggler and not lease.doubled else None

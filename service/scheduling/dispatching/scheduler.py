@@ -15,11 +15,11 @@ import redis
 
 from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence
-from service.scheduling.dispatching.batch_groups import Handful, Hands, joint_work_of, together, work_of
+from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, joint_work_of, next_batch_groups, work_of
 from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
-from service.scheduling.dispatching.job_queue import LineUp
+from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
-from service.scheduling.dispatching.lost_batches import Fate, Missing
+from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
 from service.scheduling.dispatching.pacing import Pace
 from service.scheduling.dispatching.sites import Place, Sites
 from service.scheduling.faults.bulkhead import Bulkheads, Step
@@ -27,8 +27,8 @@ from service.scheduling.faults.suspicion import Suspicion
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_job import ActiveJob
-from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, LOSSES_ALLOWED, Trouble
-from service.scheduling.jobs.noise_budget import Looks
+from service.scheduling.jobs.batch_failures import FAILURES_ALLOWED, LOSSES_ALLOWED, BatchFailures
+from service.scheduling.jobs.noise_budget import NoiseBudget
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.reproduce import reproduce
 from service.scheduling.jobs.shares import Line, Shares
@@ -66,15 +66,15 @@ class Scheduler:
         self._workers = workers
         self._bulkheads = bulkheads
         self.leases = Leases()
-        self._missing = Missing(self.leases, workers, dispatcher)
+        self._missing = LostLeaseFinder(self.leases, workers, dispatcher)
         self.jobs: dict[str, ActiveJob] = {}
-        self.line_up = LineUp(workers, self.jobs)
+        self.line_up = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
         self._places: list[Place] = []  # sites, during one call of `fill`
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
-        self.looks = Looks()
+        self.looks = NoiseBudget()
         self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
         self._sent: list[Lease] = []  # leases of one call of `fill`
         self._turn = count(1)
@@ -164,7 +164,7 @@ class Scheduler:
         place = self._place_for(job) if joint and of_a_tile > 1 else None
         if place is not None:
             of_a_tile, most = self._pace.of_a_site(place.slots), min(most, place.room)
-        handfuls = together(job, Hands(kind, slots, batch_s, several, joint, of_a_tile, most))
+        handfuls = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, of_a_tile, most))
         if place is not None:
             hold_s = self._pace.site_hold_s(batch_s)
             handfuls = [message for handful in handfuls for message in place.shared_out(handful, hold_s)]
@@ -183,7 +183,7 @@ class Scheduler:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
-    def _send(self, job: ActiveJob, kind: str, handful: Handful) -> None:
+    def _send(self, job: ActiveJob, kind: str, handful: BatchGroup) -> None:
         """Sends batches in one message. Raises QueueError; then none is handed out."""
         batches, leases = handful.batches, list[Lease]()
         expected = 0.0
@@ -250,7 +250,7 @@ class Scheduler:
         reproduce: str | None,
         trace: str = "",
         is_suspect: bool = True,
-    ) -> Trouble | None:
+    ) -> BatchFailures | None:
         """Handles a batch that a worker failed to render.
 
         It is handed out again, or the trouble that stops the job is returned. is_suspect: whether it counts against the worker.
@@ -259,7 +259,7 @@ class Scheduler:
         if ended is None:
             return None  # handed out again meanwhile, or from before a restart
         batch = ended.batch or batch  # the batch as handed out takes precedence over the message
-        trouble = job.trouble.setdefault(batch, Trouble())
+        trouble = job.trouble.setdefault(batch, BatchFailures())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
         job.history.log.say(f"{worker} could not render {named(batch)}: {error}", trace)
@@ -328,7 +328,7 @@ class Scheduler:
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
                 continue  # ended together with another lease of its job or frame
-            if fate is not Fate.LATE:
+            if fate is not LossVerdict.LATE:
                 self._lost(job, lease, lease.batch, fate)
             # no other work is left for idle slots
             elif rests(job.id, lease.kind) and idle(lease.kind) and not self._pace.waiting:
@@ -360,11 +360,11 @@ class Scheduler:
         kinds = {report.name: report.kind for report in self._workers.roster.ready()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
-    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, fate: Fate) -> None:
+    def _lost(self, job: ActiveJob, lease: Lease, batch: Range, fate: LossVerdict) -> None:
         self.leases.end(lease.id)
         self.lost += 1
-        trouble = job.trouble.setdefault(batch, Trouble())
-        trouble.losses += fate.is_to_blame
+        trouble = job.trouble.setdefault(batch, BatchFailures())
+        trouble.losses += fate.counts_as_loss
         job.history.happened("lost", lease.holder or "")
         said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
@@ -389,7 +389,7 @@ class Scheduler:
         command: the worker's command line that reproduces the error.
         """
         if job.shot is None:
-            self._bulkheads.condemn(job.id, error, command)
+            self._bulkheads.give_verdict(job.id, error, command)
             return
         frame = job.frames[batch.frame]
         self.withdraw(job, frame.key)

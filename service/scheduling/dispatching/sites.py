@@ -17,7 +17,7 @@ import redis
 
 from protocol.joint import Run
 from protocol.site import SITE
-from service.scheduling.dispatching.batch_groups import Handful
+from service.scheduling.dispatching.batch_groups import BatchGroup
 from service.scheduling.dispatching.dispatch import Dispatcher
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.pacing import MOST_JOINT, Pace
@@ -39,7 +39,7 @@ class Place:
     slots: int
     room: int
 
-    def shared_out(self, handful: Handful, hold_s: float) -> list[Handful]:
+    def shared_out(self, handful: BatchGroup, hold_s: float) -> list[BatchGroup]:
         """Splits joint batches of a tile into messages of about equal size for the site's machines. Returns others unchanged."""
         if not handful.is_joint:
             return [handful]
@@ -48,7 +48,7 @@ class Place:
         run = Run(self.name, batches[0].first, sum(batch.count for batch in batches), hold_s)
         messages = -(-len(batches) // MOST_JOINT)
         ends = [len(batches) * i // messages for i in range(messages + 1)]
-        return [Handful(batches[begin:end], True, run, self.queue) for begin, end in pairwise(ends)]
+        return [BatchGroup(batches[begin:end], True, run, self.queue) for begin, end in pairwise(ends)]
 
 
 class Sites:

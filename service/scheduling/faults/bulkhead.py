@@ -27,7 +27,7 @@ from service.clock import Clock
 from service.errors import FarmError, FilmWaits, Invalid, NoRoom, QueueError, Unavailable
 from telemetry.log_lines import about, ids
 
-__all__ = ["Bulkheads", "Step", "Verdict", "is_of_what_was_said"]
+__all__ = ["Bulkheads", "Step", "Verdict", "is_message_fault"]
 
 RETRY_S = 1.0
 RETRY_AT_MOST_S = 5.0
@@ -40,7 +40,7 @@ ROW_FAULTS = (exc.IntegrityError, exc.ProgrammingError, exc.DataError, exc.NotSu
 log = logging.getLogger(__name__)
 
 
-def is_of_what_was_said(error: Exception) -> bool:
+def is_message_fault(error: Exception) -> bool:
     """Whether an error was caused by the message being handled.
 
     False for errors of Redis, the database, the machine, a film or a job, which would recur with the next message.
@@ -144,7 +144,7 @@ class Bulkheads:
             return True
         return False
 
-    def condemn(self, id: str, error: str, reproduce: str | None = None) -> None:
+    def give_verdict(self, id: str, error: str, reproduce: str | None = None) -> None:
         """Gives a job its verdict, unless it already has one."""
         self.verdicts.setdefault(id, Verdict(error, reproduce))
 
@@ -205,4 +205,4 @@ class Bulkheads:
                 name=type(error).__name__,
                 error=error,
             )
-        self.condemn(id, sentence)
+        self.give_verdict(id, sentence)

@@ -10,7 +10,7 @@ import redis
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 
-__all__ = ["RedisTrouble", "away", "causes", "trouble_of"]
+__all__ = ["RedisTrouble", "away", "causes", "redis_fault"]
 
 RedisTrouble = tuple[str, str]  # fact and remedy
 
@@ -97,7 +97,7 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
 )
 
 
-def trouble_of(error: BaseException) -> RedisTrouble:
+def redis_fault(error: BaseException) -> RedisTrouble:
     """Returns the (fact, remedy) for an error of the Redis client, or of the queue caused by one."""
     found = causes(error)
     for cause in found:
@@ -120,7 +120,7 @@ def trouble_of(error: BaseException) -> RedisTrouble:
 
 def away(error: BaseException) -> Unavailable:
     """Returns the Unavailable error for a request that needs Redis."""
-    return Unavailable(trouble_of(error)[0], advice=Sentence("try-again-when-over", "Try again when that is over."))
+    return Unavailable(redis_fault(error)[0], advice=Sentence("try-again-when-over", "Try again when that is over."))
 
 
 _CODES: dict[type[BaseException], str] = {

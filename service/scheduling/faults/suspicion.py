@@ -55,7 +55,7 @@ class Suspicion:
         others_can = any(self._success.get(other, -1) > self._row_began.get(worker, 0) for other in others)
         return max(int(self._made_good.get(worker, 0.0)), len(in_a_row) if others_can else 0)
 
-    def forgive(self, worker: str) -> None:
+    def clear_failures(self, worker: str) -> None:
         """Clears a worker's failures when a user resumes it."""
         for counted in (self._made_good, self._row, self._misunderstood):
             counted.pop(worker, None)

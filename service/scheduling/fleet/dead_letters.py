@@ -13,7 +13,7 @@ from typing import Any
 from service.store.atomic_files import write_whole
 from telemetry.log_lines import ids
 
-__all__ = ["FILE", "PutAside"]
+__all__ = ["FILE", "DeadLetters"]
 
 FILE = "put-aside.jsonl"  # in the data folder
 KEPT = 100
@@ -23,7 +23,7 @@ LOG_EVERY_S = 1.0
 log = logging.getLogger(__name__)
 
 
-class PutAside:
+class DeadLetters:
     """A bounded dead-letter list. Used only by the engine's thread, except `count`, which any thread may read."""
 
     def __init__(self, path: Path) -> None:

@@ -18,12 +18,12 @@ from protocol.site import SITE, SiteReport, site_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
 from protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
 from renderer.sentences import Sentence
-from service.scheduling.fleet.dead_letters import PutAside
+from service.scheduling.fleet.dead_letters import DeadLetters
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
 
-__all__ = ["BY_A_PERSON", "Roster", "Workers"]
+__all__ = ["BY_A_PERSON", "WorkerSnapshot", "Workers"]
 
 BY_A_PERSON = Sentence("paused-by-person", "Paused by a person.")
 
@@ -42,7 +42,7 @@ Told = TypeVar("Told")
 
 
 @dataclass(frozen=True)
-class Roster:
+class WorkerSnapshot:
     """Immutable snapshot of the workers, safe to read from any thread."""
 
     reports: Mapping[str, WorkerReport] = field(default_factory=dict)
@@ -73,11 +73,11 @@ class Roster:
         kinds = {report.kind for report in self.ready()}
         return max(sorted(kinds), key=self.slots, default=None)
 
-    def shooting_kind(self) -> str | None:
+    def frame_preparing_kind(self) -> str | None:
         """Returns the kind with most slots among workers that prepare frames of shots; None if none is ready."""
         return self._kind_of([report for report in self.ready() if report.frames])
 
-    def blurring_kind(self) -> str | None:
+    def open_shutter_kind(self) -> str | None:
         """Returns the kind with most slots whose ready workers all prepare frames with an open shutter, or None.
 
         All workers of the kind must support it, since any of them may take a message from the kind's queue.
@@ -86,13 +86,13 @@ class Roster:
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
-    def pointing_kind(self) -> str | None:
+    def motion_vector_kind(self) -> str | None:
         """Returns the kind with most slots of which every ready worker makes motion vectors; None if there is none."""
         ready = self.ready()
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
-    def lighting_kind(self) -> str | None:
+    def environment_kind(self) -> str | None:
         """Returns the kind with most slots of which every ready worker makes thumbnails of environments; None if there is none.
 
         The `views` flag of the report stands for it, since both features came with the same release.
@@ -141,7 +141,7 @@ class Roster:
 class Workers:
     """Polls the workers and pauses them. The engine's thread replaces `roster` with a new snapshot at each poll."""
 
-    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: PutAside) -> None:
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: DeadLetters) -> None:
         """Creates an empty roster. put_aside: receives invalid reports."""
         self._put_aside = put_aside
         self._redis = connection
@@ -151,7 +151,7 @@ class Workers:
         self._speeds = Speeds()
         self._vanished: dict[str, float] = {}  # workers whose report has expired, and since when
         self._ahead = math.inf  # difference between Redis' clock and this process' monotonic clock at the latest poll
-        self.roster = Roster()
+        self.roster = WorkerSnapshot()
 
     def look(self, now: bool = False) -> None:
         """Renews the roster if its poll interval has passed, or always if `now`. Raises redis.RedisError."""
@@ -174,7 +174,10 @@ class Workers:
         self._speeds.note(reports.values())
         self._vanished |= dict.fromkeys(self.roster.reports.keys() - reports.keys(), self._looked)
         self._vanished = {name: since for name, since in self._vanished.items() if name not in reports}
-        before, self.roster = self.roster, Roster(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers))
+        before, self.roster = (
+            self.roster,
+            WorkerSnapshot(reports, orders, vitals, self._speeds.latest, offers, self._sites(offers)),
+        )
         for name in sorted(before.reports.keys() | reports.keys()):
             had, has = ((each.reports.get(name), each.orders.get(name), each.offers.get(name)) for each in (before, self.roster))
             if had != has:

@@ -25,7 +25,7 @@ from renderer.sentences import Sentence
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Shares
 
-__all__ = ["Crowd", "Forecast", "Forecaster", "Lines"]
+__all__ = ["Forecast", "Forecaster", "Lines", "RemainingWork"]
 
 RENEWED_EVERY_S = 1.0
 RESTS = 20  # validity of a computation, as a multiple of its duration
@@ -89,7 +89,7 @@ class _Share:
         return first + others + (work if job.id in self.urgent else 0.0)
 
 
-class Crowd:
+class RemainingWork:
     """The remaining work of all jobs that workers of one kind render."""
 
     def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
@@ -136,7 +136,7 @@ class Forecaster:
     def __init__(self, lines: Lines, shares: Shares) -> None:
         self._lines = lines
         self._shares = shares
-        self._crowds: dict[str, tuple[float, Crowd]] = {}  # by kind: end of validity, crowd
+        self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd
 
     def of(self, job: ActiveJob, now: float) -> Forecast:
         """Returns the forecast of a job. now: Unix time. A paused job is treated as if it resumed and ran alone."""
@@ -159,11 +159,11 @@ class Forecaster:
         left = max(crowd.seconds(job, work, slots), alone)
         return Forecast(now + (left if crowd.is_known else max(left, measured)))
 
-    def _crowd(self, kind: str, slots: int) -> Crowd:
+    def _crowd(self, kind: str, slots: int) -> RemainingWork:
         until, crowd = self._crowds.get(kind, (0.0, None))
         begins = time.monotonic()
         if crowd is None or begins > until:
-            crowd = Crowd(self._lines.by_priority(kind), self._shares, slots)
+            crowd = RemainingWork(self._lines.by_priority(kind), self._shares, slots)
             ends = time.monotonic()
             self._crowds[kind] = ends + max(RENEWED_EVERY_S, RESTS * (ends - begins)), crowd
         return crowd

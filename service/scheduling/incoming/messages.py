@@ -38,7 +38,7 @@ __all__ = [
     "VectorsFailed",
     "VectorsMade",
     "Wake",
-    "understand",
+    "parse_message",
 ]
 
 SAME_RELEASE = Sentence(
@@ -413,7 +413,7 @@ Message = (
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
 
-def understand(entry: Entry) -> Message:
+def parse_message(entry: Entry) -> Message:
     """Parses and validates the message of a stream entry. Raises Unusable."""
     if entry.result is None:
         raise Unusable(entry.fault)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from renderer import film as film_math
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.settings import RenderSettings, Tile
-from service.scheduling.jobs.noise_budget import Looks
+from service.scheduling.jobs.noise_budget import NoiseBudget
 from service.scheduling.jobs.plan import FramePlan, Range
 from service.store.coverage import Coverage
 from service.store.films import Film
@@ -236,7 +236,7 @@ class ActiveFrame:
             elif covered.total >= LOOK_AGAIN * done:
                 self._due[batch.tile] = None
 
-    def look(self, looks: Looks) -> None:
+    def look(self, looks: NoiseBudget) -> None:
         """Estimates the noise of tiles with many new samples, within the time limit `looks`.
 
         Raises FilmWaits or FilmLost.

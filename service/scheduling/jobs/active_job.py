@@ -13,11 +13,11 @@ from renderer.settings import MAX_SPP, RenderSettings, Tile
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameRow
 from service.scheduling.jobs.agenda import Agenda
-from service.scheduling.jobs.batch_failures import Trouble
+from service.scheduling.jobs.batch_failures import BatchFailures
 from service.scheduling.jobs.costs import Costs
-from service.scheduling.jobs.frame_progress import Tally
+from service.scheduling.jobs.frame_progress import FrameProgress
 from service.scheduling.jobs.history import History
-from service.scheduling.jobs.noise_budget import Looks
+from service.scheduling.jobs.noise_budget import NoiseBudget
 from service.scheduling.jobs.plan import Range
 from service.scheduling.jobs.shares import share_of
 from service.scheduling.jobs.totals import Totals
@@ -83,13 +83,13 @@ class ActiveJob:
         self.agenda: Agenda  # created by `begin`
         self._goals: dict[int, int] = {}  # frames with their own number of samples
         self._totals: Totals
-        self.tally = Tally(self.frames)
+        self.tally = FrameProgress(self.frames)
         self.history = History()
         self._without_picture: list[ActiveFrame] = []  # frames that may lack a sample of some tile
-        self.trouble: dict[Range, Trouble] = {}
+        self.trouble: dict[Range, BatchFailures] = {}
         self.handed_back: str | None = None  # why a worker returned a batch, if none was rendered since
         self.rests_until = 0.0
-        self.looks = Looks()
+        self.looks = NoiseBudget()
         self.verify = 0.0  # fraction of batches rendered twice
         self.checks: Mapping[str, int] = {}  # pending verifications by job, which delay its end
         self._unsettled: list[Range] = []  # returned batches that the plan has not processed yet
@@ -354,7 +354,7 @@ class ActiveJob:
             if self.shot is not None and not frame.is_over:
                 frame.finish()
 
-    def asks_for(self, spp: int, noise: float | None, seconds: float | None) -> bool:
+    def differs_from_goal(self, spp: int, noise: float | None, seconds: float | None) -> bool:
         """Whether this goal differs from the current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 

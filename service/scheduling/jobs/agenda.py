@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from service.scheduling.jobs.active_frame import ActiveFrame
-from service.scheduling.jobs.frame_queue import Turn, Turns
+from service.scheduling.jobs.frame_queue import FrameQueue, Turn
 
 __all__ = ["Agenda", "shares"]
 
@@ -48,7 +48,7 @@ class Agenda:
                     self._pending.add(key)
             elif order == "breadth-first":
                 frame.ceiling = 1
-        self.turns = Turns(frames, self.turn)
+        self.turns = FrameQueue(frames, self.turn)
 
     @property
     def first(self) -> int | None:

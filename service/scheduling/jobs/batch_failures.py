@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-__all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "Trouble"]
+__all__ = ["FAILURES_ALLOWED", "LOSSES_ALLOWED", "BatchFailures"]
 
 FAILURES_ALLOWED = 3
 LOSSES_ALLOWED = 5
 
 
 @dataclass
-class Trouble:
+class BatchFailures:
     """The failures and losses of one batch."""
 
     since: float = field(default_factory=time.monotonic)

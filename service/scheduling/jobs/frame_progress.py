@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from service.scheduling.jobs.active_frame import ActiveFrame, FrameNumbers
 
-__all__ = ["Tally"]
+__all__ = ["FrameProgress"]
 
 
-class Tally:
+class FrameProgress:
     """Tracks the frames' progress. Call `note` for each change.
 
     Used only by the engine's thread, except for the mappings that `numbers` returns.

@@ -12,14 +12,14 @@ from itertools import islice
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.lazy_heap import LazyHeap
 
-__all__ = ["Turn", "Turns"]
+__all__ = ["FrameQueue", "Turn"]
 
 Turn = tuple[float, ...]  # sort key; the smallest comes first
 TurnOf = Callable[[ActiveFrame], Turn]
 Line = LazyHeap[Turn]
 
 
-class Turns:
+class FrameQueue:
     """Queues of a job's frames, by kind of workers. Call `note` for each change. Used only by the engine's thread."""
 
     def __init__(self, frames: Mapping[int, ActiveFrame], turn: TurnOf) -> None:

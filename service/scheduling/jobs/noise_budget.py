@@ -13,13 +13,13 @@ from contextlib import contextmanager
 
 from service.clock import WorkClock
 
-__all__ = ["Looks"]
+__all__ = ["NoiseBudget"]
 
 SHARE = 0.01  # of a core
 AT_ONCE_S = 0.3  # seconds that can be accumulated, so that a small picture gets its noise at once
 
 
-class Looks:
+class NoiseBudget:
     """The remaining time for noise estimates. Used only by the engine's thread."""
 
     def __init__(self, clock: WorkClock = time) -> None:

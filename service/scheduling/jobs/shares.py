@@ -22,13 +22,13 @@ from heapq import heapify, heappop, heappush
 from itertools import count
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["EVERYBODY", "Claim", "Line", "Shares", "Terms", "share_of"]
+__all__ = ["EVERYBODY", "Line", "ShareableJob", "Shares", "Terms", "share_of"]
 
 EVERYBODY = "everybody"  # the share of jobs without a user, such as all jobs of a farm without authentication
 NO_LIMIT = 1 << 30
 
 
-class Claim(Protocol):
+class ShareableJob(Protocol):
     """Protocol of a job: the attributes that determine its order."""
 
     @property
@@ -56,7 +56,7 @@ class Claim(Protocol):
         """Maximum number of slots at once; None: no limit."""
 
 
-Job = TypeVar("Job", bound=Claim)
+Job = TypeVar("Job", bound=ShareableJob)
 
 
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.lazy_heap import LazyHeap
 
-__all__ = ["Greatest", "Totals"]
+__all__ = ["RunningMaximum", "Totals"]
 
 
-class Greatest:
+class RunningMaximum:
     """Maximum of a set of changing values, some of which may be unknown."""
 
     def __init__(self) -> None:
@@ -58,8 +58,8 @@ class Totals:
         self._changed = dict.fromkeys(frames)
         self._counted: dict[int, _Counted] = {}
         self.samples = self.target = self.over = self.bad_samples = 0
-        self.noise = Greatest()  # current noise of the frames
-        self.ends = Greatest()  # expected final noise of the frames
+        self.noise = RunningMaximum()  # current noise of the frames
+        self.ends = RunningMaximum()  # expected final noise of the frames
 
     def note(self, key: int) -> None:
         """Marks a frame as changed."""

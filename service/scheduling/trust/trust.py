@@ -76,7 +76,7 @@ class Trust:
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerSetAside(worker, None))
 
-    def sort_out(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
+    def mergeable_answers(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Returns the results that may be merged into the job's film.
 
         Left out are repetitions for verification and results of distrusted workers; and, if the job is verified, results with no

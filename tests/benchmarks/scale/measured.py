@@ -32,7 +32,7 @@ from service.store.films import Film
 from service.store.tile_cache import TileCache
 from tests.benchmarks.scale.processors import Processors, Share
 from tests.helpers import ROOT, running_redis, wait_until
-from tests.reducer import Reducing
+from tests.reducer import ReducerProcess
 
 __all__ = ["Load", "Served", "Taken", "run"]
 
@@ -206,7 +206,7 @@ def reducer_of(served: Served, load: Load) -> Iterator[None]:
     if not load.site:
         yield
         return
-    reducing = Reducing(served.store, served.url, served.token, served.folder, SITE_NAME)
+    reducing = ReducerProcess(served.store, served.url, served.token, served.folder, SITE_NAME)
     try:
         yield
     finally:

@@ -10,7 +10,7 @@ import pytest
 
 from renderer.blender import program
 from renderer.blender.convert import convert
-from renderer.blender.program import NAMED, BlenderError, find, look_at
+from renderer.blender.program import NAMED, BlenderError, find, inspect_blender
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.load import Shot, read
@@ -34,7 +34,7 @@ def blender(tmp_path: Path) -> Callable[[str], str]:
         path.parent.mkdir(exist_ok=True)
         path.write_text(f"#!/bin/sh\n{version}{script}")
         path.chmod(path.stat().st_mode | stat.S_IXUSR)
-        look_at.cache_clear()
+        inspect_blender.cache_clear()
         return str(path)
 
     return make
@@ -63,7 +63,7 @@ def test_what_blender_wrote_is_the_scene(blender, scene, monkeypatch):
 def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
-    assert convert(look_at(blender(WORKS)), scene, "a.blend", out, 1 << 30, 60) == "blender-scene.yaml"
+    assert convert(inspect_blender(blender(WORKS)), scene, "a.blend", out, 1 << 30, 60) == "blender-scene.yaml"
     assert [path.name for path in out.iterdir()] == ["blender-scene.yaml"]
 
 
@@ -82,7 +82,7 @@ def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
 )
 def test_why_it_failed_is_said(blender, scene, tmp_path, script, says):
     with pytest.raises(SceneError, match=rf"^a\.blend: .*{says}"):
-        convert(look_at(blender(script)), scene, "a.blend", tmp_path, 1 << 30, 2 if "sleep" in script else 60)
+        convert(inspect_blender(blender(script)), scene, "a.blend", tmp_path, 1 << 30, 2 if "sleep" in script else 60)
 
 
 def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_path):
@@ -96,8 +96,8 @@ def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_pa
 
 def test_a_blender_that_cannot_be_used_says_why(blender, tmp_path):
     with pytest.raises(BlenderError, match="There is no Blender at"):
-        look_at(str(tmp_path / "gone"))
+        inspect_blender(str(tmp_path / "gone"))
     with pytest.raises(BlenderError, match=r"is Blender 3\.6\.1; \.blend files are opened by 4\.2"):
-        look_at(blender("", VERSION.replace("4.5.1", "3.6.1")))
+        inspect_blender(blender("", VERSION.replace("4.5.1", "3.6.1")))
     with pytest.raises(BlenderError, match="is no Blender"):
-        look_at(blender("", "exit 1\n"))
+        inspect_blender(blender("", "exit 1\n"))

@@ -8,8 +8,8 @@ import pytest
 from renderer.bvh.build import build
 from renderer.bvh.layout import PAGE, Bvh
 from renderer.bvh.motion_bvh import keyed_tree
-from renderer.bvh.ray_masks import leave_out
-from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, Laid
+from renderer.bvh.ray_masks import exclude_primitives
+from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh
 from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
 from renderer.jit import entry
 from renderer.threads import Team
@@ -41,9 +41,9 @@ def rays(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def laid(bvh: Bvh) -> Laid:
+def laid(bvh: Bvh) -> AssembledBvh:
     nodes, packets = len(bvh.node), len(bvh.packet)
-    return Laid(bvh, (0, 0, nodes, nodes, nodes), (0, 0, packets, packets, packets), (bvh, ()))
+    return AssembledBvh(bvh, (0, 0, nodes, nodes, nodes), (0, 0, packets, packets, packets), (bvh, ()))
 
 
 def world(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
     random = np.random.default_rng(1)
     unseen, shadeless = random.random((2, 340)) < share
     unseen[5] = shadeless[320] = True
-    grown = leave_out(laid(bvh), unseen, shadeless).bvh
+    grown = exclude_primitives(laid(bvh), unseen, shadeless).bvh
     asked = rays(3000)
     met, blocked = trace(grown, asked)
     assert (met[:, 0] == trace(bvh, asked)[0][:, 0]).all()  # of all others nothing is changed
@@ -85,7 +85,7 @@ def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
 def test_what_is_new_begins_at_a_page_behind_all_parts() -> None:
     bvh = build(*world())
     unseen = np.arange(340) == 17
-    found = leave_out(laid(bvh), unseen, ~unseen & False)
+    found = exclude_primitives(laid(bvh), unseen, ~unseen & False)
     for places, rows, size in ((found.node, found.bvh.node, NODE_BYTES), (found.packet, found.bvh.packet, PACKET_BYTES)):
         assert places[2] == places[3]
         assert places[3] * size % PAGE == 0
@@ -95,7 +95,7 @@ def test_what_is_new_begins_at_a_page_behind_all_parts() -> None:
 def test_nothing_is_left_out_of_most_trees() -> None:
     given = laid(build(*world()))
     none = np.zeros(340, np.bool_)
-    assert leave_out(given, none, none) is given
+    assert exclude_primitives(given, none, none) is given
 
 
 def test_what_moves_is_left_out_at_every_time() -> None:
@@ -112,7 +112,7 @@ def test_what_moves_is_left_out_at_every_time() -> None:
         return Bvh(node, packet, np.zeros(0, np.int32), np.zeros((0, 3, 4)), keyed=np.array([0, 3], np.int32))
 
     asked = rays(3000)
-    found = trace(leave_out(laid(keyed(triangle, balls)), unseen, unseen).bvh, asked)
+    found = trace(exclude_primitives(laid(keyed(triangle, balls)), unseen, unseen).bvh, asked)
     expected = trace(keyed(triangle[seen], balls[:, ~unseen[300:]]), asked)[0][:, 0] >= 0
     assert (found[0][:, 0] >= 0).sum() > expected.sum() > 500
     assert ((found[0][:, 1] >= 0) == expected).all()

@@ -6,7 +6,7 @@ import pytest
 from renderer.bvh.build import build, tree_of
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH
-from renderer.bvh.subtrees import lay
+from renderer.bvh.subtrees import assemble_bvh
 from renderer.threads import Team
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 from tests.renderer.bvh.test_instances import directions, forest
@@ -34,7 +34,7 @@ def parted(brute=False, loose=True):
     lax = (rest.node, rest.packet) if loose else NOTHING
     shown = np.zeros(np.count_nonzero(~of_still), int)
     with Team(1) as team:
-        laid = lay(still, [body], [first_body], lax, first_loose, shown, every.to_world, team, brute)
+        laid = assemble_bvh(still, [body], [first_body], lax, first_loose, shown, every.to_world, team, brute)
     whole = build(position, triangle[np.argsort(numbers)], sphere, every, brute)
     return laid, whole, np.concatenate([numbers, np.arange(130, 139), [-1]])
 
@@ -65,7 +65,7 @@ def test_each_part_begins_at_a_page_and_is_the_same_whatever_moves():
     for count in (1, 40):
         places = np.tile(np.eye(4)[:3], (count, 1, 1)) + np.arange(count)[:, None, None]
         with Team(1) as team:
-            found.append(lay(still, [body], [100], NOTHING, 130, np.zeros(count, int), places, team))
+            found.append(assemble_bvh(still, [body], [100], NOTHING, 130, np.zeros(count, int), places, team))
     one, many = found
     assert one.node == many.node
     np.testing.assert_array_equal(one.bvh.node[one.node[1] :], many.bvh.node[one.node[1] :])
@@ -79,7 +79,7 @@ def test_what_moves_may_be_all_there_is():
     empty = build(position[:0], triangle[:0], NO_SPHERES)
     empty = empty._replace(node=empty.node[:0])
     with Team(1) as team:
-        laid = lay(empty, [tree_of(position, triangle)], [0], NOTHING, 130, np.zeros(1, int), np.eye(4)[None, :3], team)
+        laid = assemble_bvh(empty, [tree_of(position, triangle)], [0], NOTHING, 130, np.zeros(1, int), np.eye(4)[None, :3], team)
     o, d = rng.uniform(-4, 4, (1000, 3)).astype(np.float32), directions(rng, 1000)
     ours, theirs = trace(laid.bvh, o, d), trace(build(position, triangle, NO_SPHERES), o, d)
     np.testing.assert_array_equal(ours.primitive, theirs.primitive)

@@ -9,7 +9,7 @@ import pytest
 
 from renderer.film import mean
 from renderer.render import render_frame
-from renderer.scene.back_to_back_faces import set_apart
+from renderer.scene.back_to_back_faces import separate_coincident
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Light, Material, Mesh, SceneDescription
 from renderer.scene.readers.shapes import quad
@@ -89,15 +89,15 @@ def test_faces_of_one_look_or_of_different_spaces_stay_where_they_are():
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2, np.float32)
     triangles = np.array([(0, 1, 2), (3, 5, 4)], np.int32)
     alike, unlike = np.array([0, 0], np.int32), np.array([0, 1], np.int32)
-    assert set_apart(corners, triangles, alike, ()) is corners
-    assert set_apart(corners, triangles, unlike, (), [1]) is corners
+    assert separate_coincident(corners, triangles, alike, ()) is corners
+    assert separate_coincident(corners, triangles, unlike, (), [1]) is corners
     same_side = np.array([(0, 1, 2), (3, 4, 5)], np.int32)
-    assert set_apart(corners, same_side, unlike, ()) is corners
-    moved = set_apart(corners, triangles, unlike, ())
+    assert separate_coincident(corners, same_side, unlike, ()) is corners
+    moved = separate_coincident(corners, triangles, unlike, ())
     np.testing.assert_allclose(moved[:3, 2], 2.0**-17, rtol=1e-6)
     np.testing.assert_allclose(moved[3:, 2], -(2.0**-17), rtol=1e-6)
     paint = np.repeat(np.array([(1, 0, 0, 1), (0, 0, 1, 1)], np.float32), 3, axis=0)
-    assert (set_apart(corners, triangles, alike, (paint,)) == moved).all()
+    assert (separate_coincident(corners, triangles, alike, (paint,)) == moved).all()
 
 
 @pytest.mark.parametrize(

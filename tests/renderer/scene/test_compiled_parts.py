@@ -12,7 +12,7 @@ from renderer.scene import compiled_parts as parts_file
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load
 from renderer.scene.compiled_parts import Saver, parts_of
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from tests.renderer.scene.test_shutter_merge import zoo
 
 
@@ -33,7 +33,7 @@ def way(request, monkeypatch):
 
 @pytest.mark.usefixtures("way")
 def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
-    kept, saver = Kept(), Saver(tmp_path)
+    kept, saver = ShotCache(), Saver(tmp_path)
     manifests, scenes = [], []
     for angle in (0.0, 20.0, 33.0):
         compiled = compile_scene(zoo(angle), kept=kept)
@@ -53,11 +53,11 @@ def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
 
 
 def test_a_moment_saved_alone_has_the_same_parts(tmp_path):
-    kept, saver = Kept(), Saver(tmp_path)
+    kept, saver = ShotCache(), Saver(tmp_path)
     names = []
     for angle in (0.0, 33.0):
         names.append(saver.save(compile_scene(zoo(angle), kept=kept), kept.cuts).name)
-    alone = Kept()
+    alone = ShotCache()
     assert Saver(tmp_path).save(compile_scene(zoo(33.0), kept=alone), alone.cuts).name == names[1] != names[0]
 
 
@@ -65,7 +65,7 @@ def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
     written = []
     known = parts_file._written
     monkeypatch.setattr(parts_file, "_written", lambda slices, folder: written.append(set(slices)) or known(slices, folder))
-    kept, saver = Kept(), Saver(tmp_path)
+    kept, saver = ShotCache(), Saver(tmp_path)
     for angle in (0.0, 33.0):
         written.clear()
         saver.save(compile_scene(zoo(angle), kept=kept), kept.cuts)
@@ -74,13 +74,13 @@ def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
 
 
 def test_a_scene_of_which_nothing_moves_can_be_kept_so(tmp_path):
-    kept = Kept()
+    kept = ShotCache()
     compiled = compile_scene(zoo(marked=False), kept=kept)
     same(load(Saver(tmp_path).save(compiled, kept.cuts)), compiled)
 
 
 def saved(folder):
-    kept = Kept()
+    kept = ShotCache()
     return Saver(folder).save(compile_scene(zoo(), kept=kept), kept.cuts)
 
 

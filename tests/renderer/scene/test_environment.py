@@ -10,7 +10,7 @@ import pytest
 from renderer.film import mean
 from renderer.render import RenderStats, render_frame
 from renderer.scene.description import Environment, Material, Sphere
-from renderer.scene.environment import left_to_surfaces
+from renderer.scene.environment import without_environment_sampling
 from renderer.scene.sky import Sky
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import emitter, gray, scene, square
@@ -25,14 +25,14 @@ TWO = np.array([[[1, 1, 1], [3, 3, 3]]], np.float32)
 def test_only_what_is_even_is_left_to_surfaces(environment, left):
     made = scene([GRAY, LAMP], (FLOOR, ABOVE), environment=environment)
     assert made.environment_frame[3] > 0
-    found = left_to_surfaces(made)
+    found = without_environment_sampling(made)
     assert (found.environment_frame[3] == 0) == left
     np.testing.assert_array_equal(np.delete(found.environment_frame, 3), np.delete(made.environment_frame, 3))
 
 
 def test_where_shadow_rays_pass_what_others_meet_both_are_needed():
     made = scene([GRAY, replace(LAMP, lamp=True)], (FLOOR, ABOVE), environment=0.5)
-    assert left_to_surfaces(made).environment_frame[3] == made.environment_frame[3] > 0
+    assert without_environment_sampling(made).environment_frame[3] == made.environment_frame[3] > 0
 
 
 def test_nothing_is_left_of_the_noise_where_nothing_stands_before_an_even_sky():

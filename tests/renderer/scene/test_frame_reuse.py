@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 
 
 def recalled(kept, key, token=None, asked=None):
@@ -14,7 +14,7 @@ def recalled(kept, key, token=None, asked=None):
 
 
 def test_what_was_made_for_an_equal_key_is_given_again():
-    kept = Kept()
+    kept = ShotCache()
     first, was_made = recalled(kept, [1, np.arange(3)])
     assert was_made
     assert recalled(kept, [1, np.arange(3)]) == (first, False)
@@ -24,7 +24,7 @@ def test_what_was_made_for_an_equal_key_is_given_again():
 
 
 def test_a_token_answers_for_its_key():
-    kept, token, asked = Kept(), object(), []
+    kept, token, asked = ShotCache(), object(), []
     first, _ = recalled(kept, 1, token, asked)
     assert recalled(kept, 2, token, asked) == (first, False)  # nobody looks at the key
     assert len(asked) == 1
@@ -33,7 +33,7 @@ def test_a_token_answers_for_its_key():
 
 
 def test_what_a_moment_had_no_use_for_is_forgotten():
-    kept = Kept()
+    kept = ShotCache()
     first, _ = recalled(kept, 1)
     kept.begin()
     assert recalled(kept, 1) == (first, False)
@@ -43,7 +43,7 @@ def test_what_a_moment_had_no_use_for_is_forgotten():
 
 
 def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shrinks():
-    kept, head = Kept(), object()
+    kept, head = ShotCache(), object()
     array, is_there = kept.room("a", 800, (2,), np.float32, (head, 5))
     assert not is_there
     assert not array.any()
@@ -61,7 +61,7 @@ def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shri
 
 
 def test_what_was_said_of_other_things_is_not_known():
-    kept, head = Kept(), object()
+    kept, head = ShotCache(), object()
     assert not kept.knows("checked", (head, 1))
     assert kept.knows("checked", (head, 1))
     assert not kept.knows("checked", (head, 2))

@@ -11,7 +11,7 @@ from renderer.film import POSITION, SAMPLES, mean
 from renderer.render import render_frame, replay
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Instance, Light, Material, Mesh, SceneDescription, Sphere
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import read
 from renderer.scene.origin import exact, origin_of
 from renderer.scene.readers.shapes import cube
@@ -145,7 +145,7 @@ def test_what_moves_does_not_move_the_origin_of_a_shot():
     place[0, 3] += 40.0
     first.instances.append(Instance(0, np.array(first.instances[0].transform), moves=True))
     second = replace(first, instances=[first.instances[0], replace(first.instances[1], transform=place)])
-    kept = Kept()
+    kept = ShotCache()
     one, two = compile_scene(first, kept=kept).origin.copy(), compile_scene(second, kept=kept).origin
     np.testing.assert_array_equal(one, two)
     np.testing.assert_array_equal(two, compile_scene(second).origin)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from renderer.scene.readers.coats import coat_over, dielectric_albedo, under_a_coat
+from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat, internal_albedo
 from renderer.scene.readers.metals import head_on
-from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
+from renderer.scene.readers.pbrt.coats import coat_of, coated_albedo, coated_metal_reflectance
 from tests.renderer.scene.pbrt_files import BALL, HEAD, world
 
 COUNT = 60_000
@@ -16,11 +16,13 @@ THICKNESS = 0.01
 
 def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
     coat = coat_of(1.5, 0.0, 0.0, 1000)
-    inner = coat_over(1.5)
+    inner = internal_albedo(1.5)
     assert coat.reflected == pytest.approx(dielectric_albedo(1.5), rel=0.02)
     assert coat.back == pytest.approx(inner, rel=0.01)
     for value in (0.2, 0.5, 0.9):
-        assert paint_beneath((value,) * 3, coat)[0] == pytest.approx(under_a_coat((value,) * 3, inner)[0], rel=0.01)
+        assert coated_albedo((value,) * 3, coat)[0] == pytest.approx(
+            effective_albedo_under_coat((value,) * 3, inner)[0], rel=0.01
+        )
 
 
 def test_a_thick_coat_takes_light_by_its_thickness():
@@ -28,7 +30,7 @@ def test_a_thick_coat_takes_light_by_its_thickness():
     clear, dark = (coat_of(1.0001, 0.0, thickness, 2) for thickness in (0.0, 0.5))
     cosine = np.sqrt((np.arange(4096) + 0.5) / 4096)
     once = np.exp(-0.5 / cosine).mean()
-    assert paint_beneath((0.5,) * 3, dark)[0] / paint_beneath((0.5,) * 3, clear)[0] == pytest.approx(once**2, rel=0.01)
+    assert coated_albedo((0.5,) * 3, dark)[0] / coated_albedo((0.5,) * 3, clear)[0] == pytest.approx(once**2, rel=0.01)
 
 
 def boundary(view, ior, alpha, reflects, random):
@@ -83,7 +85,7 @@ def walked(reflectance, ior, alpha):
 def test_paint_under_rough_varnish_is_as_dark_as_the_walk_makes_it(ior, alpha):
     coat = coat_of(ior, round(alpha, 4), THICKNESS, 10)
     for value in (0.2, 0.9):
-        ours = paint_beneath((value,) * 3, coat)[0] * (1 - coat.reflected)
+        ours = coated_albedo((value,) * 3, coat)[0] * (1 - coat.reflected)
         assert ours == pytest.approx(walked(value, ior, alpha), rel=0.015)
 
 
@@ -92,16 +94,16 @@ def test_files_of_coats(scene):
         return scene("scene.pbrt", world(f"Material {words} {BALL}", HEAD)).materials[0]
 
     white = '"coateddiffuse" "rgb reflectance" [.9 .9 .9]'
-    assert made(white).base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, 0.0, 0.01, 10))[0])
+    assert made(white).base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, 0.0, 0.01, 10))[0])
     rough = made(f'{white} "float roughness" 0.3 "float thickness" 0 "integer maxdepth" 100')
-    assert rough.base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, round(math.sqrt(0.3), 4), 0.0, 100))[0])
+    assert rough.base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, round(math.sqrt(0.3), 4), 0.0, 100))[0])
     assert rough.base_color[0] < 0.6 * made(white).base_color[0] + 0.1  # it was as bright as under a smooth coat
     brushed = made(f'{white} "float uroughness" 0.01 "float vroughness" 0.25')
-    assert brushed.base_color[0] == pytest.approx(paint_beneath((0.9,) * 3, coat_of(1.5, 0.2236, 0.01, 10))[0], rel=1e-3)
+    assert brushed.base_color[0] == pytest.approx(coated_albedo((0.9,) * 3, coat_of(1.5, 0.2236, 0.01, 10))[0], rel=1e-3)
     # The metal meets the coat and not air: eta and k are both divided by its index.
     metal = made('"coatedconductor" "rgb reflectance" [.8 .8 .8] "float thickness" 0')
     k = 2 * math.sqrt(0.8 / 0.2)
     bare = head_on(1 / 1.5, k / 1.5)
     assert bare == pytest.approx(0.7303, abs=1e-4)
     assert metal.base_color[0] == pytest.approx(0.96 * bare / (1 - 0.04 * bare), rel=1e-4)
-    assert metal_beneath(np.array([0.0, 1.0]), 1.5, 0.0) == pytest.approx([0, 1])
+    assert coated_metal_reflectance(np.array([0.0, 1.0]), 1.5, 0.0) == pytest.approx([0, 1])

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renderer.scene.readers.coats import dielectric_albedo, under_a_coat
+from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
 from renderer.scene.readers.pbrt.conductors import _matched, head_on
 from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
@@ -132,7 +132,9 @@ def test_what_a_coat_reflects_and_keeps():
     assert outside == pytest.approx(0.0918, abs=2e-4)
     inner = 1 - (1 - outside) / 1.5**2
     assert inner == pytest.approx(0.5963, abs=3e-4)
-    assert under_a_coat((1.0, 0.0, 0.5), inner) == pytest.approx((1, 0, 0.5 * (1 - inner) / (1 - inner / 2)), rel=1e-6)
+    assert effective_albedo_under_coat((1.0, 0.0, 0.5), inner) == pytest.approx(
+        (1, 0, 0.5 * (1 - inner) / (1 - inner / 2)), rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("kelvin", "xy"), [(5000, (0.3457, 0.3586)), (6504, (0.3127, 0.3291)), (10_000, (0.2788, 0.2920))])

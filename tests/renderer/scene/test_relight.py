@@ -3,7 +3,7 @@
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled import load
 from renderer.scene.compiled_parts import Saver, parts_of, save_changed
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import read
 from renderer.scene.relight import CHANGED, lit
 from tests.grids import grid
@@ -18,7 +18,7 @@ NO_LIGHT = SCENE.split("\n", 2)[2]
 
 
 def compiled(folder, environment, out):
-    kept = Kept()
+    kept = ShotCache()
     out.mkdir()
     scene = compile_scene(read(folder, "scene.yaml", environment), kept=kept)
     return scene, Saver(out).save(scene, kept.cuts), kept.lights_power

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 
-from renderer.scene.readers.usd.meshes import Wanted, read_mesh
+from renderer.scene.readers.usd.meshes import UsedPrimvars, read_mesh
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import Faces
 from renderer.scene.readers.usd.subdivision import Cage, limit, refined
@@ -54,7 +54,7 @@ def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
     # Both ends' mean is (1/2, 1/2, 0), that of both faces' middles (1/3, 1/3, 0).
     np.testing.assert_allclose(np.abs(finer.points[6:18]).max(axis=1), 1 / 2 - share / 6)
     deep = limit(refined(finer, [])[0])
-    found = read_mesh(one.GetPrim(), [Wanted()], None, Usd.TimeCode(0), Notes())[0]
+    found = read_mesh(one.GetPrim(), [UsedPrimvars()], None, Usd.TimeCode(0), Notes())[0]
     np.testing.assert_allclose(np.sort(found.positions, axis=0), np.sort(deep, axis=0), atol=1e-6)
 
 
@@ -231,7 +231,7 @@ def lattice(made, how, split=False):
 
 
 def refined_uvs(prim):
-    found = read_mesh(prim.GetPrim(), [Wanted(("st",))], None, Usd.TimeCode(0), Notes())[0]
+    found = read_mesh(prim.GetPrim(), [UsedPrimvars(("st",))], None, Usd.TimeCode(0), Notes())[0]
     return found.positions[:, :2], found.uvs * (1, -1) + (0, 1)
 
 

@@ -88,7 +88,7 @@ def test_what_lights_nothing_leaves_nothing(
     both: tuple[Service, PeerWorker], name: str, content: bytes, status: int, says: str
 ) -> None:
     service, _ = both
-    until(lambda: service.farm.engine.snapshot.roster.lighting_kind() is not None, "a worker is ready")
+    until(lambda: service.farm.engine.snapshot.roster.environment_kind() is not None, "a worker is ready")
     before = blobs(service)
     answer = post(service, name, content)
     assert (answer.status_code, says in answer.json()["detail"]) == (status, True), answer.text
@@ -99,7 +99,7 @@ def test_workers_of_before_are_not_asked(both: tuple[Service, PeerWorker]) -> No
     service, worker = both
     worker.views = False
     try:
-        until(lambda: service.farm.engine.snapshot.roster.lighting_kind() is None, "the service sees it")
+        until(lambda: service.farm.engine.snapshot.roster.environment_kind() is None, "the service sees it")
         until(lambda: bool(service.http.get("/api/workers").json()), "the worker reports")
         answer = post(service, "sky.exr", b"an image that nobody knows")
         assert answer.status_code == 503 and "older release" in answer.text

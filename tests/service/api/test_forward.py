@@ -15,7 +15,7 @@ import uvicorn
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from service.http.client_address import PASSED_ON, _verified_origin
-from service.http.forward import Forward
+from service.http.forward import OwnerClient
 from service.settings import Settings
 from tests.service.conftest import until
 
@@ -51,7 +51,7 @@ def owner() -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def standby(owner: int) -> Iterator[int]:
-    forward, over = Forward(Settings(owner_token="the owner's")), asyncio.Event()
+    forward, over = OwnerClient(Settings(owner_token="the owner's")), asyncio.Event()
 
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "lifespan":
@@ -103,7 +103,7 @@ def test_nothing_is_said_that_nobody_said(standby: int) -> None:
 def test_the_owner_learns_the_clients_address_by_a_signed_field_alone() -> None:
     claimed = [(b"x-forwarded-for", b"127.0.0.1"), (b"x-forwarded-for", b"10.0.0.1")]
     scope = {"type": "http", "scheme": "https", "headers": claimed, "client": ("192.168.1.7", 1234)}
-    forward = Forward(Settings(owner_token="the owner's"))
+    forward = OwnerClient(Settings(owner_token="the owner's"))
 
     def origin(scope: Scope, secret: str) -> tuple[str, str] | None:
         *kept, (name, word) = forward._headers(scope, set())

@@ -6,7 +6,7 @@ import asyncio
 import time
 from typing import Any
 
-from service.http.websocket_messages import BURST, CHARACTERS, RATE, heard
+from service.http.websocket_messages import BURST, CHARACTERS, RATE, throttled_messages
 
 MOST = 200_000
 
@@ -32,7 +32,7 @@ def heard_while_others_work(text: str) -> float:
         flood = Flood(text)
 
         async def listen() -> None:
-            async for _ in heard(flood):  # type: ignore[arg-type]  # a socket as far as is asked of it
+            async for _ in throttled_messages(flood):  # type: ignore[arg-type]  # a socket as far as is asked of it
                 pass
 
         begun = time.monotonic()

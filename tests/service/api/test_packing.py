@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from service.http.compression import FEWEST, MOST, Packing
+from service.http.compression import FEWEST, MOST, CompressionMiddleware
 
 LONG = [{"state": "finished", "name": f"take {i}"} for i in range(5000)]
 
@@ -36,7 +36,7 @@ async def answer(request: Request) -> Response:
 
 
 def asked(kind: str, encoding: str = "gzip, deflate, br", method: str = "GET") -> httpx.Response:
-    app = Packing(Starlette(routes=[Route("/{kind}", answer)]))
+    app = CompressionMiddleware(Starlette(routes=[Route("/{kind}", answer)]))
 
     async def ask() -> httpx.Response:
         async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://farm") as client:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.ownership.silence import LEAST_LOOKS, Silence
+from service.ownership.silence import LEAST_LOOKS, OwnerTimeout
 from service.store.models import Owner
 
 LEASE_S = 6.0
@@ -12,9 +12,9 @@ def row(epoch: int = 5, answered: int = 0) -> Owner:
     return Owner(what="farm", epoch=epoch, asked=1, answered=answered)
 
 
-def silent_for(seconds: float, looks: int) -> tuple[Silence, list[float]]:
+def silent_for(seconds: float, looks: int) -> tuple[OwnerTimeout, list[float]]:
     clock = [100.0]
-    silence = Silence(LEASE_S, lambda: clock[0])
+    silence = OwnerTimeout(LEASE_S, lambda: clock[0])
     assert silence.is_broken(row()), "it was not asked yet"
     silence.asked(5, 1)
     for _ in range(looks):

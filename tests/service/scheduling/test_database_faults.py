@@ -107,7 +107,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
     away = threading.Event()
     away.set()
     monkeypatch.setattr(Records, "failed", away_while(away, Records.failed))
-    service.farm.engine._bulkheads.condemn(job, "The film of this job is lost.")
+    service.farm.engine._bulkheads.give_verdict(job, "The film of this job is lost.")
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     time.sleep(0.5)  # meanwhile the engine hears of it
     away.clear()

@@ -15,7 +15,7 @@ import pytest
 from protocol.contract import Result
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.incoming.messages import BatchDone, Unusable, understand
+from service.scheduling.incoming.messages import BatchDone, Unusable, parse_message
 from service.scheduling.incoming.results import Entry
 from tests.benchmarks.scale.slots import Slots, of_one_sample
 from tests.service.conftest import TOKEN, Service
@@ -105,7 +105,7 @@ JOINT: dict[str, Any] = {
 
 
 def test_each_batch_is_known_by_its_own_id() -> None:
-    message = understand(Entry(b"1-0", Result(JOINT, b"sums")))
+    message = parse_message(Entry(b"1-0", Result(JOINT, b"sums")))
     assert isinstance(message, BatchDone)
     assert [tuple(piece) for piece in message.pieces] == [("a", 4, 2, 0.5, ""), ("b", 6, 3, 0.25, "")]
 
@@ -115,4 +115,4 @@ def test_each_batch_is_known_by_its_own_id() -> None:
 )
 def test_batches_that_are_not_all_of_the_samples_are_left_out(parts: Any) -> None:
     with pytest.raises(Unusable):
-        understand(Entry(b"1-0", Result({**JOINT, "parts": parts}, b"sums")))
+        parse_message(Entry(b"1-0", Result({**JOINT, "parts": parts}, b"sums")))

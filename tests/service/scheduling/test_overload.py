@@ -12,7 +12,7 @@ import pytest
 from renderer.film import digest
 from renderer.settings import Tile
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED
-from service.scheduling.dispatching.lost_batches import Fate, Missing
+from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.store.film_file import FilmFile
 from tests.benchmarks.scale import slots as slots_module
@@ -92,7 +92,7 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
 @pytest.mark.long
 def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
-    monkeypatch.setattr(Missing, "_fate", lambda self, lease, *_: None if lease.doubled else Fate.LATE)
+    monkeypatch.setattr(LostLeaseFinder, "_fate", lambda self, lease, *_: None if lease.doubled else LossVerdict.LATE)
     slots = Slots(
         service.options["redis_url"], service.url, TOKEN, 4, of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 0.5
     )

@@ -11,7 +11,7 @@ import pytest
 
 from service.events import Events, ItemChanged
 from service.scheduling import snapshot
-from service.scheduling.snapshot import Board, JobNumbers, Snapshot
+from service.scheduling.snapshot import JobNumbers, Snapshot, SnapshotBoard
 
 
 def job(samples: int, state: str = "running") -> Any:
@@ -38,7 +38,7 @@ def look(numbers: Any) -> Snapshot:
 def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[str, str, int]] = []
     events = Events()
-    board = Board(events)
+    board = SnapshotBoard(events)
     events.subscribe(ItemChanged, lambda event: told.append((event.kind, event.id, board.latest.jobs[event.id].samples)))
     board.change("job", "a")
     board.publish({"a": job(1)}, look)
@@ -54,7 +54,7 @@ def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyP
 def test_another_state_is_told_at_once() -> None:
     told: list[str] = []
     events = Events()
-    board = Board(events)
+    board = SnapshotBoard(events)
     events.subscribe(ItemChanged, lambda event: told.append(board.latest.jobs[event.id].state))
     for state in ("running", "paused"):
         board.change("job", "a")

@@ -44,7 +44,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess
 def test_it_begins_behind_everything_else(
     started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(jit, "is_kept", lambda name: False)
+    monkeypatch.setattr(jit, "is_cached", lambda name: False)
     kernel_precompile.get_ready_ahead(LINK)
     ((command, process),) = started
     assert command[1:] == ["-m", "worker.exchange.kernel_precompile", "--service=http://127.0.0.1:9"]
@@ -57,7 +57,7 @@ def test_nothing_begins_where_this_machine_has_the_kernel(
     started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    monkeypatch.setattr(jit, "is_kept", lambda name: asked.append(name) or True)
+    monkeypatch.setattr(jit, "is_cached", lambda name: asked.append(name) or True)
     kernel_precompile.get_ready_ahead(LINK)
     assert (started, asked) == ([], [kernel_name(edition=FULL)])
 

@@ -22,7 +22,7 @@ from protocol.sums import unpack_sums
 from rayfarm.local.farm import free_port
 from tests.grids import grid
 from tests.helpers import wait_until
-from tests.reducer import Reducing
+from tests.reducer import ReducerProcess
 from tests.worker.bench import FakeService
 from tests.worker.site.test_sums import SUMS, TILE, sums
 from worker.site import reducer as reducer_module
@@ -49,7 +49,7 @@ def arrived(store: redis.Redis, many: int) -> list[Result]:
 
 def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     port = free_port("127.0.0.1")
-    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    reducing = ReducerProcess(store, service, "token", tmp_path, port=port)
     link, another = SiteLink(redis_url), SiteLink(redis_url)
     assert link.send(sums(0, 4, "alpha"))
     assert link.send(sums(4, 8, "beta"))
@@ -63,7 +63,7 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
     wait_until(lambda: (r := reducing.report()) is not None and r.in_hand == ["b0"], 20, "it says what it has")
     reducing.kill()
     assert not link.send(sums(4, 4)), "its worker sends by itself"
-    reducing = Reducing(store, service, "token", tmp_path, port=port)
+    reducing = ReducerProcess(store, service, "token", tmp_path, port=port)
     (left,) = arrived(store, 1)
     assert (left.event["first"], left.event["count"]) == (0, 4)
 
@@ -76,12 +76,12 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
 
 @pytest.mark.long
 def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
-    reducing = Reducing(store, service, "token", tmp_path)
+    reducing = ReducerProcess(store, service, "token", tmp_path)
     try:
         patient = {"run": ["attic", 0, 12, 1e9]}
         assert SiteLink(redis_url).send(sums(0, 4, **patient))
         with pytest.raises(AssertionError, match="has a reducer on this machine already"):
-            Reducing(store, service, "token", tmp_path)
+            ReducerProcess(store, service, "token", tmp_path)
         assert SiteLink(redis_url).send(sums(4, 8, **patient))
         (whole,) = arrived(store, 1)
         assert whole.event["count"] == 12
@@ -91,7 +91,7 @@ def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Re
 
 @pytest.mark.long
 def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
-    reducing = Reducing(store, service, "token", tmp_path)
+    reducing = ReducerProcess(store, service, "token", tmp_path)
     try:
         report, secret = reducing.report(), store.get(secret_key("attic"))
         assert report is not None
@@ -194,6 +194,6 @@ def test_where_it_is_of_no_use_it_ends_with_a_sentence(
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     with pytest.raises(AssertionError, match=said):
-        Reducing(store, f"http://127.0.0.1:{server.server_port}", token, tmp_path)
+        ReducerProcess(store, f"http://127.0.0.1:{server.server_port}", token, tmp_path)
     server.shutdown()
     server.server_close()

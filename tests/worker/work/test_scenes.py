@@ -15,7 +15,7 @@ from renderer.arrays.scene import flat
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
 from renderer.scene.compiled_parts import Saver
-from renderer.scene.frame_reuse import Kept
+from renderer.scene.frame_reuse import ShotCache
 from tests.renderer.scene.test_shutter_merge import zoo
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError
@@ -56,7 +56,7 @@ def worker(service: Service, folder: Path) -> Any:
 @pytest.fixture
 def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
     """Three frames, stored by one worker."""
-    service, kept = Service(), Kept()
+    service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()
     saver, one = Saver(out), worker(service, tmp_path / "one")
@@ -84,7 +84,7 @@ def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[B
 
 @pytest.mark.parametrize("is_here", [True, False], ids=["from beside the manifest", "from the cache"])
 def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool) -> None:
-    service, kept = Service(), Kept()
+    service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()
     saver, one = Saver(out), worker(service, tmp_path / "one")

@@ -21,7 +21,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
 )
-from renderer.jit import out_of_line, subroutine
+from renderer.jit import never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, cut, length, put, row
 from renderer.kernel.backends.cpu.rows import PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
@@ -52,7 +52,7 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
 
     Returns the number of bad samples (NaN or infinite), which are listed in `bad` and not added.
     """
-    out_of_line()
+    never_inline()
     ox, oy, oz = batch.origin
     is_far = (ox | oy | oz) != 0
     one = _ONE / scale  # becomes 1 in fixed point
@@ -96,7 +96,7 @@ def unfold(film, sums):
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """
-    out_of_line()
+    never_inline()
     height, width = sums.shape[1], sums.shape[2]
     for y in range(height):
         for channel in range(CHANNELS):

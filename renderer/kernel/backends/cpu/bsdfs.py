@@ -12,7 +12,7 @@ import numpy as np
 
 from renderer.arrays import rows
 from renderer.arrays.rows import COLUMNS, CONDUCTOR, GLASS, LAYER_SLOTS
-from renderer.jit import device, local_floats, out_of_line, subroutine
+from renderer.jit import device, local_floats, never_inline, subroutine
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
@@ -163,7 +163,7 @@ def answer_in_medium(scene, m, wo, wi, choose, u):
 @subroutine
 def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
     """Evaluates and samples one path's material of a rarer kind."""
-    out_of_line()
+    never_inline()
     layers = local_floats(LAYER_SLOTS)
     look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
     kind = scene.material_kind[material]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bvh.simd import store_int
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, append, eight, length, pad, row
 from renderer.kernel.backends.cpu.rows import (
     SECOND,
@@ -69,7 +69,7 @@ def begin(pool, lists, following, width, height, camera, options, batch, motion,
     motion: None for a scene without motion (renderer/arrays/scene_features.py). medium_stack: the media that contain the camera,
     None for a scene without media.
     """
-    out_of_line()
+    never_inline()
     left = ((height - following.y) * width - following.x) * batch.count - (following.sample - batch.first)
     count = min(length(lists, DONE), left)
     following = _number(pool, lists, count, following, width, height, batch)

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bvh.simd import load_int, store_int
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit, shadow_root
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -57,7 +57,7 @@ _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 @subroutine
 def _trace_passed(scene, alone, pool, lists):
     """Traces the rays on the list PASSED on, each alone, beyond the surfaces that they have passed through."""
-    out_of_line()
+    never_inline()
     for k in range(length(lists, PASSED)):
         number = row(lists, PASSED, k)
         path = at(number, np.uintp(0))
@@ -97,7 +97,7 @@ def _wait_for_nodes(scene, pool, lists, count):
 @subroutine
 def intersect_closest(scene, alone, stack, pool, lists):
     """Traces the active paths' rays, and lists the paths by what they hit: nothing, a triangle or a sphere."""
-    out_of_line()
+    never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
         rows = eight(lists, ACTIVE, k)
@@ -187,7 +187,7 @@ def _light(scene, alone, stack, pool, lists, options):
 @subroutine
 def bring_light(scene, alone, stack, pool, lists, options):
     """Traces the shadow rays of the rows on WAITING, and adds their direct light."""
-    out_of_line()
+    never_inline()
     if scene.has.textures is not None and options.transparent:
         _light_through(scene, alone, pool, lists, options)
     else:
@@ -218,7 +218,7 @@ def trace_shadow_rays(scene, alone, stack, pool, lists, options):
 
     Continuing paths are added to ACTIVE, terminated ones to DONE.
     """
-    out_of_line()
+    never_inline()
     cut(lists, WAITING, np.uintp(0))
     for which in range(SCATTERING):
         _go_on(pool, lists, np.uintp(which))

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.bvh.simd import store_int
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import LIT, NODES, eight, pad, put, row
 from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
@@ -50,7 +50,7 @@ def _numbers(pool, rows, options):
 @subroutine
 def _descend(scene, pool, lists, options):
     """Chooses a light for each listed vertex by the light tree; writes LightDescent."""
-    out_of_line()
+    never_inline()
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
         rows = eight(lists, LIT, k)
@@ -77,7 +77,7 @@ def _descend(scene, pool, lists, options):
 @subroutine
 def choose_lights(scene, pool, lists, options):
     """Samples a light for each vertex on the list LIT; writes ChosenLight and Outcome."""
-    out_of_line()
+    never_inline()
     by_tree = False
     if scene.has.lights is not None:
         by_tree = len(scene.light_node) > 0

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.arrays.rows import BASE_TEXTURE, METALLIC_ROUGHNESS_TEXTURE, SLOTS, TEXTURED
 from renderer.bvh.traverse import Hit
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.material.images import image_colors, is_rare
 from renderer.kernel.material.material import has_flag, texture_factors
 from renderer.kernel.surface.surface import Surface, triangle_at
@@ -24,7 +24,7 @@ _TEXTURED = np.uint32(TEXTURED)
 @subroutine
 def _one_surface(scene, d, t, primitive, u, v, instance, time):
     """Returns `triangle_at` of one ray, as numbers in tuples."""
-    out_of_line()
+    never_inline()
     s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
     return shape, s.material, s.light, s.object, s.uv1, s.color, s.tangent, s.smooth, s.lift

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -74,7 +74,7 @@ def fly(scene, pool, lists, options):
 
     Paths that scatter in a medium are removed from the lists of hits; they are done, or listed on DRIFTING.
     """
-    out_of_line()
+    never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
         rows = eight(lists, ACTIVE, k)
@@ -126,6 +126,6 @@ def _remove_drifting(pool, lists, which):
 @subroutine
 def list_drifting(lists):
     """Adds the vertices in media to the list for light sampling, after surfaces were processed."""
-    out_of_line()
+    never_inline()
     for k in range(length(lists, DRIFTING)):
         append(lists, LIT, row(lists, DRIFTING, k))

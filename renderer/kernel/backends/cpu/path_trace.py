@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ACTIVE, DRIFTING, LIT, MISSED, SCATTERING, WITHIN, length, row
 from renderer.kernel.backends.cpu.rows import (
@@ -78,7 +78,7 @@ def record_arrival(pool, lists, log, number, passed, before, options):
 
     number, passed: from `followed`; before: the path's radiance before that.
     """
-    out_of_line()
+    never_inline()
     ray, met, path = gather(pool, _FIRST, Ray), gather(pool, _FIRST, RowHit), gather(pool, _FIRST, PathState)
     arrived = with_radiance(path, before)
     if _is_on(lists, MISSED):
@@ -103,7 +103,7 @@ def record_arrival(pool, lists, log, number, passed, before, options):
 @subroutine
 def record_departure(pool, lists, log, number, lit):
     """Records the light chosen for the vertex, and whether the path continues. lit: as in scattering.py."""
-    out_of_line()
+    never_inline()
     scattered = False
     for which in range(SCATTERING):
         scattered |= _is_on(lists, which)

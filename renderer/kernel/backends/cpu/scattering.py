@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from renderer.bvh.simd import load_int
-from renderer.jit import device, out_of_line, subroutine, template
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.bsdfs import (
     Material,
@@ -194,37 +194,37 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
 
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, _DIFFUSE, answer_diffuse, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_specular(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, _SPECULAR, answer_specular, None, _YES, options, lit, False)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, answer_metallic_roughness, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, _CONDUCTOR, answer_conductor, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, _RARE, answer_rare, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_in_medium(scene, pool, lists, options, lit, second):
-    out_of_line()
+    never_inline()
     _scatter(scene, pool, lists, DRIFTING, answer_in_medium, True, _NO, options, lit, second)
 
 
@@ -235,7 +235,7 @@ def scatter_vertices(scene, pool, lists, options, lit, second):
     lit: whether light sampling can find anything in the scene. second: whether to start only the second branches of splitting
     paths (steps/splitting.py), without scattering the others.
     """
-    out_of_line()
+    never_inline()
     if scene.has.layers is not None and length(lists, _RARE) > 0:
         _scatter_rare(scene, pool, lists, options, lit, second)
     if scene.has.media is not None and length(lists, DRIFTING) > 0:

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.arrays.rows import DIFFUSE as _LAMBERT
 from renderer.arrays.rows import LAYER_SLOTS
-from renderer.jit import device, local_floats, out_of_line, subroutine
+from renderer.jit import device, local_floats, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import DIFFUSE, DONE, LIT, RARE, WITHIN, append, length, row
 from renderer.kernel.backends.cpu.rows import (
@@ -59,7 +59,7 @@ def scatter_within(scene, alone, pool, lists, options):
     """Decides for each listed path whether it enters the surface, and lists it by its scattering model there, and for light
     sampling.
     """
-    out_of_line()
+    never_inline()
     layers = local_floats(LAYER_SLOTS)
     for k in range(length(lists, WITHIN)):
         number = row(lists, WITHIN, k)

@@ -7,7 +7,7 @@ import numpy as np
 from renderer.arrays import rows as kinds
 from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import Hit
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     CONDUCTOR,
@@ -85,7 +85,7 @@ _LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
 @subroutine
 def miss(scene, pool, lists, options, is_recorded):
     """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as in `arrive`."""
-    out_of_line()
+    never_inline()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
         rows = eight(lists, MISSED, k)
@@ -137,7 +137,7 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
     """Processes the surfaces that the paths on one list have hit."""
-    out_of_line()
+    never_inline()
     for k in range(0, pad(lists, which), 8):
         rows = eight(lists, which, k)
         ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
@@ -202,7 +202,7 @@ def arrive(scene, pool, lists, options, is_recorded):
 
     is_recorded: whether a path is being recorded.
     """
-    out_of_line()
+    never_inline()
     for which in range(SCATTERING):
         clear(lists, which)
     clear(lists, LIT)

@@ -18,12 +18,12 @@ import numpy as np
 from renderer.bvh.hit_keys import beyond, key_limit, least, masked, nearest, nearest_of, ranked
 from renderer.bvh.layout import INSTANCE, NODE_SIZE, ROW_CHILD, WIDTH
 from renderer.bvh.node_test import is_nearer, meet_boxes, primitive_of, tie_of
-from renderer.bvh.packet import meet_spheres, meet_triangles
-from renderer.bvh.prefetch import ask_for
+from renderer.bvh.packet import intersect_spheres, intersect_triangles
+from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
 from renderer.bvh.slabs import MORE
 from renderer.bvh.traverse import NO_PRIMITIVE, any_in_instance, closest_in_instance, place_at
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
 from renderer.kernel.backends.cpu.rows import Outcome, RowHit, at, column, time_of
@@ -89,7 +89,7 @@ def _boxes(node, base, pool, path, t_max):
 @device
 def _go_on(bvh, pool, lists, number, path, child, top, over):
     """Appends a ray to the list of its next step. over: whether its traversal has ended."""
-    ask_for(bvh, child, _NEARBY)
+    prefetch_child(bvh, child, _NEARBY)
     store_int(pool, path + CHILD, child)
     store_int(pool, path + TOP, np.int32(top))
     leaf = select((~child & _LEAF_KIND) == np.int32(0), _PACKETS, _OTHERS)
@@ -148,7 +148,7 @@ def _send_on(bvh, pool, stack, lists, which, count, closest):
 @subroutine
 def _visit_nodes(bvh, pool, stack, lists, closest):
     """Intersects the rays on the list NODES with the boxes of their nodes, and pushes the children that they hit."""
-    out_of_line()
+    never_inline()
     count = length(lists, NODES)
     clear(lists, NODES)
     for k in range(count):
@@ -177,7 +177,7 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
 
 @device
 def _axes_of(pool, path):
-    """Returns (rows of the axes, shear, origin) of a row's ray, for `meet_triangles`."""
+    """Returns (rows of the axes, shear, origin) of a row's ray, for `intersect_triangles`."""
     k = path + AXES
     return (word(pool, k), word(pool, k + _1), word(pool, k + _2)), three(pool, path + SHEAR), three(pool, path + ORIGIN)
 
@@ -201,7 +201,7 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = _axes_of(pool, path)
         limit = pool[path + BEST] * MORE
-        hit, t, b, c, determinant = meet_triangles(place, axes, shear, origin, pool[path + MARGIN], limit)
+        hit, t, b, c, determinant = intersect_triangles(place, axes, shear, origin, pool[path + MARGIN], limit)
         inverse = splat(_ONE) / determinant
         store(stack, held, masked(hit, t * inverse))
         store(stack, held + _W, b * inverse)
@@ -243,14 +243,14 @@ def _occlude(bvh, motion, alone, pool, lists, count):
         path = at(number, np.uintp(0))
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = _axes_of(pool, path)
-        occluded = bits(meet_triangles(place, axes, shear, origin, None, _ONE)[0]) != _NONE
+        occluded = bits(intersect_triangles(place, axes, shear, origin, None, _ONE)[0]) != _NONE
         pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
 
 
 @subroutine
 def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
     """Intersects the rays on the list PACKETS with the triangles of their packets."""
-    out_of_line()
+    never_inline()
     count = length(lists, PACKETS)
     clear(lists, PACKETS)
     if closest is not None:
@@ -265,7 +265,7 @@ def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
     """Intersects a row's ray with a packet of spheres, and updates its hit."""
     place = place_at(bvh, leaf, alone, time)
-    hit, t = meet_spheres(place, three(pool, path + _O), three(pool, path + _D), best * MORE, None, None, None)
+    hit, t = intersect_spheres(place, three(pool, path + _O), three(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
     found = primitive_of(bvh.packet, leaf, lane)
     if is_nearer(distance, found, best, _tie(bvh, pool, path)):
@@ -298,14 +298,14 @@ def _occlude_by_others(bvh, alone, pool, path, leaf, time):
     if bvh.instances is not None and leaf & INSTANCE:
         occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
     else:
-        occluded = bits(meet_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE, None, None, None)[0]) != _NONE
+        occluded = bits(intersect_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE, None, None, None)[0]) != _NONE
     pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
 
 
 @subroutine
 def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
     """Intersects the rays on the list OTHERS with packets of spheres and with instances."""
-    out_of_line()
+    never_inline()
     count = length(lists, OTHERS)
     clear(lists, OTHERS)
     for k in range(count):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, any_hit, closest_hit, shadow_root
-from renderer.jit import device, out_of_line, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
@@ -33,7 +33,7 @@ def _towards(start, end):
 @subroutine
 def _through(scene, stack, start, end, layers, time):
     """Returns the product of the surfaces' transparencies, 1 - alpha, between the two points; 0 beyond that many layers."""
-    out_of_line()
+    never_inline()
     left = _ONE
     d, distance = _towards(start, end)
     after = FROM_ORIGIN
@@ -56,7 +56,7 @@ def light_left(scene, stack, start, end, medium_stack, layers, time):
 
     medium_stack: media that contain the first point (kernel/medium/medium_stack.py); layers, time: as for `transmittance`.
     """
-    out_of_line()
+    never_inline()
     left = (_ONE, _ONE, _ONE)
     d, distance = _towards(start, end)
     after = FROM_ORIGIN

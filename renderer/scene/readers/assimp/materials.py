@@ -52,7 +52,7 @@ _NEUTRAL = {  # neutral values of unread properties; 0 for others
 }
 
 
-class _Asked(dict[tuple[str, int], Any]):
+class _MaterialProperties(dict[tuple[str, int], Any]):
     """The properties of a material; records which were read."""
 
     def __init__(self, said: dict[tuple[str, int], Any]) -> None:
@@ -97,11 +97,11 @@ class Materials:
         """Returns the description's index of one of the file's materials."""
         if source not in self._known:
             sources = self._imported.materials
-            self._materials.append(self._read(_Asked(sources[source])) if 0 <= source < len(sources) else Material())
+            self._materials.append(self._read(_MaterialProperties(sources[source])) if 0 <= source < len(sources) else Material())
             self._known[source] = len(self._materials) - 1
         return self._known[source]
 
-    def _read(self, said: _Asked) -> Material:
+    def _read(self, said: _MaterialProperties) -> Material:
         name = str(said.get(("?mat.name", 0), "") or "material")
         material = Material(name, base_color=_color(said, "$clr.base", _color(said, "$clr.diffuse", (0.8, 0.8, 0.8))))
         texture = self._texture(said, _BASE, name, srgb=True)

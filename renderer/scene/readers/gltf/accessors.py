@@ -82,7 +82,7 @@ class Accessors:
             )
         return values.reshape(-1)
 
-    def judge_bare(self, index: int) -> None:
+    def count_empty_accessor(self, index: int) -> None:
         """Counts an accessor without data before a mesh uses it.
 
         Raises SceneError if too many meshes of the file use such accessors.

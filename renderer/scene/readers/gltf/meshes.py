@@ -59,7 +59,7 @@ class Meshes:
 
     def of(self, index: int, node: Json) -> list[int]:
         """Returns the description's indices of a mesh's primitives, with a node's morph weights applied."""
-        weights, alone = self._weights(index, node), self._moving.own_shape(node)
+        weights, alone = self._weights(index, node), self._moving.unshared_shape_key(node)
         if (index, weights, alone) not in self._shaped:
             shaped = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node), self._primitives(index), strict=True)]
             self._shaped[index, weights, alone] = self._add(shaped, self._moving.reshapes(index, node))
@@ -94,7 +94,7 @@ class Meshes:
         placed = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node, matrices), self._primitives(index), strict=True)]
         return self._add(placed, moves or self._moving.reshapes(index, node))
 
-    def look_again(self, root: Json, meshes: Iterable[int]) -> None:
+    def replace_sources(self, root: Json, meshes: Iterable[int]) -> None:
         """Replaces the JSON of meshes whose weights are animated."""
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)

@@ -59,12 +59,12 @@ class Moving:
         """Whether a node's visibility is animated."""
         return node.where in self._shown
 
-    def own_shape(self, node: Json) -> str | None:
+    def unshared_shape_key(self, node: Json) -> str | None:
         """Returns a key for a node with its own animated morph weights, whose shape is not shared; None for other nodes."""
         return node.where if node.where in self._shaped else None
 
     @property
-    def is_of_places(self) -> bool:
+    def only_transforms_move(self) -> bool:
         """Whether only transforms and shapes are animated."""
         return self._is_of_places
 

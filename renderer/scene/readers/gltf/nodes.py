@@ -93,7 +93,7 @@ class Nodes:
         """Returns the file's meshes whose vertices are animated, by morph weights or joints."""
         return {self._nodes[index].integer("mesh") for index in self._bent}
 
-    def walk_again(self, root: Json, description: SceneDescription) -> bool:
+    def update_nodes(self, root: Json, description: SceneDescription) -> bool:
         """Updates animated transforms, shapes, lights and cameras to another moment. description: a copy of that of `walk`.
 
         Returns False if that needs a new walk; the description is then unusable.
@@ -104,7 +104,7 @@ class Nodes:
         moved = [index for index in self._parents if index in self._moving.nodes]
         for index in {*moved, *self._moving.reshaped}:
             self._nodes[index] = Json(root.file, self._nodes[index].where, nodes[index], root.faults)
-        self._meshes.look_again(root, self._moving.meshes)
+        self._meshes.replace_sources(root, self._moving.meshes)
         self._worlds |= self._in_world(moved, self._worlds)
         self._carrying.clear()
         for index in moved:

@@ -61,7 +61,7 @@ def read_primitive(
         return None
     attributes = _Attributes(source, accessors)
     for bare in attributes.bare():
-        accessors.judge_bare(bare)
+        accessors.count_empty_accessor(bare)
     positions = attributes.positions()
     if positions is None:
         shelf.warn(Sentence("mesh-no-positions-left-out", "Mesh {name}: has no positions and is left out.", name=name))

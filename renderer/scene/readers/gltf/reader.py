@@ -22,7 +22,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json, parse
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import Moving
-from renderer.scene.readers.gltf.reevaluate import Again
+from renderer.scene.readers.gltf.reevaluate import Reevaluation
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -60,7 +60,7 @@ def read(
     """
     key = ("glTF again", main, variant, moment.clip, thickness)
     is_alone = not description.materials and not description.meshes
-    known: Again | None = files.known(key) if is_alone else None
+    known: Reevaluation | None = files.known(key) if is_alone else None
     if known is not None and known.at(moment, description):
         return
     meshes_before = len(description.meshes)
@@ -85,8 +85,8 @@ def read(
     root.faults.say(shelf.warn)
     if root.faults.first is not None and len(description.meshes) == meshes_before:
         raise root.faults.first
-    if is_alone and moving.clips and restless.is_of_places and not any(meshes.refracts(m) for m in walked.deforming()):
-        files.keep(key, Again(moving, walked, description))
+    if is_alone and moving.clips and restless.only_transforms_move and not any(meshes.refracts(m) for m in walked.deforming()):
+        files.keep(key, Reevaluation(moving, walked, description))
 
 
 def _check_extensions(root: Json, shelf: TextureShelf) -> None:

@@ -10,10 +10,10 @@ from renderer.scene.description import SceneDescription
 from renderer.scene.readers.gltf.animation import Animations
 from renderer.scene.readers.gltf.nodes import Nodes
 
-__all__ = ["Again"]
+__all__ = ["Reevaluation"]
 
 
-class Again:
+class Reevaluation:
     """A file that was read, of which only transforms and shapes are animated.
 
     Readers and the compiler only append to its lists.
@@ -33,7 +33,7 @@ class Again:
         before = {field.name: getattr(description, field.name) for field in fields(description)}
         for name, value in self._read.items():
             setattr(description, name, copy(value) if isinstance(value, list | dict) else value)
-        if self._nodes.walk_again(self._animations.at(moment), description):
+        if self._nodes.update_nodes(self._animations.at(moment), description):
             return True
         for name, value in before.items():
             setattr(description, name, value)

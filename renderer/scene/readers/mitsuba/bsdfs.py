@@ -15,7 +15,7 @@ import numpy as np
 from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
 from renderer.scene.readers.anisotropy import brushed
-from renderer.scene.readers.coats import coat_over, pane_ior
+from renderer.scene.readers.coats import internal_albedo, pane_ior
 from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.height_maps import BumpMaps, rounded
 from renderer.scene.readers.linear_images import linear
@@ -271,7 +271,7 @@ class Bsdfs:
             shine, _ = self._textures.color(source, "specular_reflectance", 1.0)
             return Material(kind="plastic", specular_color=shine, nonlinear=nonlinear, **painted, **self._rough(source, 0.1))
         if nonlinear:
-            color, texture = self._textures.coated(color, texture, coat_over(ior))
+            color, texture = self._textures.coated(color, texture, internal_albedo(ior))
             painted.update(base_color=color, base_color_texture=texture)
         return Material(kind="metallic_roughness", roughness=0.0, **painted)
 

@@ -18,7 +18,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.xml import refuse_entities
-from renderer.scene.warning_list import Warned
+from renderer.scene.warning_list import WarningList
 from renderer.sentences import Sentence, times
 
 __all__ = ["Document", "Element"]
@@ -140,7 +140,7 @@ class Document:
 
     def __init__(self, files: SceneFiles, main: str, description: SceneDescription) -> None:
         self.files, self.main = files, main
-        self._warned = Warned(description.warnings)
+        self._warned = WarningList(description.warnings)
         self._defaults: dict[str, str] = {}
         self._by_id: dict[str, Element] = {}
         self._includes = 0

@@ -8,10 +8,10 @@ from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.document import Document
 from renderer.scene.readers.mitsuba.emitters import add_emitter
 from renderer.scene.readers.mitsuba.media import Media
-from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor, note_what_lies_beyond
+from renderer.scene.readers.mitsuba.sensors import add_integrator, add_sensor, note_far_clipping
 from renderer.scene.readers.mitsuba.shapes import Shapes
 from renderer.scene.readers.mitsuba.textures import Textures
-from renderer.scene.readers.mitsuba.unused_properties import left_over
+from renderer.scene.readers.mitsuba.unused_properties import unused_notes
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -37,8 +37,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if len(document.scene.of("integrator")) > 1:
         document.ignore(Sentence("scene-more-than-one-integrator", "The scene has more than one integrator: the last one counts"))
     for part in document.scene.of("sensor"):
-        note_what_lies_beyond(part, document, description)
+        note_far_clipping(part, document, description)
     media.surround(description)
-    for sentence in left_over(document.scene, document.ignored):
+    for sentence in unused_notes(document.scene, document.ignored):
         document.ignore(sentence)
     document.say_ignored()

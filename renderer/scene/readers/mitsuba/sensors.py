@@ -15,7 +15,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.sentences import Sentence
 from renderer.settings import MAX_DEPTH, View
 
-__all__ = ["add_integrator", "add_sensor", "note_what_lies_beyond", "vertical_fov"]
+__all__ = ["add_integrator", "add_sensor", "note_far_clipping", "vertical_fov"]
 
 _FILM = (768, 576)
 _FILTERS = {"box": "box", "tent": "tent"}
@@ -228,7 +228,7 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         description.defaults["transmission_depth"] = 0  # Mitsuba counts every bounce
 
 
-def note_what_lies_beyond(source: Element, document: Document, description: SceneDescription) -> None:
+def note_far_clipping(source: Element, document: Document, description: SceneDescription) -> None:
     """Adds a note if a camera's far clipping distance would cut off part of the scene."""
     far = source.number("far_clip", 1e4)
     eye, forward = source.matrix()[:3, 3], source.matrix()[:3, 2]

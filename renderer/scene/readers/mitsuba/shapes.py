@@ -10,12 +10,12 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
-from renderer.scene.readers.expansion_limits import judge_spread
+from renderer.scene.readers.expansion_limits import check_expansion
 from renderer.scene.readers.height_maps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_by_normals
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, meshes_of, turned, wound_to_normals
 from renderer.scene.readers.mitsuba.parametric_shapes import sphere
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.sentences import Sentence
@@ -36,7 +36,7 @@ class Shapes:
 
     def judge(self) -> None:
         """Raises SceneError if nested groups expand to too many shapes, before any is added."""
-        judge_spread(self._document.scene, _shown, self._document.main)
+        check_expansion(self._document.scene, _shown, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
         """Adds a shape at the transform of its group. Raises SceneError."""
@@ -82,7 +82,7 @@ class Shapes:
                 if material in self._bsdfs.bumpy:
                     mesh = replace(mesh, tangents=None)  # bump maps follow the image's own axes
                 if any(shape.of("emitter")):
-                    mesh = wound_by_normals(mesh)
+                    mesh = wound_to_normals(mesh)
                 self._description.meshes.append(mesh)
                 found.append((len(self._description.meshes) - 1, place))
             self._meshes[id(shape)] = found

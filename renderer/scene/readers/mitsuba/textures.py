@@ -8,7 +8,7 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
-from renderer.scene.readers.coats import under_a_coat
+from renderer.scene.readers.coats import effective_albedo_under_coat
 from renderer.scene.readers.linear_images import encoded, linear
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import Matrix, Spectrum, numbers, planck, rgb
@@ -93,10 +93,14 @@ class Textures:
         """
 
         def make(image: Image) -> Image:
-            return Image(f"{image.name} coated", under_a_coat(linear(image) * np.array(color, np.float32), inner), srgb=False)
+            return Image(
+                f"{image.name} coated",
+                effective_albedo_under_coat(linear(image) * np.array(color, np.float32), inner),
+                srgb=False,
+            )
 
         if texture is None:
-            return under_a_coat(color, inner), None
+            return effective_albedo_under_coat(color, inner), None
         return WHITE, self.shelf.derived(texture, f"under a coat of {inner} by {color}", make)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:

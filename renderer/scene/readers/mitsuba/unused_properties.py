@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from renderer.scene.readers.mitsuba.document import Element
 from renderer.sentences import Sentence
 
-__all__ = ["left_over"]
+__all__ = ["unused_notes"]
 
 # Properties without effect on the image, or with their own note, by kind of object.
 _IDLE = {
@@ -30,7 +30,7 @@ _IDLE = {
 _SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a scene; others only if referenced
 
 
-def left_over(scene: Element, sentences: list[str]) -> Iterator[str]:
+def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
     """Yields a sentence for each unread property or object. sentences: those already issued, whose subjects are skipped."""
     said = tuple({sentence.partition(":")[0] for sentence in sentences})
     unread = tuple(each.partition(" is no")[0] for each in said if " is no" in each)

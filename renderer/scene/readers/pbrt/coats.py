@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Coat", "coat_of", "metal_beneath", "paint_beneath"]
+__all__ = ["Coat", "coat_of", "coated_albedo", "coated_metal_reflectance"]
 
 F64 = npt.NDArray[np.float64]
 _COSINES, _OF_SMOOTH, _STEPS = 32, 1024, 32  # quadrature: directions, directions for smooth coats, facets per axis
@@ -74,7 +74,7 @@ def _boundary(cosines: F64, ior: float, alpha: float, thickness: float) -> _Boun
     fresnel = np.where(square >= 1, 1.0, (across**2 + along**2) / 2)
     up = 2 * cosine * facets[..., 2] - view[..., 2]
     down = view[..., 2] / ior - (cosine / ior - behind) * facets[..., 2]
-    seen_up, seen_down = (_left(view[..., 2], each, alpha) for each in (up, down))
+    seen_up, seen_down = (unshadowed_fraction(view[..., 2], each, alpha) for each in (up, down))
     reflected, plain = fresnel * seen_up, (1 - fresnel) * seen_down
     crossing = [np.exp(-thickness / np.maximum(each, 1e-6)) for each in (down, up)]
     parts = plain * crossing[0], plain, reflected, reflected * crossing[1]
@@ -95,7 +95,7 @@ def _visible_facets(view: F64, alpha: float) -> F64:
     return np.asarray(half / np.sqrt((half**2).sum(axis=-1, keepdims=True)))
 
 
-def _left(seen_from: F64, cosine: F64, alpha: float) -> F64:
+def unshadowed_fraction(seen_from: F64, cosine: F64, alpha: float) -> F64:
     """Returns the unshadowed fraction of light sent to a cosine: G / G1 of Smith's functions."""
     first, second = (
         (np.sqrt(1 + alpha**2 * (1 / np.maximum(each, 1e-9) ** 2 - 1)) - 1) / 2 for each in (seen_from, np.maximum(cosine, 1e-9))
@@ -103,7 +103,7 @@ def _left(seen_from: F64, cosine: F64, alpha: float) -> F64:
     return np.where(cosine > 0, (1 + first) / (1 + first + second), 0.0)
 
 
-def paint_beneath(reflectance: Any, coat: Coat) -> Any:
+def coated_albedo(reflectance: Any, coat: Coat) -> Any:
     """Returns the effective reflectance of a diffuse base, a number or an array, for light that the coat does not reflect."""
     values = np.clip(np.asarray(reflectance, np.float64), 0, 1)
     bounced = values * coat.back
@@ -124,7 +124,7 @@ def _power(values: F64, exponent: int) -> F64:
     return found
 
 
-def metal_beneath(reflectance: F64, ior: float, thickness: float) -> F64:
+def coated_metal_reflectance(reflectance: F64, ior: float, thickness: float) -> F64:
     """Returns the effective reflectance at normal incidence of a metal, interreflections included, for light not reflected by the
     coat.
     """

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["Growth"]
+__all__ = ["TriangleBudget"]
 
 _MOST = 4_000_000  # generated triangles per scene
 _MOST_OF_ONE = 1_000_000
 _DETAILS = ((64, 1), (512, 2))  # (number of shapes, coarseness factor)
 
 
-class Growth:
+class TriangleBudget:
     """Counts the triangles generated for a scene's shapes."""
 
     def __init__(self) -> None:

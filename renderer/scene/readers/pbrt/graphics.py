@@ -20,7 +20,7 @@ from renderer.scene.readers.pbrt.media import Interface, Media
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.options import note_option
 from renderer.scene.readers.pbrt.parameters import Parameter, Parameters
-from renderer.scene.readers.pbrt.shapes import Looks, Shapes
+from renderer.scene.readers.pbrt.shapes import Shapes, ShapeState
 from renderer.scene.readers.pbrt.spectra import SPACES, Colors
 from renderer.scene.readers.pbrt.statements import MAX_DEPTH, Statement, Statements
 from renderer.scene.readers.pbrt.textures import Textures
@@ -437,7 +437,7 @@ class Graphics:
         shapes = self._in_world(statement)
         state = self._state
         source = self._parameters(statement, "shape")
-        shapes.add(source, Looks(state.ctm, state.material, state.area, state.reverse, state.medium))
+        shapes.add(source, ShapeState(state.ctm, state.material, state.area, state.reverse, state.medium))
         source.say_unused(self._notes)
 
     def _on_make_named_medium(self, statement: Statement) -> None:

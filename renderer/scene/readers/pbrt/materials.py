@@ -18,7 +18,7 @@ from renderer.scene.readers.height_maps import BumpMaps
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.material_mix import mixed
 from renderer.scene.readers.metals import head_on
-from renderer.scene.readers.pbrt.coats import coat_of, metal_beneath, paint_beneath
+from renderer.scene.readers.pbrt.coats import coat_of, coated_albedo, coated_metal_reflectance
 from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
 from renderer.scene.readers.pbrt.hair import hair
 from renderer.scene.readers.pbrt.mappings import Mapping
@@ -165,13 +165,13 @@ class Materials:
         rough = self._rough(source, "")
         coat = coat_of(ior, self._mean_alpha(rough), self._thickness(source), min(max(source.integer("maxdepth", 10), 1), 1000))
         if color.texture is None:
-            color = Varying(paint_beneath(color.value, coat))
+            color = Varying(coated_albedo(color.value, coat))
         else:
             factor = color.value
             texture = self._textures.shelf.derived(
                 color.texture,
                 f"under a coat {coat} by {factor}",
-                lambda it: Image(f"{it.name} coated", paint_beneath(linear(it) * np.array(factor, np.float32), coat), False),
+                lambda it: Image(f"{it.name} coated", coated_albedo(linear(it) * np.array(factor, np.float32), coat), False),
             )
             color = Varying((1.0, 1.0, 1.0), texture)
         return replace(_painted(color), kind="metallic_roughness", ior=ior, **rough)
@@ -210,7 +210,7 @@ class Materials:
         thickness = self._thickness(source)
 
         def beneath(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-            return metal_beneath(head_on(eta / ior, k / ior), ior, thickness)
+            return coated_metal_reflectance(head_on(eta / ior, k / ior), ior, thickness)
 
         if source.get("reflectance") is not None:
             color = self._textures.color(source, "reflectance", _HALF)
@@ -372,7 +372,7 @@ class Materials:
         if source.get(u) is None and source.get(v) is None:
             found = self._textures.number(source, name, 0.0)
             if found.is_constant:
-                return {"roughness": _ours(found.value[0], power)}
+                return {"roughness": our_roughness(found.value[0], power)}
             factor = found.value[0]
             texture = self._textures.shelf.derived(
                 found.texture,
@@ -383,7 +383,7 @@ class Materials:
             )
             return {"roughness": 1.0, "metallic_roughness_texture": self._textures.without_metal(texture)}
         source.used.add(name)
-        rough = [_ours(self._textures.one_number(source, each, 0.0), power) for each in (u, v)]
+        rough = [our_roughness(self._textures.one_number(source, each, 0.0), power) for each in (u, v)]
         along, across = (value**2 for value in rough)
         if not brushes and along != across:
             self._notes.add(
@@ -417,6 +417,6 @@ def _painted(color: Varying) -> Material:
     return Material(base_color=(r, g, b), base_color_texture=color.texture)
 
 
-def _ours(roughness: float, power: float) -> float:
+def our_roughness(roughness: float, power: float) -> float:
     value = min(max(roughness, 0.0), 1.0) ** power
     return 0.0 if value**2 < _SMOOTH else value

@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.normals import face_normals, smoothed
 from renderer.scene.origin import exact
 from renderer.scene.readers import ply
-from renderer.scene.readers.pbrt.expansion_limits import Growth
+from renderer.scene.readers.pbrt.expansion_limits import TriangleBudget
 from renderer.scene.readers.pbrt.loop import subdivided
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
@@ -31,7 +31,7 @@ _PATCH = 8  # quads per side of a curved patch
 _FLAT = 1e-5
 
 
-def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: Growth) -> Mesh:
+def mesh_of(source: Parameters, files: SceneFiles, notes: Notes, growth: TriangleBudget) -> Mesh:
     """Returns the mesh of a shape. Raises SceneError."""
     if source.type == "trianglemesh":
         return _triangles(source, notes)
@@ -96,7 +96,7 @@ def _one(part: SceneDescription) -> Mesh:
     return replace(mesh, colors=None, material=0)
 
 
-def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
+def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
     points = _points(source)
     corners = _indices(source, len(points), 4, None if len(points) != 4 else np.arange(4))
     normals, uvs = _vectors(source, "N", len(points)), _uvs(source, len(points))
@@ -138,7 +138,7 @@ def _patches(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
     return _facing(mesh)
 
 
-def _subdivided(source: Parameters, notes: Notes, growth: Growth) -> Mesh:
+def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
     points = _points(source)
     triangles = _indices(source, len(points), 3, None)
     wanted = max(source.integer("levels", source.integer("nlevels", 3)), 0)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from renderer.scene.description import F32, EmissionMap
-from renderer.scene.readers.light_maps import thrown
+from renderer.scene.readers.light_maps import projected_map
 from renderer.scene.readers.pbrt.equal_area import to_square
 
 __all__ = ["goniometric", "projected_power", "projection"]
@@ -45,7 +45,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
     half_width, half_height = _halves(pixels, fov)
     pixels = pixels if is_mirrored else pixels[:, ::-1]
     times = max(1, _FINE // max(pixels.shape[:2]))
-    return thrown(np.repeat(np.repeat(pixels, times, axis=0), times, axis=1), half_width, half_height)
+    return projected_map(np.repeat(np.repeat(pixels, times, axis=0), times, axis=1), half_width, half_height)
 
 
 def projected_power(pixels: F32, fov: float) -> float:

@@ -13,7 +13,7 @@ from renderer.scene.matrices import Matrix, product
 from renderer.scene.normals import face_normals
 from renderer.scene.readers.height_maps import rounded, spans_of
 from renderer.scene.readers.pbrt.curves import strand_of
-from renderer.scene.readers.pbrt.expansion_limits import Growth
+from renderer.scene.readers.pbrt.expansion_limits import TriangleBudget
 from renderer.scene.readers.pbrt.lights import Lights
 from renderer.scene.readers.pbrt.mappings import mapped
 from renderer.scene.readers.pbrt.materials import Emission, Materials, is_nothing
@@ -27,14 +27,14 @@ from renderer.scene.readers.pbrt.transforms import Ctm, between
 from renderer.scene.readers.strands import Strand, together
 from renderer.sentences import Sentence
 
-__all__ = ["Looks", "Part", "Shapes"]
+__all__ = ["Part", "ShapeState", "Shapes"]
 
 _MOST_INSTANCES = 500_000
 _ROUND = 1e-4
 _UNSEEN = Varying((0.0, 0.0, 0.0))
 
 
-class Looks(NamedTuple):
+class ShapeState(NamedTuple):
     """The graphics state that applies to a shape."""
 
     ctm: Ctm
@@ -77,7 +77,7 @@ class Shapes:
         self._places: dict[str, np.ndarray] = {}  # (N, 4, 4) transforms of the parts, by object
         self._made: dict[tuple[object, ...], Quadric] = {}
         self._balls: dict[int, int] = {}  # mesh index of complete spheres, by material
-        self._growth = Growth()
+        self._growth = TriangleBudget()
 
     def begin(self, name: str) -> None:
         """Begins an object."""
@@ -115,7 +115,7 @@ class Shapes:
         for part, world in zip(parts, worlds, strict=True):
             self._show(part, world, moves=not stands or part.ctm[0] is not part.ctm[1], is_within=True)
 
-    def add(self, source: Parameters, looks: Looks) -> None:
+    def add(self, source: Parameters, looks: ShapeState) -> None:
         """Adds a shape to the world or to the open object."""
         if source.type not in (*MESHES, *QUADRICS, "curve"):
             source.used.update(source.values)
@@ -178,7 +178,7 @@ class Shapes:
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
 
-    def _spans(self, source: Parameters, looks: Looks, mesh: Mesh | None) -> tuple[float, float] | None:
+    def _spans(self, source: Parameters, looks: ShapeState, mesh: Mesh | None) -> tuple[float, float] | None:
         """Returns the lengths per unit of UV of a shape with a height texture; None without one."""
         heights = self._materials.heights(looks.material)
         if heights is None:
@@ -197,7 +197,7 @@ class Shapes:
         found = spans_of(bumpy, int(heights.mapping is not None), place[:3, :3])
         return None if found is None else (rounded(found[0]), rounded(found[1]))
 
-    def _note_mirrored(self, source: Parameters, looks: Looks) -> None:
+    def _note_mirrored(self, source: Parameters, looks: ShapeState) -> None:
         """Adds a note about a mirrored quadric: pbrt's faces inwards for intersected rays, and outwards for light sampling."""
         if looks.area is not None or (looks.material is not None and looks.material.type == "dielectric"):
             self._notes.add(
@@ -215,7 +215,7 @@ class Shapes:
         for (number, _, _), (found, ctm) in strands.items():
             self._add_mesh(replace(together(found), material=number), ctm)
 
-    def _mesh(self, source: Parameters, looks: Looks, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
+    def _mesh(self, source: Parameters, looks: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
         """Returns the mesh (None for a complete sphere that needs none), and the areas of its parts that are lights in pbrt."""
         if radius is not None and not looks.reverse:
             return None, np.array([4 * np.pi * radius**2])
@@ -244,7 +244,7 @@ class Shapes:
             self._made[key] = quadric(source, coarser)
         return self._made[key]
 
-    def _emission(self, looks: Looks, areas: np.ndarray) -> Emission:
+    def _emission(self, looks: ShapeState, areas: np.ndarray) -> Emission:
         if looks.area is None:
             return Emission()
         if self.in_object:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from renderer.scene.readers.usd.baking import baked, span_of
 from renderer.scene.readers.usd.formulas import FORMULAS
 from renderer.scene.readers.usd.inputs import Input
-from renderer.scene.readers.usd.textures import Four, Taken
+from renderer.scene.readers.usd.textures import Four, TextureInput
 from renderer.scene.textures import TextureShelf
 
 __all__ = ["calculated", "calculates", "combined"]
@@ -123,7 +123,7 @@ def _tuple(values: F64) -> Four:
     return r, g, b, a
 
 
-def _same_channels(found: Sequence[Input]) -> Taken | None:
+def _same_channels(found: Sequence[Input]) -> TextureInput | None:
     """Returns the texture whose red, green and blue channels are these inputs, in order; None otherwise."""
     taken = [each.taken for each in found]
     if len(taken) < 3 or any(one is None or one.texture != taken[0].texture for one in taken if taken[0] is not None):
@@ -133,4 +133,4 @@ def _same_channels(found: Sequence[Input]) -> Taken | None:
         return None
     spans = [one.span(one.channel) for one in kept[:3]]
     scale, bias = ((*(span[k] for span in spans), (1.0, 0.0)[k]) for k in (0, 1))
-    return Taken(kept[0].texture, "rgb", scale, bias)  # type: ignore[arg-type]
+    return TextureInput(kept[0].texture, "rgb", scale, bias)  # type: ignore[arg-type]

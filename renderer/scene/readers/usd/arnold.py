@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from renderer.scene.readers.usd.inputs import Follow, Following, Input
-from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
+from renderer.scene.readers.usd.inputs import Follow, Input, NetworkContext
+from renderer.scene.readers.usd.textures import TextureInput, composed, transform_2d
 from renderer.sentences import Sentence
 
 __all__ = ["PREFIX", "STANDARD", "follow_arnold"]
@@ -20,7 +20,7 @@ STANDARD = "arnold:standard_surface"
 _WRAPS = {"periodic": "repeat", "black": "black", "clamp": "clamp", "mirror": "mirror"}
 
 
-def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     """Returns the output of a node that is no surface."""
     node = kind.removeprefix(PREFIX)
 
@@ -52,5 +52,5 @@ def follow_arnold(network: Following, shader: Any, kind: str, output: str, srgb:
     if texture is None:
         return Input()
     tint = Input(said("multiply", (1.0, 1.0, 1.0))).color((1.0, 1.0, 1.0))
-    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "rgb")
+    taken = TextureInput(texture, output if output in ("r", "g", "b", "a") else "rgb")
     return Input(None, replace(taken, scale=(*tint, 1.0)))

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.image.tonemap import encode_srgb
 from renderer.scene.description import Image, Texture
 from renderer.scene.readers.image_baking import grid, looked_up
-from renderer.scene.readers.usd.textures import CHANNELS, Taken, linear
+from renderer.scene.readers.usd.textures import CHANNELS, TextureInput, linear
 from renderer.scene.textures import UNMOVED, TextureShelf
 
 __all__ = ["baked", "span_of"]
@@ -23,7 +23,9 @@ F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
 
 
-def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formula, has_alpha: bool) -> Taken | None:
+def baked(
+    shelf: TextureShelf, taken: Sequence[TextureInput], what: str, formula: Formula, has_alpha: bool
+) -> TextureInput | None:
     """Returns a texture of the (h, w, 4) values of a formula of other textures; None if their UV mappings differ.
 
     what: key that distinguishes formulas of the same textures. Mappings agree if they use the same UV set and either the same
@@ -71,10 +73,10 @@ def baked(shelf: TextureShelf, taken: Sequence[Taken], what: str, formula: Formu
 
     found = shelf.calculated(f"{what} of {[*zip(taken, textures, strict=True)]}", images, make)
     texture = shelf.texture(found, frame.wrap_s, frame.wrap_t, frame.uv_set, frame.transform, filter=frame.filter)
-    return None if texture is None else Taken(texture)
+    return None if texture is None else TextureInput(texture)
 
 
-def span_of(shelf: TextureShelf, taken: Taken) -> tuple[float, float]:
+def span_of(shelf: TextureShelf, taken: TextureInput) -> tuple[float, float]:
     """Minimum and maximum value that an image's texels can have."""
     pixels = shelf.image_of(taken.texture).pixels
     return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
@@ -101,7 +103,7 @@ def _size(images: list[Image], textures: list[Texture]) -> tuple[int, int]:
     return max(across, 1), max(down, 1)
 
 
-def _values(image: Image, texture: Texture, taken: Taken, size: tuple[int, int]) -> Callable[[slice], F64]:
+def _values(image: Image, texture: Texture, taken: TextureInput, size: tuple[int, int]) -> Callable[[slice], F64]:
     """Returns a function from rows of an image of `size` to the values taken from a texture."""
     width, height = size
     is_as_it_is = image.pixels.shape[:2] == (height, width) and texture.transform == UNMOVED

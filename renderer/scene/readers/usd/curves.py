@@ -14,7 +14,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
 
-__all__ = ["Balls", "balls_of", "tubes_of"]
+__all__ = ["PointSpheres", "balls_of", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
@@ -22,14 +22,14 @@ _WIDTHS = "Points whose widths are fewer or more than they have the width 1"
 _FEW = 500  # up to this many curves get more sides
 
 
-class Balls:
+class PointSpheres:
     """Spheres at points, in the prim's own space."""
 
     def __init__(self, centers: F32, radii: F32, colors: F32 | None) -> None:
         self.centers, self.radii, self.colors = centers, radii, colors
 
 
-def balls_of(prim: Any, time: Any, notes: Notes) -> Balls:
+def balls_of(prim: Any, time: Any, notes: Notes) -> PointSpheres:
     """Returns the points of a prim as spheres; points without a width have width 1, as in the USD schema."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)
@@ -56,8 +56,8 @@ def balls_of(prim: Any, time: Any, notes: Notes) -> Balls:
             path,
         )
     if colors is not None and len(colors) == len(centers):
-        return Balls(centers[sound], radii[sound], colors[sound])
-    return Balls(centers[sound], radii[sound], None)
+        return PointSpheres(centers[sound], radii[sound], colors[sound])
+    return PointSpheres(centers[sound], radii[sound], None)
 
 
 def _widths(prim: Any, points: Any, time: Any) -> Any:

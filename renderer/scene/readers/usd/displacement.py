@@ -12,7 +12,7 @@ import numpy as np
 from renderer.scene.description import Image
 from renderer.scene.readers.linear_images import alpha, linear
 from renderer.scene.readers.usd.preview_surface import Read
-from renderer.scene.readers.usd.textures import CHANNELS, Taken
+from renderer.scene.readers.usd.textures import CHANNELS, TextureInput
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -64,7 +64,7 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
     return Heights(texture, scale * given.taken.span(channel)[0])
 
 
-def _plain(shelf: TextureShelf, taken: Taken, channel: str) -> int | None:
+def _plain(shelf: TextureShelf, taken: TextureInput, channel: str) -> int | None:
     """Returns a texture whose colour channels all hold the linear values of one channel."""
 
     def make(image: Image) -> Image:

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 
 from renderer.scene.description import UvTransform
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import Images, Taken
+from renderer.scene.readers.usd.textures import Images, TextureInput
 
-__all__ = ["Follow", "Following", "Input"]
+__all__ = ["Follow", "Input", "NetworkContext"]
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Input:
     """A resolved shader input: a value, a texture, a primvar of the mesh, or the product of texture and primvar."""
 
     value: Any = None
-    taken: Taken | None = None
+    taken: TextureInput | None = None
     primvar: str | None = None
 
     def number(self, default: float) -> float:
@@ -41,7 +41,7 @@ class Input:
 Follow = Callable[[Any, bool, int], Input]  # arguments: shader input, whether its colours are sRGB, depth
 
 
-class Following(Protocol):
+class NetworkContext(Protocol):
     """The interface of a material whose shader network is being followed."""
 
     images: Images

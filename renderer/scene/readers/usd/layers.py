@@ -23,7 +23,7 @@ from renderer.scene.readers.usd.prim_count import judge_composition
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
 from renderer.sentences import Sentence
 
-__all__ = ["Stage", "muted", "open_stage", "telling"]
+__all__ = ["Stage", "as_scene_errors", "muted", "open_stage"]
 
 MAX_LAYERS = 5000
 
@@ -63,7 +63,7 @@ def muted() -> Iterator[None]:
 
 
 @contextmanager
-def telling(main: str) -> Iterator[None]:
+def as_scene_errors(main: str) -> Iterator[None]:
     """Converts USD's Tf.ErrorException to a SceneError about the main file."""
     try:
         yield

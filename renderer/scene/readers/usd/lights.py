@@ -18,7 +18,7 @@ from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
 
-__all__ = ["Lamp", "glow_of", "is_light", "lamp_of", "radiance_of"]
+__all__ = ["Lamp", "is_light", "mesh_light_fields", "radiance_of", "read_light_prim"]
 
 _MOST = 1e9
 # Blender writes a quarter of a sun's strength and half of its angle, and its own importer reverts that.
@@ -59,7 +59,7 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
     return r, g, b
 
 
-def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:
+def mesh_light_fields(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:
     """Returns the material fields of a surface with MeshLightAPI. area: of the mesh, in stage units.
 
     materialSyncMode decides how its material contributes: emission tints the light, unless the light is independent of it.
@@ -74,7 +74,7 @@ def glow_of(light: Any, material: Material, area: float, time: Any) -> dict[str,
     return {"emission": (r + x, g + y, b + z) if said == "independent" else (r * x, g * y, b * z)}
 
 
-def lamp_of(
+def read_light_prim(
     prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes, profiles: Profiles | None = None
 ) -> Lamp | None:
     """Returns a light in world space; None, with a note, if its kind is not supported.

@@ -26,7 +26,7 @@ from renderer.scene.readers.usd.preview_surface import (
     fill_roughness,
     read_preview_surface,
 )
-from renderer.scene.readers.usd.surface_inputs import Said
+from renderer.scene.readers.usd.surface_inputs import SurfaceInputs
 from renderer.scene.readers.usd.textures import colored, grey
 
 __all__ = ["SURFACES", "read_materialx"]
@@ -42,16 +42,16 @@ _COATED = {"coat_roughness_anisotropy": 0.0, "coat_darkening": 0.0, "coat_ior": 
 def read_materialx(shader: Any, kind: str, read: Read) -> None:
     """Fills the material from a MaterialX surface."""
     if kind in (STANDARD, ARNOLD):
-        _standard(Said(shader, read), read)
+        _standard(SurfaceInputs(shader, read), read)
     elif kind == OPEN_PBR:
-        _open_pbr(Said(shader, read), read)
+        _open_pbr(SurfaceInputs(shader, read), read)
     elif kind == GLTF:
-        _gltf(Said(shader, read), read)
+        _gltf(SurfaceInputs(shader, read), read)
     else:
         read_preview_surface(shader, read)
 
 
-def _standard(said: Said, read: Read) -> None:
+def _standard(said: SurfaceInputs, read: Read) -> None:
     material = read.material
     color = _body(said, read, subsurface.STANDARD, said.number("base", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.2, said("metalness"), 0.0)
@@ -74,7 +74,7 @@ def _standard(said: Said, read: Read) -> None:
     said.leave_out({"diffuse_roughness": 0.0})
 
 
-def _open_pbr(said: Said, read: Read) -> None:
+def _open_pbr(said: SurfaceInputs, read: Read) -> None:
     material = read.material
     color = _body(said, read, subsurface.OPEN_PBR, said.number("base_weight", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, said("specular_roughness"), 0.3, said("base_metalness"), 0.0)
@@ -97,7 +97,7 @@ def _open_pbr(said: Said, read: Read) -> None:
     said.leave_out({"base_diffuse_roughness": 0.0})
 
 
-def _gltf(said: Said, read: Read) -> None:
+def _gltf(said: SurfaceInputs, read: Read) -> None:
     material = read.material
     color = said("base_color", True)
     fill_base(read, color, _WHITE)
@@ -123,7 +123,7 @@ def _gltf(said: Said, read: Read) -> None:
         fill_opacity(read, said("alpha"), said.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
 
 
-def _body(said: Said, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
+def _body(said: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
     """Fills the base colour and the subsurface parameters."""
     color, weight = subsurface.mixed_color(said, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
@@ -159,7 +159,7 @@ def _anisotropy(read: Read, strength: float, turns: float) -> None:
     read.material.anisotropy, read.material.anisotropy_rotation = unit(strength), 2 * math.pi * turns
 
 
-def _transmission(read: Read, said: Said, weight: str) -> bool:
+def _transmission(read: Read, said: SurfaceInputs, weight: str) -> bool:
     """Fills the transmission parameters; returns whether the surface transmits light."""
     material = read.material
     fill_data(read, "transmission", said(weight), 0.0)

@@ -19,13 +19,13 @@ from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, jo
 from renderer.scene.readers.usd.refining import of_boundary, refine
 from renderer.sentences import Sentence
 
-__all__ = ["Wanted", "area_of", "deforms", "read_mesh"]
+__all__ = ["UsedPrimvars", "area_of", "deforms", "read_mesh"]
 
 MAX_VERTICES = 1 << 26
 REFINED = ("catmullClark", "loop")
 
 
-class Wanted(NamedTuple):
+class UsedPrimvars(NamedTuple):
     """The primvars of a mesh that a part's material uses."""
 
     uvs: tuple[str, ...] = ()  # primvars of the first and second UV sets
@@ -65,7 +65,13 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
 
 
 def read_mesh(
-    prim: Any, parts: list[Wanted], of: Codes | None, time: Any, notes: Notes, shape: Shape | None = None, bends: bool = True
+    prim: Any,
+    parts: list[UsedPrimvars],
+    of: Codes | None,
+    time: Any,
+    notes: Notes,
+    shape: Shape | None = None,
+    bends: bool = True,
 ) -> list[Mesh | None]:
     """Returns a mesh's parts; None for parts without triangles.
 
@@ -185,7 +191,7 @@ def _part(
     faces: Faces,
     which: Codes,
     attributes: dict[str, AtCorners],
-    wanted: Wanted,
+    wanted: UsedPrimvars,
     mirrored: bool,
 ) -> Mesh | None:
     is_all = len(which) == len(faces.counts)

@@ -14,7 +14,7 @@ from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import PLAIN, Four, Images, Taken, composed, transform_2d
+from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, composed, transform_2d
 from renderer.scene.textures import UNMOVED
 from renderer.sentences import Sentence
 
@@ -125,7 +125,7 @@ class Network:
         wraps = str(said("wrapS", "useMetadata")), str(said("wrapT", "useMetadata"))
         texture = self.images.texture(number, wraps, uv_set, composed(transform, tiles), self.user)
         scale, bias = (_four(said(name, plain), plain) for name, plain in zip(("scale", "bias"), PLAIN, strict=True))
-        return Input(None, None if texture is None else Taken(texture, output, scale, bias))
+        return Input(None, None if texture is None else TextureInput(texture, output, scale, bias))
 
     def coordinates(self, source: Any, depth: int) -> tuple[int, UvTransform]:
         """Returns the UV set of a texture and the transform applied to its UVs."""

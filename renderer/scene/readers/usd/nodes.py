@@ -7,8 +7,8 @@ from typing import Any
 
 from renderer.scene.description import UvTransform
 from renderer.scene.readers.usd.arithmetic import calculated, calculates, combined
-from renderer.scene.readers.usd.inputs import Follow, Following, Input
-from renderer.scene.readers.usd.textures import Taken, composed, transform_2d
+from renderer.scene.readers.usd.inputs import Follow, Input, NetworkContext
+from renderer.scene.readers.usd.textures import TextureInput, composed, transform_2d
 from renderer.scene.textures import UNMOVED
 from renderer.sentences import Sentence
 
@@ -17,7 +17,7 @@ __all__ = ["follow_coordinates", "follow_node"]
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 
 
-def follow_node(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     """Returns the output of a node that is no surface."""
     node = kind[3:].split("_")[0]
 
@@ -78,7 +78,7 @@ def _bumped(given: Input, scale: Input) -> Input:
     return Input(None, replace(given.taken, scale=(2 * x, 2 * y, 2.0, 1.0), bias=(-x, -y, -1.0, 0.0)))
 
 
-def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
+def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     node = kind[3:].split("_")[0]
     file = shader.GetInput("file")
     found = file.GetValueProducingAttributes() if file else []
@@ -112,7 +112,7 @@ def _image(network: Following, shader: Any, kind: str, output: str, srgb: bool, 
     texture = network.images.texture(image[0], wraps, uv_set, composed(transform, image[1]), network.user)
     if texture is None:
         return Input()
-    taken = Taken(texture, output if output in ("r", "g", "b", "a") else "r" if kind.endswith("_float") else "rgb")
+    taken = TextureInput(texture, output if output in ("r", "g", "b", "a") else "r" if kind.endswith("_float") else "rgb")
     if is_preview:
         scale, bias = (follow(shader.GetInput(name), False, depth + 1).value for name in ("scale", "bias"))
         taken = replace(taken, scale=_four(scale, taken.scale), bias=_four(bias, taken.bias))
@@ -152,7 +152,7 @@ def _channel(given: Input, letters: str) -> Input:
     return Input(found[0] if len(found) == 1 else found)
 
 
-def _combined(network: Following, kind: str, found: list[Input]) -> Input:
+def _combined(network: NetworkContext, kind: str, found: list[Input]) -> Input:
     result = combined(kind, network.images.shelf, found)
     if result is None:
         network.notes.add(
@@ -167,7 +167,7 @@ def _combined(network: Following, kind: str, found: list[Input]) -> Input:
 
 
 def follow_coordinates(
-    network: Following, shader: Any, kind: str, depth: int, follow: Follow
+    network: NetworkContext, shader: Any, kind: str, depth: int, follow: Follow
 ) -> tuple[str | None, UvTransform, Any]:
     """Returns (primvar of the texture coordinates, their transform, the input to follow next)."""
     node = kind[3:].split("_")[0]

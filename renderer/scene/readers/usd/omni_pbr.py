@@ -21,7 +21,7 @@ from renderer.scene.readers.usd.preview_surface import (
     fill_opacity,
     fill_roughness,
 )
-from renderer.scene.readers.usd.textures import Taken, transform_2d
+from renderer.scene.readers.usd.textures import TextureInput, transform_2d
 from renderer.sentences import Sentence
 
 __all__ = ["NAMES", "read_omni_pbr"]
@@ -85,7 +85,7 @@ class _Said:
         """Returns an input as a number; true is 1."""
         return self.value(name).number(default)
 
-    def texture(self, name: str, srgb: bool = False) -> Taken | None:
+    def texture(self, name: str, srgb: bool = False) -> TextureInput | None:
         """Returns the texture of an input that names a file; None if there is none."""
         network, given = self._network, self._shader.GetInput(name)
         found = given.GetValueProducingAttributes() if given else []
@@ -97,7 +97,7 @@ class _Said:
         if image is None:
             return None
         texture = network.images.texture(image[0], _REPEAT, network.uv_set("st"), self._transform, network.user)
-        return None if texture is None else Taken(texture)
+        return None if texture is None else TextureInput(texture)
 
     def either(self, name: str, constant: Input) -> Input:
         """Returns the texture of an input, or the constant if it has none."""

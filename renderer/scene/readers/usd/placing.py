@@ -21,11 +21,11 @@ from renderer.scene.readers.usd.curves import balls_of, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
-from renderer.scene.readers.usd.lights import glow_of, is_light, lamp_of
-from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, Wanted, area_of, deforms, read_mesh
+from renderer.scene.readers.usd.lights import is_light, mesh_light_fields, read_light_prim
+from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, UsedPrimvars, area_of, deforms, read_mesh
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import UNREADABLE, Notes
-from renderer.scene.readers.usd.prims import MAX_INSTANCES, Placed
+from renderer.scene.readers.usd.prims import MAX_INSTANCES, PlacedPrim
 from renderer.scene.readers.usd.shapes import is_shape, shape_of
 from renderer.scene.readers.usd.skeletons import Skeletons
 from renderer.scene.readers.usd.surfaces import Surface, Surfaces
@@ -34,13 +34,13 @@ from renderer.scene.textures import TextureShelf
 from renderer.scene.watertight import is_closed
 from renderer.sentences import Sentence
 
-__all__ = ["Placing"]
+__all__ = ["DescriptionBuilder"]
 
 _SIZELESS = "Shapes without a size are left out"
 MAX_COLORS = 256  # colours of points, one material each
 
 
-class Placing:
+class DescriptionBuilder:
     """Fills the description of one moment. source: key that distinguishes the file from others."""
 
     def __init__(
@@ -65,7 +65,7 @@ class Placing:
         self._numbers: dict[Hashable, list[int]] = {}
         self._vertices = 0
 
-    def place(self, found: list[Placed]) -> None:
+    def place(self, found: list[PlacedPrim]) -> None:
         """Adds all prims; damaged ones are left out with a note."""
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
@@ -78,7 +78,7 @@ class Placing:
                     str(each.prim.GetPath()),
                 )
 
-    def _place_one(self, each: Placed) -> None:
+    def _place_one(self, each: PlacedPrim) -> None:
         prim = each.prim
         if prim.IsA(UsdGeom.Camera):
             self._camera(each)
@@ -97,7 +97,7 @@ class Placing:
                 str(prim.GetPath()),
             )
 
-    def _gprim(self, each: Placed) -> None:
+    def _gprim(self, each: PlacedPrim) -> None:
         prim = each.prim
         if prim.IsA(UsdGeom.Mesh):
             self._mesh(each)
@@ -131,7 +131,7 @@ class Placing:
         """Returns a key shared by all instances of a prototype."""
         return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
 
-    def _mesh(self, each: Placed) -> None:
+    def _mesh(self, each: PlacedPrim) -> None:
         prim = each.prim
         subsets = [
             s for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if s.GetElementTypeAttr().Get() == "face"
@@ -161,11 +161,11 @@ class Placing:
             each = replace(each, places=self._skeletons.places_of(prim, each.places))
         self._show(self._numbers[key], replace(each, moves=moves))
 
-    def _shining(self, surface: Surface, each: Placed) -> Surface:
+    def _shining(self, surface: Surface, each: PlacedPrim) -> Surface:
         """Returns the emissive surface of a mesh with MeshLightAPI."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
-        changes = glow_of(light, material, area_of(each.prim, place, self._time), self._time)
+        changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
         return self._surfaces.changed(surface, f"shining {sorted(changes.items())}", **changes)
 
     def _counts(self, prim: Any) -> npt.NDArray[np.int64]:
@@ -199,7 +199,7 @@ class Placing:
                     str(subset.GetPath()),
                 )
             of[free] = number
-        wanted = [Wanted(s.uvs, s.color, s.opacity) for s in surfaces]
+        wanted = [UsedPrimvars(s.uvs, s.color, s.opacity) for s in surfaces]
         return read_mesh(prim, wanted, of if subsets else None, self._time, self._notes, shape, not self._is_still)
 
     def _add(self, mesh: Mesh, surface: Surface, bends: bool = False, both: bool = False) -> int:
@@ -223,7 +223,7 @@ class Placing:
         self._description.meshes.append(replace(mesh, material=surface.number, deforms=bends))
         return len(self._description.meshes) - 1
 
-    def _show(self, meshes: list[int], each: Placed) -> None:
+    def _show(self, meshes: list[int], each: PlacedPrim) -> None:
         instances = self._description.instances
         if len(instances) + len(each.places) * len(meshes) > MAX_INSTANCES:
             raise SceneError(
@@ -238,7 +238,7 @@ class Placing:
             name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
             instances += [Instance(number, place, name=name, moves=each.moves) for number in meshes]
 
-    def _shape(self, each: Placed) -> None:
+    def _shape(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
         varies = any(a.ValueMightBeTimeVarying() for a in prim.GetAttributes() if a.GetName() in _SIZES)
@@ -258,11 +258,11 @@ class Placing:
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._show(self._numbers[key], each)
 
-    def _sphere(self, each: Placed, radius: float, material: int, moves: bool) -> None:
+    def _sphere(self, each: PlacedPrim, radius: float, material: int, moves: bool) -> None:
         x, y, z = (float(v) for v in each.places[0][:3, 3])
         self._description.spheres.append(Sphere((x, y, z), radius, material, each.name, moves=moves))
 
-    def _curves(self, each: Placed) -> None:
+    def _curves(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
         varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
@@ -272,7 +272,7 @@ class Placing:
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._show(self._numbers[key], each)
 
-    def _points(self, each: Placed) -> None:
+    def _points(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
         balls = balls_of(prim, self._time, self._notes)
@@ -322,7 +322,7 @@ class Placing:
         found: npt.NDArray[np.int64] = np.array(numbers)[kind]
         return found
 
-    def _camera(self, each: Placed) -> None:
+    def _camera(self, each: PlacedPrim) -> None:
         prim = each.prim
         try:
             view = read_camera(prim, each.places[0], self._unit, self._time, self._notes)
@@ -335,10 +335,10 @@ class Placing:
                 self._description.defaults["shutter"] = shutter
         self._description.cameras.append(Camera(each.name, view))
 
-    def _light(self, each: Placed) -> None:
+    def _light(self, each: PlacedPrim) -> None:
         for i, place in enumerate(each.places):
             name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
-            lamp = lamp_of(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)
+            lamp = read_light_prim(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)
             if lamp is None:
                 continue
             if lamp.light is not None:

@@ -13,7 +13,7 @@ from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.usd.blenders import is_blenders
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.network import Network
-from renderer.scene.readers.usd.textures import Taken, colored, grey, normals
+from renderer.scene.readers.usd.textures import TextureInput, colored, grey, normals
 from renderer.scene.textures import TextureShelf
 
 __all__ = [
@@ -95,7 +95,7 @@ def fill_roughness(read: Read, rough: Input, roughness: float, metal: Input, met
     material.metallic_roughness_texture = used[0][0].texture if is_packed else _packed(shelf, rough.taken, metal.taken)
 
 
-def _packed(shelf: TextureShelf, rough: Taken | None, metal: Taken | None) -> int | None:
+def _packed(shelf: TextureShelf, rough: TextureInput | None, metal: TextureInput | None) -> int | None:
     one, other = (None if taken is None else grey(shelf, taken) for taken in (rough, metal))
     return with_roughness_and_metal(shelf, one, other)
 
@@ -128,7 +128,7 @@ def fill_emission(read: Read, given: Input, strength: float) -> None:
     read.material.emission = unit_color([c * strength for c in factor], MAX_RADIANCE)
 
 
-def fill_opacity(read: Read, opacity: Input, threshold: float, base: Taken | None) -> None:
+def fill_opacity(read: Read, opacity: Input, threshold: float, base: TextureInput | None) -> None:
     """Fills the opacity: masked at a threshold above 0, otherwise blended."""
     material, shelf = read.material, read.shelf
     level = sum(opacity.color((1.0, 1.0, 1.0))) / 3  # MaterialX's opacity is a colour

@@ -10,7 +10,7 @@ from typing import Any
 
 from pxr import Sdf
 
-from renderer.scene.readers.expansion_limits import judge_spread
+from renderer.scene.readers.expansion_limits import check_expansion
 
 __all__ = ["MAX_COMPOSED", "judge_composition"]
 
@@ -48,7 +48,7 @@ def judge_composition(layers: dict[str, Any], root: Any, file: str) -> None:
                 if chosen in variants.variants:
                     yield key[0], str(variants.variants[chosen].primSpec.path)
 
-    judge_spread((root.identifier, "/"), below, file, MAX_COMPOSED, is_circle_error=False)
+    check_expansion((root.identifier, "/"), below, file, MAX_COMPOSED, is_circle_error=False)
 
 
 def _target(layers: dict[str, Any], identifier: str, path: Any) -> Iterator[Key]:

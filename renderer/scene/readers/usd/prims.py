@@ -16,7 +16,7 @@ from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_INSTANCES", "Placed", "matrix", "walk"]
+__all__ = ["MAX_INSTANCES", "PlacedPrim", "matrix", "walk"]
 
 MAX_PRIMS = 2_000_000
 MAX_INSTANCES = 500_000
@@ -30,7 +30,7 @@ _ABSTRACT = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 
 
 @dataclass
-class Placed:
+class PlacedPrim:
     """A prim with its (N, 4, 4) transforms, one per instance, to metres with Y up."""
 
     prim: Any
@@ -53,7 +53,7 @@ def matrix(given: Any) -> Matrix:
     return np.asarray(given, np.float64).T.copy()
 
 
-def walk(stage: Any, time: Any, notes: Notes) -> list[Placed]:
+def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
     """Returns the stage's geometry, lights, cameras and skeleton roots, in stage order."""
     walked = _Walk(stage, time, notes)
     found = list(walked.below(stage.GetPseudoRoot(), upright(stage, notes)[None]))
@@ -94,7 +94,7 @@ class _Walk:
         self._seen = 0
         self._copies = 0
 
-    def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[Placed]:
+    def below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
         """Yields the placed prims below a prim. places: the prim's own transforms."""
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
@@ -149,9 +149,9 @@ class _Walk:
                         if shown:
                             yield from self._instanced(prim, inner, moves, depth)
                         continue
-                    yield Placed(prim, inner, moves, shown)
+                    yield PlacedPrim(prim, inner, moves, shown)
                 elif prim.IsA(UsdSkel.Skeleton):  # even if a guide: its meshes use its transform
-                    yield Placed(prim, inner, moves, shown=False)
+                    yield PlacedPrim(prim, inner, moves, shown=False)
             stack += [(c, inner, moves, shown, purpose) for c in reversed(self._children(prim, which))]
 
     def _children(self, prim: Any, which: Any) -> list[Any]:
@@ -186,7 +186,7 @@ class _Walk:
             inner = outer
         return inner, bool(xformable.TransformMightBeTimeVarying())
 
-    def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[Placed]:
+    def _instanced(self, prim: Any, outer: Matrix, moves: bool, depth: int) -> Iterator[PlacedPrim]:
         """Yields the prims of a PointInstancer's prototypes, with the instances' transforms."""
         instancer = UsdGeom.PointInstancer(prim)
         said = instancer.GetProtoIndicesAttr().Get(self._time) or ()
@@ -270,7 +270,7 @@ class _Walk:
                 whole = product(own[:, None], each.places[None]).reshape(-1, 4, 4)
                 yield replace(each, places=whole, moves=moves or each.moves)
 
-    def _prototype(self, prototype: Any, depth: int) -> Iterator[Placed]:
+    def _prototype(self, prototype: Any, depth: int) -> Iterator[PlacedPrim]:
         """Yields the prims of a prototype without its own transform, which is included in those of the instances."""
         still = np.eye(4)[None]
         if prototype.IsA(UsdGeom.PointInstancer):
@@ -282,5 +282,5 @@ class _Walk:
                 return
             if str(imageable.ComputePurpose()) not in self._drawn:
                 return
-            yield Placed(prototype, still)
+            yield PlacedPrim(prototype, still)
         yield from self.below(prototype, still, depth)

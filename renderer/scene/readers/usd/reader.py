@@ -11,11 +11,11 @@ from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.name_lookup import number_of
-from renderer.scene.readers.usd.layers import Stage, muted, open_stage, telling
+from renderer.scene.readers.usd.layers import Stage, as_scene_errors, muted, open_stage
 from renderer.scene.readers.usd.metadata import rate_of
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.placing import Placing
-from renderer.scene.readers.usd.prims import Placed, walk
+from renderer.scene.readers.usd.placing import DescriptionBuilder
+from renderer.scene.readers.usd.prims import PlacedPrim, walk
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
@@ -28,15 +28,17 @@ _CLIP = "animation"
 def read_stage(files: SceneFiles, main: str, description: SceneDescription, variant: str | None, moment: Moment) -> None:
     """Adds the stage of a file to the description. Raises SceneError."""
     shelf = TextureShelf(description, files)
-    with telling(main), muted():
+    with as_scene_errors(main), muted():
         sources = files.recall(("usd files", main), lambda: Sources(files))
         stage, variants = files.recall(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
         description.variants = variants
         notes = Notes()
         time = _time(stage, main, description, moment, notes)
-        placing = Placing(files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time)
+        placing = DescriptionBuilder(
+            files, (main, variant), stage, description, shelf, Images(stage, sources, shelf, notes), notes, time
+        )
         settings = _render_settings(stage.stage)
-        placing.place(_seen_by_its_camera(walk(stage.stage, time, notes), settings))
+        placing.place(with_render_camera_first(walk(stage.stage, time, notes), settings))
         for told in (stage.notes, notes):
             told.tell(shelf.warn)
         _resolution(settings, description)
@@ -70,7 +72,7 @@ def _render_settings(root: Any) -> Any:
     return (root.GetPrimAtPath(path) or None) if path else None
 
 
-def _seen_by_its_camera(found: list[Placed], settings: Any) -> list[Placed]:
+def with_render_camera_first(found: list[PlacedPrim], settings: Any) -> list[PlacedPrim]:
     """Returns the prims with the camera of the render settings first."""
     camera = settings.GetRelationship("camera") if settings else None
     chosen = set(camera.GetForwardedTargets()) if camera else set()

@@ -53,7 +53,7 @@ def refine(
     along = {name: values for name, values in attributes.items() if name not in smooth}
     # Indexed face-varying values shared by neighbours are smoothed like points.
     how = str(mesh.GetFaceVaryingLinearInterpolationAttr().Get(time))
-    own = {name: _unfolded(cage, values, how) for name, values in along.items() if values.is_indexed and how != "all"}
+    own = {name: _face_varying_cage(cage, values, how) for name, values in along.items() if values.is_indexed and how != "all"}
     along = {name: values for name, values in along.items() if name not in own}
     level = 0
     while level < MAX_LEVEL and 2 * 4 * len(cage.faces.corners) <= 4 * MAX_REFINED:
@@ -94,7 +94,7 @@ def _creases(
     return np.stack([indices[begin], indices[begin + 1]], axis=1), np.maximum(sharpness, 0)
 
 
-def _unfolded(cage: Cage, values: AtCorners, how: str) -> Cage:
+def _face_varying_cage(cage: Cage, values: AtCorners, how: str) -> Cage:
     """Returns a cage of a primvar's values as points; neighbours that do not share a value are separated by a border.
 
     how: UsdGeomMesh's faceVaryingLinearInterpolation, except `all`.

@@ -14,7 +14,7 @@ from renderer.scene.origin import exact
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.meshes import Shape
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.prims import Placed, matrix
+from renderer.scene.readers.usd.prims import PlacedPrim, matrix
 from renderer.sentences import Sentence
 
 __all__ = ["Skeletons"]
@@ -31,7 +31,7 @@ class Skeletons:
         self._bound: dict[Any, tuple[Any, Any]] = {}  # (skeleton, skinning) queries by the meshes' paths
         self._places: dict[Any, Matrix] = {}  # transforms of skeletons
 
-    def gather(self, found: list[Placed]) -> None:
+    def gather(self, found: list[PlacedPrim]) -> None:
         """Finds the meshes bound below the stage's SkelRoots."""
         roots = [each for each in found if each.prim.IsA(UsdSkel.Root)]
         walk = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)

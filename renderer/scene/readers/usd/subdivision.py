@@ -123,7 +123,7 @@ def _limit(cage: Cage) -> F64:
     is_sharp = np.repeat(edges.sharpness > 0, 2)
     sharp = np.bincount(ends[is_sharp], minlength=count)[:, None]
     crease = (4 * points + 2 * _mean(points[others[is_sharp]], ends[is_sharp], count)) / 6
-    still = _stillness(cage, edges, sharp[:, 0])[:, None]
+    still = _point_sharpness(cage, edges, sharp[:, 0])[:, None]
     return np.where((still > 0) | (n == 0), points, np.where(sharp == 2, crease, smooth))
 
 
@@ -173,7 +173,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
     least = np.bincount(ends[ceases], np.repeat(edges.sharpness, 2)[ceases], count) / np.maximum(ceasing, 1)
     least = np.where(ceasing > 0, least, np.where(sharp > 0, 1.0, 0.0))
 
-    still = np.where(sharp > 2, np.maximum(_stillness(cage, edges, sharp), least), _stillness(cage, edges, sharp))
+    still = np.where(sharp > 2, np.maximum(_point_sharpness(cage, edges, sharp), least), _point_sharpness(cage, edges, sharp))
 
     share = np.clip(np.where(sharp == 2, least, 0), 0, 1)[:, None]
     found = share * crease + (1 - share) * smooth
@@ -181,7 +181,7 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
     return share * points + (1 - share) * found
 
 
-def _stillness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
+def _point_sharpness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
     """Returns (P,) the sharpness of points. sharp: (P,) number of sharp edges at each point."""
     count = len(cage.points)
     still = np.zeros(count)

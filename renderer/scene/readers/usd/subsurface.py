@@ -13,7 +13,7 @@ from renderer.scene.readers.number_ranges import clamped, unit, unit_color
 from renderer.scene.readers.scattering import attenuating, filled_with
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
-from renderer.scene.readers.usd.surface_inputs import Said
+from renderer.scene.readers.usd.surface_inputs import SurfaceInputs
 from renderer.scene.readers.usd.textures import colored
 from renderer.sentences import Sentence
 
@@ -41,7 +41,7 @@ OPEN_PBR = Names(
 )
 
 
-def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
+def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
     """Returns the base colour and its weight, mixed with the subsurface colour, since a material has one colour for both.
 
     If textures are to be mixed, the one with the larger weight is used.
@@ -62,7 +62,7 @@ def mixed_color(said: Said, read: Read, names: Names, weight: float, default: Ve
     return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
 
 
-def scatter_beneath(said: Said, read: Read, names: Names) -> None:
+def scatter_beneath(said: SurfaceInputs, read: Read, names: Names) -> None:
     """Fills the subsurface parameters or, for thin sheets, diffuse transmission. Call it after the base colour is filled."""
     material, share = read.material, unit(said.number(names.weight, 0.0))
     if share <= 0:
@@ -85,7 +85,7 @@ def scatter_beneath(said: Said, read: Read, names: Names) -> None:
         material.base_color = unit_color(((1 - share) * b + (share - onwards) * c) / (1 - onwards) for b, c in pairs)
 
 
-def fill_glass(said: Said, read: Read, tint: Vec3, depth: float) -> None:
+def fill_glass(said: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> None:
     """Fills the interior of solid glass with the medium whose transmittance is `tint` at `depth`, in stage units."""
     material = read.material
     scatter = said.color("transmission_scatter", (0.0, 0.0, 0.0))
@@ -97,7 +97,7 @@ def fill_glass(said: Said, read: Read, tint: Vec3, depth: float) -> None:
         setattr(material, name, value)
 
 
-def _is_sheet(said: Said) -> bool:
+def _is_sheet(said: SurfaceInputs) -> bool:
     return any(said.number(name, 0) != 0 for name in ("thin_walled", "geometry_thin_walled"))
 
 

@@ -10,12 +10,12 @@ from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.sentences import Sentence
 
-__all__ = ["Said"]
+__all__ = ["SurfaceInputs"]
 
 _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
-class Said:
+class SurfaceInputs:
     """Looks up the inputs of a shader, and adds notes about what is left out."""
 
     def __init__(self, shader: Any, read: Read) -> None:

@@ -22,7 +22,7 @@ from renderer.scene.textures import UNMOVED, TextureShelf
 from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name
 from renderer.sentences import Sentence
 
-__all__ = ["CHANNELS", "Images", "Taken", "composed", "linear"]
+__all__ = ["CHANNELS", "Images", "TextureInput", "composed", "linear"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -32,7 +32,7 @@ PLAIN: tuple[Four, Four] = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Taken:
+class TextureInput:
     """The value that an input takes from a texture: one channel or `rgb`, times scale, plus bias."""
 
     texture: int
@@ -150,7 +150,7 @@ def linear(image: Image) -> F32:
     return values
 
 
-def grey(shelf: TextureShelf, taken: Taken) -> int | None:
+def grey(shelf: TextureShelf, taken: TextureInput) -> int | None:
     """Returns a data texture with the taken channel in red, green and blue."""
     channel = "r" if taken.channel == "rgb" else taken.channel
     scale, bias = taken.span(channel)
@@ -162,7 +162,7 @@ def grey(shelf: TextureShelf, taken: Taken) -> int | None:
     return shelf.derived(taken.texture, f"{channel} {scale} {bias}", make)
 
 
-def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
+def colored(shelf: TextureShelf, taken: TextureInput, most: float = 1.0) -> tuple[tuple[float, float, float], int | None]:
     """Returns a factor and a texture whose product is the taken colour."""
     red, green, blue = taken.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)
@@ -185,7 +185,7 @@ def colored(shelf: TextureShelf, taken: Taken, most: float = 1.0) -> tuple[tuple
     return (1.0, 1.0, 1.0), shelf.derived(taken.texture, key, make)
 
 
-def normals(shelf: TextureShelf, taken: Taken) -> tuple[int | None, float]:
+def normals(shelf: TextureShelf, taken: TextureInput) -> tuple[int | None, float]:
     """Returns a normal map in glTF's encoding, and its scale. Values are 2 x - 1 unless scale and bias specify otherwise."""
     if taken.is_plain:
         return taken.texture, 1.0

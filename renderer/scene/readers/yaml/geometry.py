@@ -22,7 +22,7 @@ from renderer.scene.origin import exact
 from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.yaml import transforms
-from renderer.scene.readers.yaml.keys import Moving
+from renderer.scene.readers.yaml.keys import AnimatedPaths
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
 from renderer.sentences import Sentence
@@ -47,11 +47,11 @@ class Shapes:
         description: SceneDescription,
         materials: dict[str, int],
         moment: Moment,
-        moving: Moving,
+        moving: AnimatedPaths,
     ) -> None:
         self._document, self._files, self._description, self._materials = document, files, description, materials
         self._moving = moving
-        self._restless = {number for name, number in materials.items() if self._is_restless(name)}
+        self._restless = {number for name, number in materials.items() if self._has_animated_surface(name)}
         self._moment = moment
         self._plain: int | None = None
         self._parts: dict[
@@ -61,7 +61,7 @@ class Shapes:
         self._places = 0
         self.clips: list[Clip] = []  # of the mesh files used
 
-    def _is_restless(self, material: str) -> bool:
+    def _has_animated_surface(self, material: str) -> bool:
         """Whether a material's emission or anisotropy may be animated."""
         path = ("materials", material)
         return self._moving.holds(path) or not self._moving.within(path).isdisjoint(("emission", "anisotropy"))

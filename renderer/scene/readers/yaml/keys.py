@@ -19,7 +19,7 @@ from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color
 from renderer.sentences import Sentence
 
-__all__ = ["CURVES", "Keys", "Moving", "find_keys"]
+__all__ = ["CURVES", "AnimatedPaths", "Keys", "find_keys"]
 
 CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
 MAX_KEYS = 100_000
@@ -31,7 +31,7 @@ Track = Callable[[float], Any]  # value by time in seconds
 Maker = Callable[[npt.NDArray[np.float64]], Curve]  # curve through rows of values, one per key
 
 
-class Moving(NamedTuple):
+class AnimatedPaths(NamedTuple):
     """The animated paths of a file."""
 
     paths: set[Path]
@@ -59,14 +59,14 @@ class Keys(NamedTuple):
         """Whether any value is animated."""
         return bool(self.tracks or self.patterns)
 
-    def moving(self) -> Moving:
+    def moving(self) -> AnimatedPaths:
         """Returns the animated paths."""
         paths = {*self.tracks, *self.patterns}
         below: dict[Path, set[str | int]] = {}
         for path in paths:
             for k, step in enumerate(path):
                 below.setdefault(path[:k], set()).add(step)
-        return Moving(paths, below)
+        return AnimatedPaths(paths, below)
 
     def at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
         """Returns the file's data at a time in seconds. name_of: returns a pattern's file name at that time."""

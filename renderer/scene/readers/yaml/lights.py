@@ -22,7 +22,7 @@ from renderer.scene.description import (
 )
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import light_by_name
-from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, thrown
+from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, projected_map
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import color, radiance, value_of, vec3
@@ -158,8 +158,8 @@ def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
     """
     height, width = pixels.shape[:2]
     if kind == "projector":
-        return thrown(pixels, half * width / height, half, "screen")
-    return thrown(pixels, half * max(1.0, width / height), half * max(1.0, height / width))
+        return projected_map(pixels, half * width / height, half, "screen")
+    return projected_map(pixels, half * max(1.0, width / height), half * max(1.0, height / width))
 
 
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:

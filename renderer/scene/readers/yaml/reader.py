@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.camera_moves import between, moved
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
-from renderer.scene.readers.yaml.keys import Keys, Moving, find_keys
+from renderer.scene.readers.yaml.keys import AnimatedPaths, Keys, find_keys
 from renderer.scene.readers.yaml.lights import Lights, read_environment, read_medium
 from renderer.scene.readers.yaml.lines import Yaml, parse
 from renderer.scene.readers.yaml.materials import read_material
@@ -145,7 +145,7 @@ def _validator() -> Any:
     return jsonschema.Draft202012Validator(document)
 
 
-def _check(files: SceneFiles, main: str, document: Yaml, moving: Moving) -> None:
+def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) -> None:
     """Checks a document against the schema: once as a whole, at other moments only animated parts. Raises SceneError."""
 
     def held() -> Yaml:
@@ -156,7 +156,7 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: Moving) -> None
         _validate(document, *_part_of(document.data, moving))
 
 
-def _part_of(data: dict[str, Any], moving: Moving) -> tuple[dict[str, Any], dict[str, list[int]]]:
+def _part_of(data: dict[str, Any], moving: AnimatedPaths) -> tuple[dict[str, Any], dict[str, list[int]]]:
     """Returns the animated parts of a document and, by list, the indices of the items left in it.
 
     No list or object is left empty.

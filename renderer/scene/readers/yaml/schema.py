@@ -23,7 +23,7 @@ from renderer.scene.parameters import Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lights import LIGHT_TYPES
 from renderer.scene.readers.yaml.materials import SPELLINGS
-from renderer.setting_declaration import Declared
+from renderer.setting_declaration import DeclaredSetting
 from renderer.settings import OPTIONAL, SETTINGS, VIEW
 from renderer.work import WORK
 
@@ -32,7 +32,7 @@ __all__ = ["SCENE_SETTINGS", "filled_in", "material_properties", "schema", "temp
 Json = dict[str, Any]
 
 # Settings of scene files, in the order of the documentation.
-SCENE_SETTINGS: Mapping[str, Declared] = {
+SCENE_SETTINGS: Mapping[str, DeclaredSetting] = {
     **{name: SETTINGS[name] for name in ("width", "height")},
     "spp": WORK["spp"],
     **{name: SETTINGS[name] for name in OPTIONAL},
@@ -48,7 +48,7 @@ _SPELLINGS: dict[str, Json] = {
 
 def filled_in(
     document: Json,
-    settings: Mapping[str, Declared] = SCENE_SETTINGS,
+    settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS,
     materials: Mapping[str, str] = MappingProxyType({}),
     lights: Mapping[str, str] = MappingProxyType({}),
 ) -> Json:

@@ -18,7 +18,7 @@ from renderer.kernel.sampling.warp import square_to_sphere
 from renderer.kernel.surface.surface import surface_at
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sky, Sphere, Texture
-from renderer.scene.environment import sampled_alone
+from renderer.scene.environment import environment_sampled_fully
 from tests.renderer.builders import as_rendered, disk, gray, icosphere, square
 from tests.renderer.judge import limit
 
@@ -81,7 +81,7 @@ def lit_by(*meshes, spheres=(), environment=None, double_sided=False, opacity=1.
             environment=environment,
         )
     )
-    return as_rendered(sampled_alone(made))
+    return as_rendered(environment_sampled_fully(made))
 
 
 def _faded(mesh):

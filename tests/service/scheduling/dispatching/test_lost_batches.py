@@ -11,8 +11,8 @@ from protocol.contract import WorkerReport
 from protocol.site import SiteReport
 from renderer.settings import Tile
 from service.scheduling.dispatching.leases import Lease, Leases
-from service.scheduling.dispatching.lost_batches import STRAGGLER_S, Fate, Missing
-from service.scheduling.fleet.workers import Roster
+from service.scheduling.dispatching.lost_batches import STRAGGLER_S, LossVerdict, LostLeaseFinder
+from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.incoming.results import Position
 from service.scheduling.jobs.plan import Range
 from tests.service.scheduling.fake_clock import FakeClock
@@ -31,9 +31,9 @@ class World(FakeClock):
         self.living: set[str] = set()  # as Redis knows
         self.late = False
         self.read = True
-        self.roster = Roster()
+        self.roster = WorkerSnapshot()
         self.leases = Leases()
-        self.missing = Missing(self.leases, self, self, self)
+        self.missing = LostLeaseFinder(self.leases, self, self, self)
         job: Any = SimpleNamespace(id="job", film=SimpleNamespace(tiles=[Tile(0, 0, 8, 8)]))
         self.jobs = {"job": job}
 
@@ -61,9 +61,9 @@ class World(FakeClock):
         hand = [lease.message for lease in leases]
         self.reports[worker] = WorkerReport(worker, "host", 1, 2, "cpu", "kind", "ready", 0.0, in_hand=hand)
 
-    def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, Fate]:
+    def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, LossVerdict]:
         self.now += seconds
-        self.roster = Roster(dict(self.reports), sites=self.sites)
+        self.roster = WorkerSnapshot(dict(self.reports), sites=self.sites)
         return {lease.id: fate for lease, fate in self.missing.look(self.jobs, self, travel_s)}
 
 
@@ -81,10 +81,10 @@ def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) 
     world.works("slow", lease)
     assert not world.look()
     assert not world.look(STRAGGLER_S - 1)
-    assert world.look(2.0) == {lease.id: Fate.LATE}
+    assert world.look(2.0) == {lease.id: LossVerdict.LATE}
     lease.doubled = True
     assert not world.look(3.5 * PATIENCE_S)
-    assert world.look(PATIENCE_S) == {lease.id: Fate.OVERDUE}
+    assert world.look(PATIENCE_S) == {lease.id: LossVerdict.OVERDUE}
 
 
 def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -> None:
@@ -95,7 +95,7 @@ def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -
     assert world.leases.turns("kind") == 2
     del world.reports["starved"]
     world.living = {"starved"}
-    assert world.look() == {mine.id: Fate.LATE}, "for slots that have nothing else to do"
+    assert world.look() == {mine.id: LossVerdict.LATE}, "for slots that have nothing else to do"
     assert world.leases.turns("kind") == world.leases.held()["job"] == 1, "others are given what it would have been given"
     mine.doubled = others.doubled = True
     taken = world.lease()
@@ -109,7 +109,7 @@ def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -
     assert not world.look()
     assert world.leases.turns("kind") == 1
     world.living = set()
-    assert world.look() == {mine.id: Fate.DEAD}, "its connection has ended"
+    assert world.look() == {mine.id: LossVerdict.DEAD}, "its connection has ended"
     world.leases.end(mine.id)
     world.leases.end(others.id)
     assert not world.leases.turns("kind")
@@ -124,7 +124,7 @@ def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
     world.read = False
     assert not world.look(), "its answer may be among those that were not read"
     world.read = True
-    assert world.look() == {mine.id: Fate.DEAD}
+    assert world.look() == {mine.id: LossVerdict.DEAD}
 
 
 def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
@@ -137,7 +137,7 @@ def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
     world.works("again")
     mine.doubled = True
     assert mine.id not in world.look(0.1)
-    assert world.look(0.1) == {mine.id: Fate.UNSEEN}
+    assert world.look(0.1) == {mine.id: LossVerdict.UNSEEN}
     assert world.leases.turns("kind") == 1
 
 
@@ -146,7 +146,7 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
     lease = world.lease()
     world.late = late
     found = [world.look() for _ in range(4)]
-    assert found == ([{}] * 4 if late else [{}, {}, {lease.id: Fate.UNSEEN}, {lease.id: Fate.UNSEEN}])
+    assert found == ([{}] * 4 if late else [{}, {}, {lease.id: LossVerdict.UNSEEN}, {lease.id: LossVerdict.UNSEEN}])
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:

@@ -14,10 +14,10 @@ import redis
 from protocol.contract import Result
 from renderer.film import digest
 from renderer.settings import Tile
-from service.scheduling.incoming.messages import BatchDone, understand
+from service.scheduling.incoming.messages import BatchDone, parse_message
 from service.scheduling.incoming.results import Entry
 from tests.benchmarks.scale.slots import Slots, of_one_sample
-from tests.reducer import Reducing
+from tests.reducer import ReducerProcess
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import expected_sums
 
@@ -62,7 +62,7 @@ def counted(service: Service, name: str) -> int:
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
-    reducing = Reducing(store, service.url, TOKEN, tmp_path)
+    reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic") as slots:
         job = begin(service, SPP)
         until(
@@ -77,7 +77,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
         reducing.kill()
         before = slots.direct_bytes
         until(lambda: slots.direct_bytes > before, "machines send to the service themselves", 60)
-        reducing = Reducing(store, service.url, TOKEN, tmp_path)
+        reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
         finish(service, job, SPP)
         assert counted(service, "merged") > 2 * counted(service, "results")
         film = service.farm.film(service.farm.records.job(job))
@@ -90,7 +90,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
-    reducing = Reducing(store, service.url, TOKEN, tmp_path)
+    reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic"):
         job = begin(service, SPP // 2)
         until(lambda: (r := reducing.report()) is not None and r.results > 0, "its machines work", 60)
@@ -101,9 +101,11 @@ def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Servi
 
 def test_each_batch_is_known_by_who_rendered_it() -> None:
     event = {"type": "batches", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 4, "count": 5, "worker": "site attic"}
-    message = understand(Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5, "one"], ["b", 6, 3, 0.25, "two"]]}, b"sums")))
+    message = parse_message(
+        Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5, "one"], ["b", 6, 3, 0.25, "two"]]}, b"sums"))
+    )
     assert isinstance(message, BatchDone)
     assert message.senders == ("one", "two")
-    message = understand(Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5], ["b", 6, 3, 0.25]]}, b"sums")))
+    message = parse_message(Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5], ["b", 6, 3, 0.25]]}, b"sums")))
     assert isinstance(message, BatchDone)
     assert message.senders == ("site attic",)

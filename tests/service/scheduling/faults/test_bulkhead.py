@@ -110,7 +110,7 @@ def test_the_rest_is_the_jobs_own(clock: FakeClock, error: Exception, sentence: 
 
 def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
-    heads.condemn("job", "It failed.", "rayfarm render")
+    heads.give_verdict("job", "It failed.", "rayfarm render")
     ended: list[str] = []
     heads.carry_out(lambda id, verdict: raising(FULL)())
     heads.carry_out(lambda id, verdict: ended.append("too early"))
@@ -123,6 +123,6 @@ def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
 
 def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
-    heads.condemn("job", "It failed.")
+    heads.give_verdict("job", "It failed.")
     heads.carry_out(lambda id, verdict: raising(ValueError("a row that cannot be read"))())
     assert heads.verdicts == {}

@@ -6,7 +6,7 @@ import pytest
 import redis
 
 from service.errors import QueueError
-from service.scheduling.faults.redis_errors import trouble_of
+from service.scheduling.faults.redis_errors import redis_fault
 
 
 @pytest.mark.parametrize(
@@ -30,10 +30,10 @@ from service.scheduling.faults.redis_errors import trouble_of
     ],
 )
 def test_what_redis_answers_is_told_as_what_it_is(error: Exception, said: str) -> None:
-    fact, remedy = trouble_of(error)
+    fact, remedy = redis_fault(error)
     assert said in fact
     assert "memory" not in remedy or said == "is full"
     try:
         raise QueueError(str(error)) from error
     except QueueError as of_the_queue:
-        assert trouble_of(of_the_queue) == (fact, remedy)
+        assert redis_fault(of_the_queue) == (fact, remedy)

@@ -14,7 +14,7 @@ from protocol.site import SiteReport
 from protocol.terms import Offer
 from service.scheduling.fleet.reports import report_of
 from service.scheduling.fleet.speeds import Speeds
-from service.scheduling.fleet.workers import FEW, Roster
+from service.scheduling.fleet.workers import FEW, WorkerSnapshot
 
 REPORT: dict[str, Any] = asdict(WorkerReport("one", "host", 1, 2, "a processor", "kind", "ready", 0.0, 1e6, [{"batch": "b"}]))
 OFFER: dict[str, Any] = asdict(Offer(("tag",), 1 << 30, 2, "terms"))
@@ -108,7 +108,9 @@ def test_a_worker_that_root_gave_precedence_is_heard() -> None:
 
 def test_a_worker_that_starts_is_seen_as_ready_at_once() -> None:
     def about_to_change(*states: str) -> bool:
-        return Roster({str(i): read(str(i), name=str(i), state=state) for i, state in enumerate(states)}).is_about_to_change()
+        return WorkerSnapshot(
+            {str(i): read(str(i), name=str(i), state=state) for i, state in enumerate(states)}
+        ).is_about_to_change()
 
     assert about_to_change()
     assert about_to_change("paused")

@@ -66,7 +66,7 @@ def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
         suspicion.succeeded("bad", [])
     assert suspicion.of("bad", ["good"]) == 0
     suspicion.succeeded("good", ["bad"])
-    suspicion.forgive("bad")
+    suspicion.clear_failures("bad")
     assert suspicion.of("bad", ["good"]) == 0
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from protocol.contract import RESULTS, RenderBatch, Result, worker_key
-from service.scheduling.incoming.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, Unusable, understand
+from service.scheduling.incoming.messages import BatchDone, FramePrepared, PrepareDone, PrepareFailed, Unusable, parse_message
 from service.scheduling.incoming.results import Entry
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
@@ -93,24 +93,24 @@ REPORTS: list[Any] = [
 @pytest.mark.parametrize("event", NONSENSE, ids=lambda event: str(event)[:150])
 def test_nonsense_is_left_out(event: Any) -> None:
     with pytest.raises(Unusable):
-        understand(Entry(b"1-0", Result(event)))
+        parse_message(Entry(b"1-0", Result(event)))
 
 
 def test_a_batch_without_its_sums_is_left_out() -> None:
     with pytest.raises(Unusable):
-        understand(Entry(b"1-0", Result(BATCH, None)))
+        parse_message(Entry(b"1-0", Result(BATCH, None)))
 
 
 def test_sense_is_understood_also_with_more_than_is_known_here() -> None:
-    assert isinstance(understand(Entry(b"1-0", Result({**BATCH, "watts": 3}, b""))), BatchDone)
-    prepared = understand(Entry(b"1-0", Result({"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "watts": 3}})))
+    assert isinstance(parse_message(Entry(b"1-0", Result({**BATCH, "watts": 3}, b""))), BatchDone)
+    prepared = parse_message(Entry(b"1-0", Result({"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "watts": 3}})))
     assert isinstance(prepared, PrepareDone)
     assert prepared.info.compiled.size == 1
-    assert isinstance(understand(Entry(b"1-0", Result(FRAME))), FramePrepared)
+    assert isinstance(parse_message(Entry(b"1-0", Result(FRAME))), FramePrepared)
 
 
 def test_no_sentence_has_a_character_that_a_database_does_not_take() -> None:
-    failed = understand(Entry(b"1-0", Result({"type": "prepare-failed", "scene": "s", "kind": "k", "error": "a\0b"})))
+    failed = parse_message(Entry(b"1-0", Result({"type": "prepare-failed", "scene": "s", "kind": "k", "error": "a\0b"})))
     assert isinstance(failed, PrepareFailed)
     assert failed.error == "a\ufffdb"
 

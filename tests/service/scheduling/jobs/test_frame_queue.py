@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.scheduling.jobs.frame_queue import Turns
+from service.scheduling.jobs.frame_queue import FrameQueue
 
 
 @pytest.mark.long
@@ -18,7 +18,7 @@ def test_turns_are_those_of_a_look_at_all_frames() -> None:
         key: SimpleNamespace(key=key, is_over=False, is_idle=False, is_preparing=False, compiled={}, own={}, rank=0)
         for key in range(40)
     }
-    turns = Turns(frames, lambda frame: (frame.rank, frame.key))  # type: ignore[attr-defined]
+    turns = FrameQueue(frames, lambda frame: (frame.rank, frame.key))  # type: ignore[attr-defined]
     for _ in range(3000):
         frame = frames[chance.randrange(40)]
         name = chance.choice(["is_over", "is_idle", "is_preparing"])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from service.scheduling.jobs.noise_budget import AT_ONCE_S, SHARE, Looks
+from service.scheduling.jobs.noise_budget import AT_ONCE_S, SHARE, NoiseBudget
 from tests.service.scheduling.fake_clock import FakeClock
 
 
 def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> None:
     clock = FakeClock()
-    of = Looks(clock)
+    of = NoiseBudget(clock)
     clock.now += 1000.0  # no more is saved up than at the beginning
 
     def take(look_s: float) -> int:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from service.scheduling.jobs.lazy_heap import SLACK
-from service.scheduling.jobs.totals import Greatest, Totals
+from service.scheduling.jobs.totals import RunningMaximum, Totals
 
 
 class Frame(SimpleNamespace):
@@ -49,7 +49,7 @@ def test_totals_follow_the_frames() -> None:
 
 
 def test_the_greatest_is_known_once_all_are() -> None:
-    greatest, chance = Greatest(), random.Random(3)
+    greatest, chance = RunningMaximum(), random.Random(3)
     values: dict[int, float | None] = {}
     assert greatest.value is None
     for _ in range(2000):
