@@ -35,7 +35,10 @@ def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
 
 def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
     """A setting's user-facing texts do not affect the hash; its range and a new choice do."""
-    before = 'a: Annotated[int, Setting(1, 9), SettingTexts("A", "What it does.", group="lab")] = 3\nB = Choices({"x": SettingTexts("X")})\n'
+    before = (
+        'a: Annotated[int, Setting(1, 9), SettingTexts("A", "What it does.", group="lab")] = 3\n'
+        'B = Choices({"x": SettingTexts("X")})\n'
+    )
     assert not changed(tmp_path, before, before.replace("What it does", "What it is for").replace("lab", "advanced"))
     assert not changed(tmp_path, before, before.replace('SettingTexts("X")', 'SettingTexts("The letter", "It is the letter.")'))
     for old, new in (("9", "8"), ("= 3", "= 4"), ('"x": SettingTexts("X")', '"x": SettingTexts("X"), "y": SettingTexts("Y")')):
