@@ -19,7 +19,7 @@ from renderer.jit import device
 __all__ = ["MORE", "RayConstants", "begins_at", "ray_constants"]
 
 _NEARER = np.float32(1 - 2.0**-18)  # factor of the reciprocal direction, for boxes
-MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, before division by the determinant has rounded it
+MORE = np.float32(1 + 2.0**-20)  # factor of a hit's distance, for the rounding of the division by the determinant
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)

@@ -70,7 +70,7 @@ _YES, _NO = np.bool_(True), np.bool_(False)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-FROM_ORIGIN = (_ZERO, ANY_PRIMITIVE, ANY_PRIMITIVE)  # `after` of a ray that has passed nothing yet
+FROM_ORIGIN = (_ZERO, ANY_PRIMITIVE, ANY_PRIMITIVE)  # `after` of a ray that has passed no surface yet
 _W = np.uintp(WIDTH)
 _NODE = np.uintp(NODE_SIZE)
 _NEARBY = 8192  # nodes that fit a core's caches: single rays wait little for them, and prefetching takes time
@@ -202,7 +202,7 @@ def _begins(after, margin):
 
 @device
 def _enter(node, base, slabs, t_min, best):
-    """The children of a node that the ray meets nearer than `best`: their keys, and the least of them."""
+    """Returns the keys of the children that the ray hits nearer than `best`, and the least key."""
     met, distance = meet_boxes(node, base, *slabs, t_min, best)
     keys = ranked(met, distance)
     return keys, least(keys)
