@@ -53,7 +53,7 @@ hypothesis.settings.load_profile("long")
 
 def is_ordinary(config: pytest.Config) -> bool:
     """Whether tests marked `long` are excluded."""
-    return "not long" in config.option.markexpr
+    return bool(config.option.markexpr == "not long")
 
 
 def pytest_configure(config: pytest.Config) -> None:
