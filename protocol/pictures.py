@@ -1,4 +1,4 @@
-"""Packets of pictures for whoever watches: a live tile, a frame's film, and a view's picture. Little-endian.
+"""Packets of pictures for viewers: a live tile, the film of a frame, the picture of a view. Little-endian.
 
 Blender's add-on has copies of this module and of those that it imports (protocol/generate.py), so it imports nothing else.
 """
