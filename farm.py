@@ -150,7 +150,7 @@ def state():
 
 
 def usable(python):
-    """Whether .venv works, has a supported Python, and was made at this location, since environments cannot be moved."""
+    """Whether .venv works, has a supported Python, and was created at this path: environments cannot be moved."""
     config = VENV / "pyvenv.cfg"
     if not config.is_file() or str(VENV) not in config.read_text() or not python.exists():
         return False

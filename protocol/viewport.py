@@ -90,7 +90,7 @@ class Refused(FromService):
 
 @dataclass(frozen=True)
 class Picked(FromService):
-    """What lies under a pixel; the last three are None where nothing does."""
+    """The surface under a pixel of a view; the last three fields are None if the ray hits nothing."""
 
     TYPE: ClassVar[str] = "picked"
     x: int

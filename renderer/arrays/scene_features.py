@@ -15,7 +15,7 @@ class Has(NamedTuple):
     """
 
     textures: Any  # and normal maps, vertex colours, alpha, and visibility by ray kind
-    lights: Any  # punctual ones, or so many that a light tree is used
+    lights: Any  # punctual lights, or enough lights for a light tree
     layers: Any  # materials of many properties, absorption, and dispersion
     instances: Any
     motion: Any  # while the shutter is open: of the camera, or of anything else
