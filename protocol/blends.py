@@ -16,7 +16,7 @@ __all__ = ["TAG", "WAITS", "blender_queue", "is_blend", "written_of"]
 
 TAG = "blender"  # tag in the offer of a worker with Blender
 WAITS = Sentence(
-    "waits-for-worker-with-blender",
+    "waits-for-blender-worker",
     "Waits for a worker with Blender, which alone opens .blend and .abc files: none is "
     "connected. Start one: `rayfarm worker --blender`, or for a farm of this machine "
     "`rayfarm up --blender`. Or {without_blender}.",

@@ -75,16 +75,16 @@ WITHOUT_BLENDER = (
 )
 
 # Native formats of other programs, and how to export each.
-_UNPACK = Sentence("unpack-give-folder-zip", "Unpack it, and give the folder or a .zip of it")
+_UNPACK = Sentence("advice-unpack-archive", "Unpack it, and give the folder or a .zip of it")
 FOREIGN = {
-    ".max": Sentence("3ds-max", "In 3ds Max, choose File > Export > glTF (2023 and later)"),
-    ".c4d": Sentence("cinema-4d", "In Cinema 4D, choose File > Export > glTF"),
-    **dict.fromkeys((".ma", ".mb"), Sentence("maya-choose-file-export", "In Maya, choose File > Export All, and FBX there")),
+    ".max": Sentence("advice-export-from-3ds-max", "In 3ds Max, choose File > Export > glTF (2023 and later)"),
+    ".c4d": Sentence("advice-export-from-cinema-4d", "In Cinema 4D, choose File > Export > glTF"),
+    **dict.fromkeys((".ma", ".mb"), Sentence("advice-export-from-maya", "In Maya, choose File > Export All, and FBX there")),
     ".skp": Sentence(
-        "sketchup-choose-file-export-3d", "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there"
+        "advice-export-from-sketchup", "In SketchUp, choose File > Export > 3D Model, and COLLADA (.dae) or glTF there"
     ),
     **dict.fromkeys(
-        (".step", ".stp", ".iges", ".igs"), Sentence("export-stl-gltf-from-cad", "Export STL or glTF from the CAD program")
+        (".step", ".stp", ".iges", ".igs"), Sentence("advice-export-from-cad", "Export STL or glTF from the CAD program")
     ),
     **dict.fromkeys((".rar", ".7z", ".tar", ".gz"), _UNPACK),
 }
@@ -126,16 +126,20 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
                 then = "" if advice == _UNPACK else "; give what that writes"
                 raise SceneError(
                     Sentence(
-                        "cannot-read", "{name} cannot be read here. {advice}{then}.", name=name[:200], advice=advice, then=then
+                        "format-not-readable",
+                        "{name} cannot be read here. {advice}{alternative}.",
+                        name=name[:200],
+                        advice=advice,
+                        alternative=then,
                     )
                 )
         listed = ", ".join(sorted(names)[:5]) or "nothing"
         raise SceneError(
             Sentence(
-                "no-scene-file-among-given",
-                "No scene file among what was given ({listed}). A scene is one of {scene_suffixes}, or a .zip with one.",
-                listed=listed,
-                scene_suffixes=[*SCENE_SUFFIXES],
+                "scene-file-missing",
+                "No scene file among what was given ({files}). A scene is one of {formats}, or a .zip with one.",
+                files=listed,
+                formats=[*SCENE_SUFFIXES],
             )
         )
     found.sort(key=lambda each: (each[-1] != preferred, each))
@@ -148,10 +152,10 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
         return main, []
     return main, [
         Sentence(
-            "several-scene-files-given",
-            "Several scene files were given; {file} is used. To use another, name it as `main`: {rivals}.",
+            "scene-files-several",
+            "Several scene files were given; {file} is used. To use another, name it as `main`: {others}.",
             file=main,
-            rivals=[*rivals[:8]],
+            others=[*rivals[:8]],
         )
     ]
 

@@ -47,7 +47,7 @@ def _parsed(text: str) -> tuple[float, ...]:
         if match is None:
             raise SettingsError(
                 Sentence(
-                    "frames-takes-numbers-ranges-0",
+                    "frames-malformed",
                     "frames is {text}; it takes numbers and ranges as 0-99 or 1-250x5,300",
                     text=repr(text[:80]),
                 )
@@ -59,7 +59,7 @@ def _parsed(text: str) -> tuple[float, ...]:
         if last < first:
             raise SettingsError(
                 Sentence(
-                    "frames-range-ends-before-begins",
+                    "frames-range-reversed",
                     "frames is {text}; the range {part} ends before it begins",
                     text=repr(text[:80]),
                     part=part,
@@ -68,7 +68,7 @@ def _parsed(text: str) -> tuple[float, ...]:
         if step == 0 or last > MAX_FRAME:
             raise SettingsError(
                 Sentence(
-                    "frames-range-goes-most",
+                    "frames-range-too-large",
                     "frames is {text}; a range goes to {max_frame} at most, in steps from 0.5",
                     text=repr(text[:80]),
                     max_frame=MAX_FRAME,
@@ -79,7 +79,7 @@ def _parsed(text: str) -> tuple[float, ...]:
         if len(found) + count > MAX_FRAMES or named > MOST_NAMED:
             raise SettingsError(
                 Sentence(
-                    "frames-more-than-frames",
+                    "frames-too-many",
                     "frames is {text}; that is more than {max_frames} frames, ask for them in parts",
                     text=repr(text[:80]),
                     max_frames=MAX_FRAMES,

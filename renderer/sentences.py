@@ -2,7 +2,7 @@
 
 A `Sentence` is the English text, as a `str`, and carries the `code` and the `params` that it was made of, by which a page
 translates it and a program tells it from others. Ordinary text operations return plain text without a code, so a sentence around
-another is a `Sentence` too: `Sentence("image-left-out", "{error}; rendered without it.", error=error)`.
+another is a `Sentence` too: `Sentence("texture-left-out", "{error}; rendered without it.", error=error)`.
 
 JSON keeps the text where it always was, with the codes beside it: `{"error": "...", "codes": {"error": {"code", "params"}}}`.
 """
@@ -123,7 +123,7 @@ def joined(first: str, second: str) -> str:
     """Returns two sentences as one text; either may be empty."""
     if not first or not second:
         return str(first or second)
-    return Sentence("sentences", "{first} {second}", first=first, second=second)
+    return Sentence("sentences-joined", "{first} {second}", first=first, second=second)
 
 
 def lowered(text: str) -> str:
@@ -134,12 +134,12 @@ def lowered(text: str) -> str:
 
 def stopped(sentence: object) -> str:
     """Returns a sentence that was written without its full stop, as faults of files are."""
-    return Sentence("sentence", "{sentence}.", sentence=sentence)
+    return Sentence("sentence-closed", "{sentence}.", sentence=sentence)
 
 
 def both(first: str, second: str) -> str:
     """Returns two faults as one text."""
-    return Sentence("faults", "{first}; {second}", first=first, second=second)
+    return Sentence("faults-joined", "{first}; {second}", first=first, second=second)
 
 
 def reason_of(sentence: str) -> str:
@@ -151,12 +151,12 @@ def reason_of(sentence: str) -> str:
 
 def amount(n: int, what: str) -> str:
     """Returns a number of things that are named in the plural."""
-    return Sentence("amount", "{n} {what}", n=n, what=what)
+    return Sentence("amount-of", "{n} {things}", n=n, things=what)
 
 
 def times(sentence: str, n: int) -> str:
     """Returns a sentence with how often it holds, where that is more than once."""
-    return sentence if n == 1 else Sentence("times", "{sentence} ({n} times)", sentence=sentence, n=n)
+    return sentence if n == 1 else Sentence("sentence-repeated", "{sentence} ({count} times)", sentence=sentence, count=n)
 
 
 def listed(texts: Iterable[object], most: int | None = None) -> list[Any]:

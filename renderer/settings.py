@@ -386,15 +386,15 @@ class RenderSettings:
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
-                    "views-camera-moves-2",
-                    "views are {n}; a camera that moves has 2 to {most_keys}, another none",
-                    n=len(self.views),
-                    most_keys=MOST_KEYS,
+                    "views-count-wrong",
+                    "views are {count}; a camera that moves has 2 to {most}, another none",
+                    count=len(self.views),
+                    most=MOST_KEYS,
                 )
             )
         if any(view.projection != self.view.projection for view in self.views):
             raise SettingsError(
-                Sentence("views-different-projections", "views are of different projections; nothing lies between these")
+                Sentence("views-projections-differ", "views are of different projections; nothing lies between these")
             )
 
     def to_json(self) -> dict[str, Any]:
@@ -422,7 +422,7 @@ class RenderSettings:
         except (TypeError, KeyError) as error:
             raise SettingsError(
                 Sentence(
-                    "these-settings-another-release-rayfarm",
+                    "settings-release-mismatch",
                     "these settings are of another release of Rayfarm ({error})",
                     error=error,
                 )

@@ -147,15 +147,13 @@ class View:
     def __post_init__(self) -> None:
         checked(self)
         if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
-            raise SettingsError(Sentence("eye-target-same-point", "eye and target are the same point; move one of them"))
+            raise SettingsError(Sentence("view-target-at-eye", "eye and target are the same point; move one of them"))
         d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
         u = self.up
         cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
             raise SettingsError(
-                Sentence(
-                    "up-points-along-line-sight", "up points along the line of sight (or is zero); give another up direction"
-                )
+                Sentence("view-up-parallel", "up points along the line of sight (or is zero); give another up direction")
             )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:
@@ -178,7 +176,7 @@ class View:
             return cls(**data)
         except TypeError as error:
             raise SettingsError(
-                Sentence("view-another-release-rayfarm", "this view is of another release of Rayfarm ({error})", error=error)
+                Sentence("view-release-mismatch", "this view is of another release of Rayfarm ({error})", error=error)
             ) from None
 
 

@@ -55,10 +55,10 @@ def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) ->
         found = [next(decoded) if name is None else name for name in found]
         title = _TITLES.get(encoding, encoding.upper())
         guess = Sentence(
-            "archive-not-say-how-names",
-            "The archive does not say how {n} of its names are encoded; they are read as {title}.",
-            n=len(unknown),
-            title=title,
+            "archive-name-encoding-guessed",
+            "The archive does not say how {count} of its names are encoded; they are read as {encoding}.",
+            count=len(unknown),
+            encoding=title,
         )
         if encoding == "utf-8":
             guess = None

@@ -15,7 +15,7 @@ import pytest
 
 from tests.helpers import ROOT
 
-# Whose sentences are shown on the page: none of them is left in English.
+# Sources whose sentences the page shows, all of which are translated.
 SHOWN = (
     "service/access/passwords.py",
     "service/access/projects.py",
@@ -31,13 +31,14 @@ SHOWN = (
     "service/scenes",
     "service/scheduling",
     "service/store/film_faults.py",
-    "service/store/room.py",
+    "service/store/disk_space.py",
     "service/viewing",
     "worker/process/apply_terms.py",
 )
 SPEAKERS = ("protocol", "service", "worker", "renderer")
 PLACES = re.compile(r"\{\w+\}")
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+WITH_NUMBERS = {"names-not-utf-8", "file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf-8"}
 
 
 class Said(NamedTuple):
@@ -69,17 +70,34 @@ def _catalogue(language: str) -> dict[str, str]:
     return catalogue
 
 
-def test_a_code_stands_for_one_sentence() -> None:
+def test_a_code_has_one_template() -> None:
+    """A full stop at the end makes no difference: `Sentence.removesuffix` keeps the code too."""
     templates = defaultdict(set)
     for each in _said():
-        templates[each.code].add(each.template)
+        templates[each.code].add(each.template.removesuffix("."))
     assert not {code: found for code, found in templates.items() if len(found) > 1}
-    assert not [code for code in templates if not CODE.fullmatch(code)]
+
+
+def test_a_template_has_one_code() -> None:
+    """The same English text has the same code everywhere, whatever its parameters are called."""
+    codes = defaultdict(set)
+    for each in _said():
+        text = PLACES.sub("{}", each.template).removesuffix(".")
+        if re.search(r"[A-Za-z]", PLACES.sub("", each.template)):
+            codes[text].add(each.code)
+    assert not {text: found for text, found in codes.items() if len(found) > 1}
+
+
+def test_codes_are_short_and_in_kebab_case() -> None:
+    wrong = [each.code for each in _said() if not CODE.fullmatch(each.code) or each.code.count("-") > 5]
+    assert not wrong
+    numbered = re.compile(r".*-[0-9]+")
+    assert not [each.code for each in _said() if numbered.fullmatch(each.code) and each.code not in WITH_NUMBERS]
 
 
 def test_a_sentence_has_the_parameters_of_its_template() -> None:
     wrong = [each.at for each in _said() if not each.params <= {*PLACES.findall(each.template), "{type}"}]
-    assert not wrong, "parameters that the sentence does not say"
+    assert not wrong, "parameters that the template does not use"
 
 
 def test_every_sentence_that_is_shown_is_translated() -> None:
@@ -88,7 +106,7 @@ def test_every_sentence_that_is_shown_is_translated() -> None:
     assert not left, "not in service.de.json and service.zh.json"
 
 
-def test_nothing_is_translated_that_nobody_says() -> None:
+def test_catalogues_have_no_unknown_code() -> None:
     assert not _catalogue("de").keys() - {each.code for each in _said()}
 
 

@@ -92,9 +92,9 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
         deaths = deaths_of(task, worker, work.batch)
         if deaths >= DEATHS_ALLOWED:
             sentence = Sentence(
-                "worker-process-died-times-while",
-                "the worker process died {deaths_allowed} times while it rendered this batch",
-                deaths_allowed=DEATHS_ALLOWED,
+                "worker-died-rendering-batch",
+                "the worker process died {count} times while it rendered this batch",
+                count=DEATHS_ALLOWED,
             )
             worker.results.send(failure(worker, work, sentence))
             return
@@ -147,9 +147,9 @@ def _prepare(task: Any, scene: str) -> None:
                 send(
                     "prepare-failed",
                     error=Sentence(
-                        "worker-process-died-times-while-prepared-scene",
-                        "The worker process died {deaths_allowed} times while it prepared this scene.",
-                        deaths_allowed=DEATHS_ALLOWED,
+                        "worker-died-preparing-scene",
+                        "The worker process died {count} times while it prepared this scene.",
+                        count=DEATHS_ALLOWED,
                     ),
                 )
                 return
@@ -165,7 +165,9 @@ def _prepare(task: Any, scene: str) -> None:
         except Trouble as error:
             send(
                 "prepare-returned",
-                error=Sentence("hands-scene-back", "{name} hands the scene back: {error}", name=worker.name, error=error),
+                error=Sentence(
+                    "worker-returned-scene", "{worker} hands the scene back: {error}", worker=worker.name, error=error
+                ),
             )
         except UnfitError as error:
             send("prepare-returned", error=str(error), unfit=True)
@@ -173,9 +175,9 @@ def _prepare(task: Any, scene: str) -> None:
             send(
                 "prepare-failed",
                 error=Sentence(
-                    "could-not-exchange-scene-files",
-                    "{name} could not exchange the scene's files with the service: {error}",
-                    name=worker.name,
+                    "worker-file-transfer-failed",
+                    "{worker} could not exchange the scene's files with the service: {error}",
+                    worker=worker.name,
                     error=error,
                 ),
             )
@@ -184,10 +186,10 @@ def _prepare(task: Any, scene: str) -> None:
             send(
                 "prepare-failed",
                 error=Sentence(
-                    "could-not-prepare-scene",
-                    "{name} could not prepare the scene ({name2}: {error}).",
-                    name=worker.name,
-                    name2=type(error).__name__,
+                    "worker-scene-failed",
+                    "{worker} could not prepare the scene ({kind}: {error}).",
+                    worker=worker.name,
+                    kind=type(error).__name__,
                     error=error,
                 ),
             )
@@ -207,9 +209,9 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         send(
             "frames-returned",
             error=Sentence(
-                "not-understand-frames-prepare",
-                "{name} does not understand which frames to prepare ({error}).",
-                name=worker.name,
+                "worker-frames-request-unreadable",
+                "{worker} does not understand which frames to prepare ({error}).",
+                worker=worker.name,
                 error=error,
             ),
         )
@@ -218,9 +220,9 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         try:
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
                 sentence = Sentence(
-                    "worker-process-died-times-while-prepared",
-                    "The worker process died {deaths_allowed} times while it prepared this frame.",
-                    deaths_allowed=DEATHS_ALLOWED,
+                    "worker-died-preparing-frame",
+                    "The worker process died {count} times while it prepared this frame.",
+                    count=DEATHS_ALLOWED,
                 )
                 send("frame-failed", frame=work.frames[0], error=sentence)
                 send("frames-returned", error=sentence)
@@ -232,7 +234,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
         except Trouble as error:
             send(
                 "frames-returned",
-                error=Sentence("hands-frames-back", "{name} hands frames back: {error}", name=worker.name, error=error),
+                error=Sentence("worker-returned-frames", "{worker} hands frames back: {error}", worker=worker.name, error=error),
             )
         except UnfitError as error:
             send("frames-returned", error=str(error), unfit=True)
@@ -240,10 +242,10 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
             log.exception("preparing frames of %s failed", work.scene)
             for frame in work.frames:
                 why = Sentence(
-                    "could-not-prepare",
-                    "{name} could not prepare it ({name2}: {error}).",
-                    name=worker.name,
-                    name2=type(error).__name__,
+                    "worker-preparation-failed",
+                    "{worker} could not prepare it ({kind}: {error}).",
+                    worker=worker.name,
+                    kind=type(error).__name__,
                     error=error,
                 )
                 send("frame-failed", frame=frame, error=why)
@@ -260,9 +262,9 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
     with InHand(worker, {"view": work.watch, "message": work.message}) as hand:
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
-                "worker-process-died-times-while-rendered",
-                "The worker process died {deaths_allowed} times while it rendered this view.",
-                deaths_allowed=DEATHS_ALLOWED,
+                "worker-died-rendering-view",
+                "The worker process died {count} times while it rendered this view.",
+                count=DEATHS_ALLOWED,
             )
             Answering(worker, work).send("failed", error=sentence)
         else:
@@ -280,9 +282,9 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
     with InHand(worker, {"view": work.watch, "message": work.message}):
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
-                "worker-process-died-times-while-prepared",
-                "The worker process died {deaths_allowed} times while it prepared this frame.",
-                deaths_allowed=DEATHS_ALLOWED,
+                "worker-died-preparing-frame",
+                "The worker process died {count} times while it prepared this frame.",
+                count=DEATHS_ALLOWED,
             )
             Answering(worker, work).send("failed", error=sentence)
         else:
@@ -296,9 +298,9 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
         work = ExplainPixel.from_json(pixel)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         sentence = Sentence(
-            "not-understand-question",
-            "{name} does not understand the question ({error}). Run the same release of Rayfarm on all machines.",
-            name=worker.name,
+            "worker-request-unreadable",
+            "{worker} does not understand the question ({error}). Run the same release of Rayfarm on all machines.",
+            worker=worker.name,
             error=error,
         )
         say(worker, str(pixel.get("message")), "failed", error=sentence)

@@ -60,7 +60,7 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
         except _SlowError:
             raise SceneError(
                 Sentence(
-                    "took-longer-than-seconds-blender",
+                    "blender-timeout",
                     "{file}: took longer than {seconds} seconds in Blender. Make it smaller.",
                     file=main,
                     seconds=f"{seconds:.0f}",
@@ -73,14 +73,14 @@ def convert(blender: Blender, folder: Path, main: str, out: Path, memory_bytes: 
         except (OSError, ValueError, RecursionError):
             raise SceneError(
                 Sentence(
-                    "damaged-need-more-memory-than",
+                    "blender-importer-failed",
                     "{file}: {ended} It may be damaged, or need more memory than it is granted; export glTF from it.",
                     file=main,
                     ended=ended,
                 )
             ) from None
         if "error" in report:
-            raise SceneError(Sentence("blender-says", "{file}: {error}.", file=main, error=report["error"]))
+            raise SceneError(Sentence("blender-import-error", "{file}: {error}.", file=main, error=report["error"]))
         for path in sorted(found for each in WRITTEN for found in work.glob(each)):
             if path.is_file() and not path.is_symlink():
                 shutil.move(path, out / path.name)

@@ -16,7 +16,7 @@ from renderer.sentences import Sentence
 __all__ = ["calls_of_reader", "open_in_blender"]
 
 MISSING = Sentence(
-    "opened-by-blender",
+    "blender-required",
     "is opened by Blender, and there is none here. Install it so that `blender` is on the "
     "PATH, or set RAYFARM_BLENDER to its program; `rayfarm worker --blender` fetches one for "
     "a worker",
@@ -32,10 +32,16 @@ def open_in_blender(root: Path, name: str, out: Path) -> str:
     try:
         blender = find()
     except BlenderError as error:
-        raise SceneError(Sentence("fault-of-file", "{file}: {fault}", file=name, fault=error)) from None
+        raise SceneError(Sentence("file-fault", "{file}: {fault}", file=name, fault=error)) from None
     if blender is None:
         raise SceneError(
-            Sentence("no-blender", "{file}: {missing}. Or {otherwise}.", file=name, missing=MISSING, otherwise=WITHOUT_BLENDER)
+            Sentence(
+                "blender-missing-alternative",
+                "{file}: {fault}. Or {alternative}.",
+                file=name,
+                fault=MISSING,
+                alternative=WITHOUT_BLENDER,
+            )
         )
     return convert(blender, root, name, out, _memory(), SECONDS)
 
@@ -49,7 +55,7 @@ def calls_of_reader(scene: Path, room: Path) -> dict[str, Callable[..., Any]]:
     def blender(name: str, out: str) -> str:
         path, folder = (scene / name).resolve(), Path(out).resolve()
         if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(room.resolve()):
-            raise SceneError(Sentence("not-among-scene-files", "{name}: is not among the scene's files", name=name))
+            raise SceneError(Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=name))
         return open_in_blender(scene, name, folder)
 
     return {"blender": blender}

@@ -72,7 +72,7 @@ def inspect_blender(path: str) -> Blender:
     if program is None:
         raise BlenderError(
             Sentence(
-                "no-blender-give",
+                "blender-path-not-found",
                 "There is no Blender at {path}. Give the path of its program, or of a Python that has bpy.",
                 path=path,
             )
@@ -82,16 +82,18 @@ def inspect_blender(path: str) -> Blender:
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise BlenderError(Sentence("not-start", "{program} does not start ({error}).", program=program, error=error)) from None
+        raise BlenderError(
+            Sentence("blender-not-startable", "{program} does not start ({error}).", program=program, error=error)
+        ) from None
     lines = done.stdout.strip().splitlines()
     if done.returncode != 0 or not lines:
-        what = Sentence("no-module-bpy", "has no module bpy") if is_module else "is no Blender"
+        what = Sentence("blender-without-bpy", "has no module bpy") if is_module else "is no Blender"
         raise BlenderError(
             Sentence(
-                "give-path-blender-program",
-                "{program} {what}. Give the path of Blender's program, or of a Python that has bpy.",
+                "blender-program-invalid",
+                "{program} {fault}. Give the path of Blender's program, or of a Python that has bpy.",
                 program=program,
-                what=what,
+                fault=what,
             )
         )
     if is_module:
@@ -102,12 +104,12 @@ def inspect_blender(path: str) -> Blender:
     if _numbers(version) < LEAST:
         raise BlenderError(
             Sentence(
-                "blender-blend-files-opened-by",
-                "{program} is Blender {version}; .blend files are opened by {least}.{least2} and later.",
+                "blender-too-old",
+                "{program} is Blender {version}; .blend files are opened by {least_major}.{least_minor} and later.",
                 program=program,
                 version=version or "?",
-                least=LEAST[0],
-                least2=LEAST[1],
+                least_major=LEAST[0],
+                least_minor=LEAST[1],
             )
         )
     return Blender(program, version, is_module, folders)

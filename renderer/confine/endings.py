@@ -31,8 +31,8 @@ class Bounds:
     seconds: float
     subject: str = "The file"
     granted: str = "that this machine has free"
-    longer: str = Sentence("make-smaller-split", "Make it smaller, or split it into several.")
-    smaller: str = Sentence("simplify", "Simplify it.")
+    longer: str = Sentence("advice-shrink-or-split", "Make it smaller, or split it into several.")
+    smaller: str = Sentence("advice-simplify", "Simplify it.")
 
 
 class TooLargeError(MachineError):
@@ -49,12 +49,14 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
     if sentence == "size":
         limit = callers_limit("-f")
         what = (
-            Sentence("too-small", "{limit} is too small. Raise it.", limit=limit)
+            Sentence("advice-raise-limit-too-small", "{limit} is too small. Raise it.", limit=limit)
             if limit
-            else Sentence("its-temporary-files-too-large", "its temporary files are too large for it.")
+            else Sentence("reader-temporary-files-too-large", "its temporary files are too large for it.")
         )
         return MachineError(
-            Sentence("cannot-read-machine", "{subject} cannot be read on this machine: {what}", subject=bounds.subject, what=what)
+            Sentence(
+                "file-unreadable-here", "{subject} cannot be read on this machine: {fault}", subject=bounds.subject, fault=what
+            )
         )
     if "trace" in message:
         log.warning("%s: %s", bounds.subject, message["trace"])
@@ -78,7 +80,7 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
     if (limit := callers_limit("-v")) is not None:
         return MachineError(
             Sentence(
-                "cannot-read-machine-too",
+                "file-unreadable-limit-too-small",
                 "{subject} cannot be read on this machine: {limit} is too small. Raise it.",
                 subject=bounds.subject,
                 limit=limit,
@@ -86,12 +88,12 @@ def _out_of_memory(bounds: Bounds) -> MachineError:
         )
     return TooLargeError(
         Sentence(
-            "needs-more-than-gib",
-            "{subject} needs more than the {memory_bytes} GiB {granted}. {smaller}",
+            "reader-out-of-memory",
+            "{subject} needs more than the {gib} GiB {granted}. {advice}",
             subject=bounds.subject,
-            memory_bytes=f"{bounds.memory_bytes / 2**30:.1f}",
+            gib=f"{bounds.memory_bytes / 2**30:.1f}",
             granted=bounds.granted,
-            smaller=bounds.smaller,
+            advice=bounds.smaller,
         )
     )
 
@@ -106,7 +108,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
     if not os.WIFSIGNALED(status):
         return SceneError(
             Sentence(
-                "cannot-read-importer-ended-without",
+                "importer-ended-without-result",
                 "{subject} cannot be read: its importer ended without a result. It may be damaged; export it anew.",
                 subject=subject,
             )
@@ -116,7 +118,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         if (limit := callers_limit("-t")) is not None:
             return MachineError(
                 Sentence(
-                    "cannot-read-machine-too",
+                    "file-unreadable-limit-too-small",
                     "{subject} cannot be read on this machine: {limit} is too small. Raise it.",
                     subject=subject,
                     limit=limit,
@@ -126,7 +128,7 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
     if number == signal.SIGKILL:
         return MachineError(
             Sentence(
-                "cannot-read-machine-reader",
+                "reader-killed",
                 "{subject} cannot be read on this machine: its reader was killed (signal 9), as when memory runs out.",
                 subject=subject,
             )
@@ -136,20 +138,20 @@ def error_of_exit(status: int, bounds: Bounds, room: int | None = None, needed: 
         limit = callers_limit("-v")
         return MachineError(
             Sentence(
-                "cannot-read-machine-importer",
+                "importer-crashed-low-memory",
                 "{subject} cannot be read on this machine: its importer crashed (signal {number}, "
-                "{name}) with {amount} of memory, and may need {amount2}. {advice}",
+                "{name}) with {granted} of memory, and may need {needed}. {advice}",
                 subject=subject,
                 number=number,
                 name=name,
-                amount=amount(room),
-                amount2=amount(needed),
-                advice=Sentence("raise-limit", "Raise {limit}.", limit=limit) if limit else bounds.smaller,
+                granted=amount(room),
+                needed=amount(needed),
+                advice=Sentence("advice-raise-limit", "Raise {limit}.", limit=limit) if limit else bounds.smaller,
             )
         )
     return SceneError(
         Sentence(
-            "cannot-read-importer-crashed",
+            "importer-crashed",
             "{subject} cannot be read: its importer crashed (signal {number}). It may be damaged; export it anew.",
             subject=subject,
             number=f"{number}, {name}" if name else number,
@@ -161,10 +163,10 @@ def too_slow(bounds: Bounds) -> SceneError:
     """Returns the error for a reader that exceeded its time limit."""
     return SceneError(
         Sentence(
-            "took-longer-than-seconds",
-            "{subject} took longer than {seconds} seconds. {longer}",
+            "reader-timeout",
+            "{subject} took longer than {seconds} seconds. {advice}",
             subject=bounds.subject,
             seconds=f"{bounds.seconds:.0f}",
-            longer=bounds.longer,
+            advice=bounds.longer,
         )
     )

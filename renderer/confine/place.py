@@ -42,7 +42,7 @@ def _made(prefix: str, where: Path | None) -> Path:
             tried.append(f"{parent or os.environ.get('TMPDIR') or 'the default folder'}: {error.strerror}")
     raise MachineError(
         Sentence(
-            "machine-no-folder-for-temporary",
+            "temporary-folder-missing",
             "this machine has no folder for temporary files that can be written ({tried}). Set TMPDIR to one.",
             tried="; ".join(tried),
         )

@@ -203,7 +203,7 @@ def told(error: BaseException) -> dict[str, Any]:
             return {"error": "size"}
         return {
             "error": Sentence(
-                "machine-cannot-use-its-files",
+                "machine-files-unusable",
                 "this machine cannot use its files ({error}: {where})",
                 error=error.strerror,
                 where=where,
@@ -212,18 +212,18 @@ def told(error: BaseException) -> dict[str, Any]:
         }
     if isinstance(error, RuntimeError) and faults.is_of_machine(error):
         return {
-            "error": Sentence("machine-cannot-start-thread", "this machine cannot start another thread (see ulimit -u and -v)"),
+            "error": Sentence("machine-threads-exhausted", "this machine cannot start another thread (see ulimit -u and -v)"),
             "machine": True,
         }
     if isinstance(error, RecursionError):
         return {
-            "error": Sentence("nested-too-deeply", "is nested too deeply. Flatten its hierarchy."),
+            "error": Sentence("hierarchy-nested-too-deep", "is nested too deeply. Flatten its hierarchy."),
             "rest": True,
         }
     trace = traceback.format_exc()[-_MOST_TRACE:]
     return {
         "error": Sentence(
-            "cannot-read-damaged",
+            "file-read-failed",
             "cannot be read ({name}: {error}). It may be damaged; export it anew.",
             name=type(error).__name__,
             error=error,

@@ -55,7 +55,7 @@ class _Launcher:
         except OSError as error:
             raise MachineError(
                 Sentence(
-                    "machine-no-file-left-open", "this machine has no file left to open ({strerror})", strerror=error.strerror
+                    "machine-file-handles-exhausted", "this machine has no file left to open ({error})", error=error.strerror
                 )
             ) from error
         self._words = _words_file()
@@ -76,9 +76,9 @@ class _Launcher:
                 self.socket.close()
                 raise MachineError(
                     Sentence(
-                        "machine-cannot-start-another-process",
-                        "this machine cannot start another process ({strerror})",
-                        strerror=error.strerror,
+                        "machine-processes-exhausted",
+                        "this machine cannot start another process ({error})",
+                        error=error.strerror,
                     )
                 ) from error
         # Not waited for: it ends with its callers, and is often the child of another one than the last of them.
@@ -251,7 +251,7 @@ class Reader:
             if len(buffer) > _MOST_MESSAGE:
                 raise SceneError(
                     Sentence(
-                        "cannot-read-reader-sends",
+                        "reader-output-too-large",
                         "{subject} cannot be read: its reader sends more than it should.",
                         subject=self.bounds.subject,
                     )
@@ -265,7 +265,7 @@ class Reader:
                 if not isinstance(message, dict):
                     raise SceneError(
                         Sentence(
-                            "cannot-read-reader",
+                            "reader-output-malformed",
                             "{subject} cannot be read: its reader sends what is no message.",
                             subject=self.bounds.subject,
                         )
@@ -301,11 +301,11 @@ class Reader:
             more = f" It has {' and '.join(limits)}: raise it." if limits else ""
             return MachineError(
                 Sentence(
-                    "cannot-read-machine-2",
-                    "{subject} cannot be read on this machine: {failed}.{more}",
+                    "file-unreadable-on-machine",
+                    "{subject} cannot be read on this machine: {fault}.{advice}",
                     subject=bounds.subject,
-                    failed=ended["failed"],
-                    more=more,
+                    fault=ended["failed"],
+                    advice=more,
                 )
             )
         if "status" not in ended:
@@ -369,10 +369,10 @@ def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
     more = f" Raise {' and '.join(limits)}." if limits else ""
     return MachineError(
         Sentence(
-            "machine-cannot-run-process-reads",
-            "this machine cannot run the process that reads scenes ({why}).{more}",
-            why=launcher.why() or why,
-            more=more,
+            "reader-not-startable",
+            "this machine cannot run the process that reads scenes ({error}).{advice}",
+            error=launcher.why() or why,
+            advice=more,
         )
     )
 

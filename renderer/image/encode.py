@@ -38,7 +38,7 @@ def format_of(path: str | Path) -> str:
     if suffix not in FORMATS:
         raise SettingsError(
             Sentence(
-                "pictures-written",
+                "picture-file-format-unknown",
                 "{name}: pictures are written as .{formats}; end the name with one of these",
                 name=Path(path).name,
                 formats=", .".join(FORMATS),
@@ -68,7 +68,9 @@ def encode(
     if format == "hdr":
         return _through_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
     raise SettingsError(
-        Sentence("picture-format", "picture format is {format}; known are {formats}", format=repr(format), formats=[*FORMATS])
+        Sentence(
+            "picture-format-unknown", "picture format is {format}; known are {formats}", format=repr(format), formats=[*FORMATS]
+        )
     )
 
 

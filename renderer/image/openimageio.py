@@ -46,12 +46,12 @@ class Limits(NamedTuple):
         if width < 1 or height < 1 or width * height > self.most:
             raise SceneError(
                 Sentence(
-                    "x-pixels",
-                    "{name}: is {width} x {height} pixels; at most {most} million fit. Give a smaller image",
+                    "image-too-large",
+                    "{name}: is {width} x {height} pixels; at most {million} million fit. Give a smaller image",
                     name=name,
                     width=width,
                     height=height,
-                    most=self.most >> 20,
+                    million=self.most >> 20,
                 )
             )
         factor = 1
@@ -72,7 +72,7 @@ def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, str
         if source is None:
             raise SceneError(
                 Sentence(
-                    "image-damaged-not-name-says",
+                    "image-damaged-or-misnamed",
                     "{name}: the image is damaged or not what its name says ({error}); export it again",
                     name=name,
                     error=_error(oiio, path),
@@ -91,7 +91,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
         others = ", ".join(sorted({f'"{other}"' for other in colour.others}))[:200]
         notes.append(
             Sentence(
-                "holds-several-layers",
+                "image-several-layers",
                 '{name}: holds several layers; "{layer}" is shown, not {others}. Name one of them Combined, or drop them',
                 name=name,
                 layer=colour.layer,
@@ -118,15 +118,15 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     if factor > 1:
         notes.append(
             Sentence(
-                "x-pixels-averaged-x",
-                "{name}: its {width} x {height} pixels are averaged to {shape} x {shape2}, as at most "
-                "{kept} million are kept; give it in that size to save time",
+                "image-reduced",
+                "{name}: its {width} x {height} pixels are averaged to {new_width} x {new_height}, as at most "
+                "{million} million are kept; give it in that size to save time",
                 name=name,
                 width=width,
                 height=height,
-                shape=pixels.shape[1],
-                shape2=pixels.shape[0],
-                kept=limits.kept >> 20,
+                new_width=pixels.shape[1],
+                new_height=pixels.shape[0],
+                million=limits.kept >> 20,
             )
         )
     planes = {key: pixels[..., number - first] for key, number in colour.channels.items() if first <= number < last}
@@ -141,10 +141,10 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
         if odd := int((~np.isfinite(rgba)).any(axis=-1).sum()):
             notes.append(
                 Sentence(
-                    "pixels-not-finite",
-                    "{name}: {odd} of its pixels are not finite; they are black, or as bright as can be",
+                    "image-pixels-not-finite",
+                    "{name}: {count} of its pixels are not finite; they are black, or as bright as can be",
                     name=name,
-                    odd=odd,
+                    count=odd,
                 )
             )
         rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MOST, neginf=0.0)
@@ -164,7 +164,7 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
         if spec.nchannels < 1 or count > _MOST_CHANNELS or spec.depth > 1:
             raise SceneError(
                 Sentence(
-                    "channels-give-plain-rgb",
+                    "image-channels-unsupported",
                     "{name}: has {count} channels; give a plain RGB, RGBA or grey image",
                     name=name,
                     count=count,
@@ -180,10 +180,10 @@ def _chosen(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
             listed = ", ".join(channel for _, channels in parts for channel in channels)[:200]
             raise SceneError(
                 Sentence(
-                    "none-channels-named-r",
-                    "{name}: none of its channels ({listed}) is named R, G, B or Y; export it with these names",
+                    "image-channels-unnamed",
+                    "{name}: none of its channels ({channels}) is named R, G, B or Y; export it with these names",
                     name=name,
-                    listed=listed,
+                    channels=listed,
                 )
             )
         colour = Colour(0, "", *_by_place(len(parts[0][1])), [])

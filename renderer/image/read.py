@@ -41,10 +41,10 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     if suffix is None:
         raise SceneError(
             Sentence(
-                "no-image-known-format",
-                "{name}: is no image of a known format; give one of {image_suffixes}",
+                "image-format-unknown",
+                "{name}: is no image of a known format; give one of {formats}",
                 name=name,
-                image_suffixes=[*IMAGE_SUFFIXES],
+                formats=[*IMAGE_SUFFIXES],
             )
         )
     limits = Limits(MAX_PIXELS * _LARGER if is_environment else MAX_PIXELS, MAX_PIXELS)
@@ -59,16 +59,16 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     except Image.DecompressionBombError as error:  # Pillow's own limit is above ours, and is checked first
         raise SceneError(
             Sentence(
-                "too-many-pixels",
-                "{name}: has too many pixels; at most {max_pixels} million fit. Give a smaller image",
+                "image-pixels-too-many",
+                "{name}: has too many pixels; at most {million} million fit. Give a smaller image",
                 name=name,
-                max_pixels=MAX_PIXELS >> 20,
+                million=MAX_PIXELS >> 20,
             )
         ) from error
     except Exception as error:  # the decoders raise nearly every type on damaged data
         raise SceneError(
             Sentence(
-                "image-damaged-not-name-says",
+                "image-damaged-or-misnamed",
                 "{name}: the image is damaged or not what its name says ({error}); export it again",
                 name=name,
                 error=error,
@@ -100,15 +100,15 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
                 image = image.convert("RGBA").reduce(factor)
                 notes.append(
                     Sentence(
-                        "x-pixels-averaged-x-most",
-                        "{name}: its {width} x {height} pixels are averaged to {width2} x {height2}, as at most "
-                        "{kept} million are kept; give it in that size to save time",
+                        "image-reduced",
+                        "{name}: its {width} x {height} pixels are averaged to {new_width} x {new_height}, as at most "
+                        "{million} million are kept; give it in that size to save time",
                         name=name,
                         width=source.width,
                         height=source.height,
-                        width2=image.width,
-                        height2=image.height,
-                        kept=limits.kept >> 20,
+                        new_width=image.width,
+                        new_height=image.height,
+                        million=limits.kept >> 20,
                     )
                 )
             pixels = np.array(image.convert("RGBA"))
@@ -128,7 +128,7 @@ def _through_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
     except ImportError as error:
         raise SceneError(
             Sentence(
-                "ktx2-image",
+                "image-ktx2-needs-package",
                 "{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG",
                 name=name,
             )

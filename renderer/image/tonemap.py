@@ -122,7 +122,7 @@ def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArra
     """
     if curve not in _FUNCTIONS:
         raise SettingsError(
-            Sentence("tone-curve", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
+            Sentence("tone-curve-unknown", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
         )
     scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
     clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)

@@ -28,7 +28,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
     if not notes and "srgb" not in source.info and gamma is not None and abs(gamma - _SRGB_GAMMA) > _TOLERANCE:
         notes.append(
             Sentence(
-                "gamma-not-taken-over-read",
+                "image-gamma-ignored",
                 "{name}: its gamma of {gamma} is not taken over; it is read as sRGB, whose gamma is {srgb_gamma}",
                 name=name,
                 gamma=f"{gamma:g}",
@@ -38,7 +38,7 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
     if source.mode == "CMYK":
         notes.append(
             Sentence(
-                "inks-cmyk-read-red",
+                "image-cmyk-without-profile",
                 "{name}: its inks (CMYK) are read as red, green and blue without a colour profile; give it in RGB",
                 name=name,
             )
@@ -47,18 +47,18 @@ def of_pillow(source: Image.Image, name: str) -> list[str]:
         frames, turned = getattr(source, "n_frames", 1), source.getexif().get(_ORIENTATION, 1)
     except Exception:  # on damaged metadata Pillow raises nearly every type; the pixels may be whole
         frames, turned = 1, 1
-        notes.append(Sentence("metadata-damaged", "{name}: its metadata is damaged, and not read", name=name))
+        notes.append(Sentence("image-metadata-damaged", "{name}: its metadata is damaged, and not read", name=name))
     if frames > 1:
         notes.append(
-            Sentence("frames-first-shown", "{name}: has {frames} frames, of which the first is shown", name=name, frames=frames)
+            Sentence("image-frames-dropped", "{name}: has {frames} frames, of which the first is shown", name=name, frames=frames)
         )
     if turned not in (0, 1):
         notes.append(
             Sentence(
-                "says-turned-exif-orientation",
-                "{name}: says that it is to be turned (Exif orientation {turned}), which is not taken over; save it turned",
+                "image-orientation-ignored",
+                "{name}: says that it is to be turned (Exif orientation {orientation}), which is not taken over; save it turned",
                 name=name,
-                turned=turned,
+                orientation=turned,
             )
         )
     return notes
@@ -77,10 +77,10 @@ def of_profile(profile: Any, name: str) -> list[str]:
         return []
     return [
         Sentence(
-            "colour-profile-not-taken-over",
-            '{name}: its colour profile "{title}" is not taken over; its colours are read as sRGB. Convert it to sRGB',
+            "image-colour-profile-ignored",
+            '{name}: its colour profile "{profile}" is not taken over; its colours are read as sRGB. Convert it to sRGB',
             name=name,
-            title=title[:80],
+            profile=title[:80],
         )
     ]
 
@@ -113,10 +113,10 @@ def of_header(data: bytes, name: str) -> list[str]:
             listed = " ".join(f"{value:g}" for value in (factor[:1] if len({*factor}) == 1 else factor))
             notes.append(
                 Sentence(
-                    "values-times-radiance",
-                    "{name}: its values are {listed} times the radiance ({key}); they are read as they are",
+                    "image-scale-ignored",
+                    "{name}: its values are {scales} times the radiance ({key}); they are read as they are",
                     name=name,
-                    listed=listed,
+                    scales=listed,
                     key=key,
                 )
             )

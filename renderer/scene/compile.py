@@ -70,15 +70,15 @@ def compile_scene(
 
 
 def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, kept: ShotCache) -> CompiledScene:
-    say(Sentence("placing-meshes", "placing meshes"), 0.0)
+    say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
     origin = origin_of(description, kept)
     whole, description = description, rebased(description, origin, kept)
     stood = place_geometry(description, team, kept)
     sphere, joined, placement = stood.sphere, stood.joined, stood.placement
     geometry = joined.geometry
-    say(Sentence("packing-textures", "packing textures"), 0.25)
+    say(Sentence("progress-packing-textures", "packing textures"), 0.25)
     packed = stood.packed
-    say(Sentence("listing-lights", "listing lights"), 0.4)
+    say(Sentence("progress-listing-lights", "listing lights"), 0.4)
     maps = maps_of(description.lights)
     emission = kept.recall("emission", lambda: maps, lambda: tabulate_emission(maps))
     punctual = tabulate_punctual(description.lights, stood.bounds, maps, emission)
@@ -87,7 +87,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     emitters = with_area(all_emitters, geometry)
     if left_out := max(len(all_emitters.triangle) - len(emitters.triangle), _dark_lamps(description, packed.emitted)):
         description.warnings.append(
-            Sentence("emitting-triangles-without-area", "Triangles that emit and have no area give no light: {n}.", n=left_out)
+            Sentence("emitters-without-area", "Triangles that emit and have no area give no light: {count}.", count=left_out)
         )
     sphere_keys = motion_keys.sphere_keys(description, stood.spheres[stood.still_spheres :])
     even = is_uniform_emitter(packed, geometry)
@@ -103,7 +103,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         lambda: _environment(whole),
     )
     chance = choose_environment(environment, lights.power, stood.bounds)
-    say(Sentence("building-bvh", "building the BVH"), 0.5)
+    say(Sentence("progress-building-bvh", "building the BVH"), 0.5)
     keys = motion_keys.instance_keys(description, placement)
     still_spheres = stood.still_spheres
     laid = build_scene_bvh(

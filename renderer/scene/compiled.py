@@ -71,7 +71,7 @@ def load(path: Path, find: Find | None = None) -> CompiledScene:
         if size < 8:
             raise SceneError(
                 Sentence(
-                    "no-compiled-scene",
+                    "compiled-scene-too-short",
                     "{name} is no compiled scene: it has only {size} bytes",
                     name=path.name,
                     size=size,
@@ -83,7 +83,7 @@ def load(path: Path, find: Find | None = None) -> CompiledScene:
     except SceneError as error:
         raise SceneError(
             Sentence(
-                "damaged-no-compiled-scene",
+                "compiled-scene-damaged",
                 "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
                 name=path.name,
                 error=error,
@@ -97,7 +97,7 @@ def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
     except SceneError as error:
         raise SceneError(
             Sentence(
-                "damaged-no-compiled-scene",
+                "compiled-scene-damaged",
                 "{name} is damaged or no compiled scene: {error}. Prepare the scene again",
                 name=path.name,
                 error=error,
@@ -109,13 +109,13 @@ def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
     """Returns the arrays by name, checked against the layout."""
     length = int.from_bytes(mapped[:8], "little")
     if not 2 <= length <= min(_MAX_HEADER, size - 8):
-        raise SceneError(Sentence("header-length-wrong", "its header's length is wrong"))
+        raise SceneError(Sentence("compiled-header-length-wrong", "its header's length is wrong"))
     try:
         header = json.loads(mapped[8 : 8 + length])
         if header.pop("__metadata__") != _FORMAT:
-            raise SceneError(Sentence("written-by-another-version", "it was written by another version"))
+            raise SceneError(Sentence("compiled-version-mismatch", "it was written by another version"))
         if list(header) != list(LAYOUT):
-            raise SceneError(Sentence("list-arrays-not-expected-one", "its list of arrays is not the expected one"))
+            raise SceneError(Sentence("compiled-array-list-wrong", "its list of arrays is not the expected one"))
         arrays = {}
         end = 0
         for name, (dtype, _) in LAYOUT.items():
@@ -129,14 +129,14 @@ def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
                 or min(shape) < 0
                 or stop - start != count * np.dtype(dtype).itemsize
             ):
-                raise SceneError(Sentence("entry-wrong", "the entry of {name} is wrong", name=name))
+                raise SceneError(Sentence("compiled-array-entry-wrong", "the entry of {name} is wrong", name=name))
             end = stop
             if 8 + length + stop > size:
-                raise SceneError(Sentence("ends-before", "it ends before {name} does", name=name))
+                raise SceneError(Sentence("compiled-file-cut-off", "it ends before {name} does", name=name))
             arrays[name] = np.frombuffer(mapped, dtype, count, 8 + length + start).reshape(shape)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SceneError(Sentence("header-cannot-read", "its header cannot be read")) from error
+        raise SceneError(Sentence("compiled-header-unreadable", "its header cannot be read")) from error
     if 8 + length + end != size:
-        raise SceneError(Sentence("longer-than-arrays", "it is longer than its arrays"))
+        raise SceneError(Sentence("compiled-file-too-long", "it is longer than its arrays"))
     check(arrays)
     return arrays

@@ -120,7 +120,7 @@ def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], fold
     pieces = {name: list(pieces) for name, (_, pieces) in known.items()}
     changed = sorted({part for name in names for part, *_ in pieces[name]})
     if any(not pieces[name] or len(pieces[name]) > 1 for name in names):
-        raise SceneError(Sentence("changes-no-part", "what changes of it is in no part, or in several"))
+        raise SceneError(Sentence("compiled-changes-misplaced", "what changes of it is in no part, or in several"))
     for number in changed:
         inside = sorted((at, name, i) for name in pieces for i, (part, at, _) in enumerate(pieces[name]) if part == number)
         slices: dict[str, Array] = {}
@@ -211,14 +211,14 @@ def load_parts(data: bytes, find: Find) -> CompiledScene:
     files = [find(*part) for part in parts]
     for part, path in zip(parts, files, strict=True):
         if path.stat().st_size != part.size:
-            raise SceneError(Sentence("part-another-size", "a part of it has another size"))
+            raise SceneError(Sentence("compiled-part-size-wrong", "a part of it has another size"))
     found: dict[str, Array] = {}
     unchecked: dict[str, Array] = {}
     for name, (dtype, _) in LAYOUT.items():
         shape, pieces = arrays[name]
         size = int(np.prod(shape, dtype=object)) * np.dtype(dtype).itemsize
         if size != sum(length for *_, length in pieces):
-            raise SceneError(Sentence("pieces-too-few-too-many", "the pieces of {name} are too few or too many", name=name))
+            raise SceneError(Sentence("compiled-piece-count-wrong", "the pieces of {name} are too few or too many", name=name))
         found[name] = np.frombuffer(_mapped(pieces, parts, files), dtype, size // np.dtype(dtype).itemsize).reshape(shape)
         if name in _CUT and name not in _VERTICES and size:
             unchecked[name] = np.concatenate(list(_extremes_of(name, found[name], parts, pieces)))
@@ -231,7 +231,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
     try:
         manifest = json.loads(data)
         if manifest["format"] != _FORMAT:
-            raise SceneError(Sentence("written-by-another-version", "it was written by another version"))
+            raise SceneError(Sentence("compiled-version-mismatch", "it was written by another version"))
         parts = [Part(str(sha256), int(size)) for sha256, size in manifest["parts"]]
         arrays = {}
         for name in LAYOUT:
@@ -241,13 +241,15 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
             for i, (part, at, length) in enumerate(pieces):
                 is_inside = 0 <= part < len(parts) and at >= 0 and length > 0 and at + length <= parts[part].size
                 if not is_inside or at % PAGE or (length % PAGE and i < len(pieces) - 1):
-                    raise SceneError(Sentence("piece-lies-outside-part", "a piece of {name} lies outside of its part", name=name))
+                    raise SceneError(
+                        Sentence("compiled-piece-out-of-range", "a piece of {name} lies outside of its part", name=name)
+                    )
             if min(arrays[name][0], default=0) < 0:
-                raise SceneError(Sentence("shape-wrong", "the shape of {name} is wrong", name=name))
+                raise SceneError(Sentence("compiled-array-shape-wrong", "the shape of {name} is wrong", name=name))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise SceneError(Sentence("manifest-cannot-read", "its manifest cannot be read")) from error
+        raise SceneError(Sentence("compiled-manifest-unreadable", "its manifest cannot be read")) from error
     if len(parts) > _MOST_PARTS or not all(_IS_SHA256.fullmatch(p.sha256) and p.size > 0 for p in parts):
-        raise SceneError(Sentence("list-parts-wrong", "its list of parts is wrong"))
+        raise SceneError(Sentence("compiled-part-list-wrong", "its list of parts is wrong"))
     return parts, arrays
 
 
@@ -297,7 +299,7 @@ def _extremes_of(name: str, array: Array, parts: list[Part], pieces: list[tuple[
     row = array[:1].nbytes
     for part, at, length in pieces:
         if begin % row or length % row:
-            raise SceneError(Sentence("piece-ends-within-row", "a piece of {name} ends within a row", name=name))
+            raise SceneError(Sentence("compiled-piece-splits-row", "a piece of {name} ends within a row", name=name))
         rows = array[begin // row : (begin + length) // row]
         key = name, parts[part].sha256, at, length
         if key not in _seen:

@@ -54,7 +54,7 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
     if sum(sizes) > _MOST_TEXELS:
         raise SceneError(
             Sentence(
-                "pictures-profiles-scene-lights-too",
+                "light-pictures-too-large",
                 "The pictures and profiles of the scene's lights are too large together; make them smaller",
             )
         )

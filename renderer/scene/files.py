@@ -45,7 +45,7 @@ class SceneFiles:
         if not folder.is_dir():
             raise SceneError(
                 Sentence(
-                    "no-folder",
+                    "scene-folder-missing",
                     "{name}: is no folder; give the folder that holds the scene's files",
                     name=folder.name,
                 )
@@ -97,24 +97,22 @@ class SceneFiles:
         if path is None:
             raise SceneError(
                 Sentence(
-                    "leads-out-scene-folder",
+                    "path-outside-scene-folder",
                     "{name}: leads out of the scene's folder; put the file beside the scene and name it so",
                     name=name[:200],
                 )
             )
         if not self._is_file(name):
-            raise SceneError(
-                Sentence("not-among-scene-files-add", "{name}: is not among the scene's files; add it", name=name[:200])
-            )
+            raise SceneError(Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=name[:200]))
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise SceneError(
                 Sentence(
-                    "gib-file-scene-most-gib",
-                    "{name}: is {size} GiB; a file of a scene has at most {max_file_bytes} GiB",
+                    "scene-file-too-large",
+                    "{name}: is {gib} GiB; a file of a scene has at most {most_gib} GiB",
                     name=name,
-                    size=f"{size / 2**30:.1f}",
-                    max_file_bytes=MAX_FILE_BYTES >> 30,
+                    gib=f"{size / 2**30:.1f}",
+                    most_gib=MAX_FILE_BYTES >> 30,
                 )
             )
         return path
@@ -131,7 +129,7 @@ class SceneFiles:
             if is_of_machine(error):
                 raise
             raise SceneError(
-                Sentence("could-not-read-3", "{name}: could not be read ({strerror})", name=name, strerror=error.strerror)
+                Sentence("file-os-error", "{name}: could not be read ({error})", name=name, error=error.strerror)
             ) from error
 
     def at_frame(self, pattern: str, frame: float, beside: str) -> str:
@@ -299,14 +297,14 @@ def data_uri(uri: str, where: str) -> bytes:
     """Returns the bytes of a data: URI. Raises SceneError if it is damaged or too large; `where` is for error messages."""
     header, comma, body = uri.partition(",")
     if not comma:
-        raise SceneError(Sentence("data-uri-no-data", "{where}: its data URI has no data; export the file again", where=where))
+        raise SceneError(Sentence("data-uri-empty", "{place}: its data URI has no data; export the file again", place=where))
     if len(body) > MAX_DATA_URI_BYTES:
         raise SceneError(
             Sentence(
-                "data-uri-mib",
-                "{where}: its data URI is {n} MiB; keep such data in a file beside the scene",
-                where=where,
-                n=len(body) >> 20,
+                "data-uri-too-large",
+                "{place}: its data URI is {mib} MiB; keep such data in a file beside the scene",
+                place=where,
+                mib=len(body) >> 20,
             )
         )
     if not header.lower().endswith(";base64"):
@@ -317,8 +315,8 @@ def data_uri(uri: str, where: str) -> bytes:
         raise SceneError(
             Sentence(
                 "data-uri-damaged",
-                "{where}: its data URI is damaged ({error}); export the file again",
-                where=where,
+                "{place}: its data URI is damaged ({error}); export the file again",
+                place=where,
                 error=error,
             )
         ) from error

@@ -184,13 +184,13 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
         if total > limit:
             raise SceneError(
                 Sentence(
-                    "million-repeated-meshes-counted-once",
-                    "{name}: has {total} million {what}, repeated meshes counted once; at most {limit} "
+                    "scene-geometry-too-large",
+                    "{name}: has {million} million {kind}, repeated meshes counted once; at most {most_million} "
                     "million fit. Simplify its meshes",
                     name=description.name,
-                    total=f"{total / 1000000.0:.0f}",
-                    what=what,
-                    limit=limit // 10**6,
+                    million=f"{total / 1000000.0:.0f}",
+                    kind=what,
+                    most_million=limit // 10**6,
                 )
             )
 

@@ -75,7 +75,7 @@ class Shot:
                 if mesh.deforms or mesh.keys or not len(mesh.triangles):
                     raise SceneError(
                         Sentence(
-                            "holds-positions-not-finite-numbers",
+                            "scene-positions-not-finite",
                             "{title} holds positions that are not finite numbers; export the file again",
                             title=title,
                         )
@@ -166,16 +166,14 @@ def light_with(files: SceneFiles, name: str, description: SceneDescription) -> N
     found = files.find(name, ".")
     if found is None:
         raise SceneError(
-            Sentence(
-                "environment-not-among-scene-files", "{name}: the environment is not among the scene's files; add it", name=name
-            )
+            Sentence("environment-not-in-scene", "{name}: the environment is not among the scene's files; add it", name=name)
         )
     image = shelf.environment_file(found)
     if image is None:
         reason = reason_of(description.warnings[-1]) if description.warnings else name
         raise SceneError(
             Sentence(
-                "environment-cannot-read",
+                "environment-image-unreadable",
                 "The environment cannot be read: {reason}; give an .exr or .hdr image in equirectangular projection",
                 reason=reason,
             )
@@ -189,19 +187,19 @@ def _check(main: str, description: SceneDescription) -> None:
     shown = sum(len(description.meshes[i.mesh].triangles) for i in description.instances) + len(description.spheres)
     if shown:
         return
-    what = Sentence("shows-no-surface-frame", "shows no surface at this frame; a picture needs one, however far away")
+    what = Sentence("scene-empty-at-frame", "shows no surface at this frame; a picture needs one, however far away")
     if not description.moves:
-        what = Sentence("shows-no-surface", "shows no surface: no triangles and no spheres. Export it with its meshes")
+        what = Sentence("scene-empty", "shows no surface: no triangles and no spheres. Export it with its meshes")
     reasons = [warning.rstrip(".") for warning in description.warnings[:_REASONS]]
     if not reasons:
-        raise SceneError(Sentence("fault-of-file", "{file}: {fault}", file=main, fault=what))
+        raise SceneError(Sentence("file-fault", "{file}: {fault}", file=main, fault=what))
     raise SceneError(
         Sentence(
-            "fault-of-file-with-reasons",
-            "{file}: {fault}. What was left out: {reasons}",
+            "file-fault-with-omissions",
+            "{file}: {fault}. What was left out: {omissions}",
             file=main,
             fault=what,
-            reasons=reduce(both, reasons),
+            omissions=reduce(both, reasons),
         )
     )
 

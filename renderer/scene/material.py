@@ -208,10 +208,10 @@ def check(material: Material) -> None:
         if fault is not None:
             raise SceneError(
                 Sentence(
-                    "material-mend-file",
-                    "Material {name}: its {in_file} {fault}. Mend it in the file",
+                    "material-parameter-invalid",
+                    "Material {name}: its {parameter} {fault}. Mend it in the file",
                     name=material.name,
-                    in_file=parameter.in_file,
+                    parameter=parameter.in_file,
                     fault=fault,
                 )
             )

@@ -68,10 +68,10 @@ def pack(description: SceneDescription) -> Packed:
             if not parameter.layered and description.textures[index].layers:
                 raise SceneError(
                     Sentence(
-                        "material-layers",
-                        "Material {name}: its {name2} has layers, which that slot does not take; give it one texture",
+                        "material-layers-not-taken",
+                        "Material {name}: its {slot} has layers, which that slot does not take; give it one texture",
                         name=m.name,
-                        name2=parameter.name,
+                        slot=parameter.name,
                     )
                 )
             textures[i, parameter.slot] = texels.add(index)[0]

@@ -56,10 +56,10 @@ def list_media(description: SceneDescription) -> Media:
     if len(found) >= rows.MOST_MEDIA:
         raise SceneError(
             Sentence(
-                "scene-different-media",
-                "The scene has {n} different media; {most_media} are the most. Let materials share theirs",
-                n=len(found),
-                most_media=rows.MOST_MEDIA - 1,
+                "scene-media-too-many",
+                "The scene has {count} different media; {most} are the most. Let materials share theirs",
+                count=len(found),
+                most=rows.MOST_MEDIA - 1,
             )
         )
     return Media(np.array(found, np.float32), of_material)
@@ -70,21 +70,21 @@ def _check(world: Medium) -> None:
         if len(values) != 3 or not all(0 <= value <= MOST_DENSE for value in values):
             raise SceneError(
                 Sentence(
-                    "world-medium-takes",
-                    "The world's medium: its {name} is {values}; it takes three numbers from 0 to {most_dense}",
+                    "world-medium-value-invalid",
+                    "The world's medium: its {name} is {values}; it takes three numbers from 0 to {most}",
                     name=name,
                     values=values,
-                    most_dense=f"{MOST_DENSE:g}",
+                    most=f"{MOST_DENSE:g}",
                 )
             )
     if not abs(world.g) <= MOST_FORWARD:
         raise SceneError(
             Sentence(
-                "world-medium",
-                "The world's medium: its g is {g}; it takes numbers from {most_forward} to {most_forward2}",
+                "world-medium-g-invalid",
+                "The world's medium: its g is {g}; it takes numbers from {least} to {most}",
                 g=f"{world.g:g}",
-                most_forward=f"{-MOST_FORWARD:g}",
-                most_forward2=f"{MOST_FORWARD:g}",
+                least=f"{-MOST_FORWARD:g}",
+                most=f"{MOST_FORWARD:g}",
             )
         )
 

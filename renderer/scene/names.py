@@ -57,9 +57,9 @@ def make_readable(description: SceneDescription, files: SceneFiles, main: str) -
         description.warnings.append(
             Sentence(
                 "names-not-utf-8",
-                "{name}: {count} names are not in UTF-8; they are read as {how}.",
+                "{name}: {count} names are not in UTF-8; they are read as {encoding}.",
                 name=PurePosixPath(main).name,
                 count=count,
-                how=how,
+                encoding=how,
             )
         )

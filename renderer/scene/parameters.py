@@ -81,16 +81,16 @@ class Parameter:
             return (
                 None
                 if value in self.choices
-                else Sentence("known-2", "is {value}; known are {choices}", value=repr(value), choices=[*self.choices])
+                else Sentence("value-unknown", "is {value}; known are {choices}", value=repr(value), choices=[*self.choices])
             )
         count = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}.get(self.form)
         numbers = [value] if count is None else list(value)
         if count is not None and len(numbers) != count:
-            return Sentence("numbers-takes", "has {n} numbers; it takes {count}", n=len(numbers), count=count)
+            return Sentence("numbers-count-wrong", "has {found} numbers; it takes {count}", found=len(numbers), count=count)
         for number in numbers:
             if not self.low <= number <= self.high or (self.above and number == self.low):
                 bound = f"above {self.low:g}" if self.above else f"from {self.low:g} to {self.high:g}"
-                return Sentence("takes-numbers-2", "is {number}; it takes numbers {bound}", number=f"{number:g}", bound=bound)
+                return Sentence("number-out-of-range", "is {number}; it takes numbers {bound}", number=f"{number:g}", bound=bound)
         return None
 
 

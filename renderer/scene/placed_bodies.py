@@ -140,7 +140,7 @@ def _spheres(description: SceneDescription, order: list[int]) -> F32:
     if not (np.abs(found) < MAX_COORDINATE).all():
         raise SceneError(
             Sentence(
-                "sphere-place-size-beyond-numbers",
+                "sphere-out-of-number-range",
                 "{name}: a sphere's place or size is beyond what numbers hold; give it a sane one",
                 name=description.name,
             )
@@ -158,7 +158,7 @@ def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Pl
     if not corners:
         raise SceneError(
             Sentence(
-                "no-triangle-with-area-no",
+                "shape-without-area",
                 "{name}: has no triangle with an area and no sphere; export it with its meshes",
                 name=name,
             )
@@ -167,7 +167,7 @@ def _bounds(name: str, sections: tuple[Section, Section, Section], placement: Pl
     if not np.abs(bounds).max() < MAX_COORDINATE:
         raise SceneError(
             Sentence(
-                "instance-place-beyond-numbers-hold",
+                "instance-out-of-number-range",
                 "{name}: an instance's place is beyond what numbers hold; give it a sane transform",
                 name=name,
             )

@@ -141,7 +141,7 @@ def _placed_points(mesh: Mesh, transform: npt.NDArray[np.float64], team: Team) -
     if not all(each <= MAX_COORDINATE for each in largest):
         raise SceneError(
             Sentence(
-                "mesh-place-world-beyond-numbers",
+                "mesh-out-of-number-range",
                 "Mesh {name}: its place in the world is beyond what numbers hold; give it a sane transform",
                 name=mesh.name,
             )

@@ -48,7 +48,7 @@ def light_by_name(name: str, description: SceneDescription) -> None:
     if name not in PRESETS:
         raise SceneError(
             Sentence(
-                "no-light-called",
+                "light-preset-unknown",
                 "There is no light called {name}; there are {presets}",
                 name=repr(name[:60]),
                 presets=[*PRESETS],

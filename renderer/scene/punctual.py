@@ -101,7 +101,7 @@ def _check(light: Light) -> bool:
     if light.kind not in _KINDS:
         raise SceneError(
             Sentence(
-                "light-kind",
+                "light-kind-unknown",
                 "The light {name} is of kind {kind}; known are {kinds}",
                 name=repr(light.name),
                 kind=repr(light.kind),
@@ -112,7 +112,7 @@ def _check(light: Light) -> bool:
     if not np.isfinite(numbers).all():
         raise SceneError(
             Sentence(
-                "light-number-infinite-none",
+                "light-value-not-finite",
                 "The light {name} has a number that is infinite or none; give it a sane one",
                 name=repr(light.name),
             )
@@ -120,7 +120,7 @@ def _check(light: Light) -> bool:
     if not all(0 <= c <= _MAX_INTENSITY for c in light.intensity):
         raise SceneError(
             Sentence(
-                "light-intensity",
+                "light-intensity-out-of-range",
                 "The light {name} has the intensity {intensity}; it lies between 0 and 1e15",
                 name=repr(light.name),
                 intensity=light.intensity,
@@ -129,7 +129,7 @@ def _check(light: Light) -> bool:
     if light.emission is not None and light.kind == "directional":
         raise SceneError(
             Sentence(
-                "light-far-away-picture-profile",
+                "light-distant-with-picture",
                 "The light {name} is far away and has a picture or a profile; only points and spots have one",
                 name=repr(light.name),
             )
@@ -137,7 +137,7 @@ def _check(light: Light) -> bool:
     if (light.kind != "point" or light.emission is not None) and not any(light.direction):
         raise SceneError(
             Sentence(
-                "light-no-direction",
+                "light-direction-missing",
                 "The light {name} has no direction; give it the one in which it shines",
                 name=repr(light.name),
             )
@@ -145,7 +145,7 @@ def _check(light: Light) -> bool:
     if not 0 <= light.radius <= 1e15:
         raise SceneError(
             Sentence(
-                "light-radius",
+                "light-radius-out-of-range",
                 "The light {name} has the radius {radius}; it lies between 0 and 1e15",
                 name=repr(light.name),
                 radius=f"{light.radius:g}",
@@ -154,7 +154,7 @@ def _check(light: Light) -> bool:
     if not 0 <= light.angle <= 180:
         raise SceneError(
             Sentence(
-                "light-spans-degrees",
+                "light-angle-out-of-range",
                 "The light {name} spans {angle} degrees; that lies between 0 and 180",
                 name=repr(light.name),
                 angle=f"{light.angle:g}",
@@ -163,27 +163,27 @@ def _check(light: Light) -> bool:
     if light.seen not in _SUNS:
         raise SceneError(
             Sentence(
-                "light-seen",
-                "The light {name} is seen {seen}; known are {suns}",
+                "light-visibility-unknown",
+                "The light {name} is seen {value}; known are {choices}",
                 name=repr(light.name),
-                seen=repr(light.seen),
-                suns=[*_SUNS],
+                value=repr(light.seen),
+                choices=[*_SUNS],
             )
         )
     if light.falloff not in _SPOTS:
         raise SceneError(
             Sentence(
-                "light-falloff",
-                "The light {name} has the falloff {falloff}; known are {spots}",
+                "light-falloff-unknown",
+                "The light {name} has the falloff {falloff}; known are {choices}",
                 name=repr(light.name),
                 falloff=repr(light.falloff),
-                spots=[*_SPOTS],
+                choices=[*_SPOTS],
             )
         )
     if light.kind == "spot" and not 0 <= light.inner_cone <= light.outer_cone <= 180:
         raise SceneError(
             Sentence(
-                "spot-cones-degrees",
+                "spot-cones-out-of-range",
                 "The spot {name} has cones of {inner_cone} and {outer_cone} degrees; the inner one lies "
                 "between 0 and the outer one, and that between it and 180",
                 name=repr(light.name),

@@ -84,7 +84,7 @@ def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> Sc
     if any(thing.keys for thing in things):
         moving.keys = len(found)
     still: list[str] = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
-    still += [Sentence("still-textures", "textures, but for how they lie")] * changes + changed
+    still += [Sentence("motion-textures-still", "textures, but for how they lie")] * changes + changed
     if still:
         moving.warnings.append(_not_blurred(still))
     return moving
@@ -129,17 +129,17 @@ def _mixed(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray, np.ndarra
 
 
 def _not_blurred(things: list[str]) -> str:
-    return Sentence("not-blurred", "Shown as in the middle of the shutter, not blurred: {things}.", things=things)
+    return Sentence("motion-not-blurred", "Shown as in the middle of the shutter, not blurred: {things}.", things=things)
 
 
 def _changes(mesh: Mesh) -> str:
-    return Sentence("mesh-whose-triangles-change", "the mesh {name}, whose triangles change", name=mesh.name)
+    return Sentence("motion-mesh-triangles-change", "the mesh {name}, whose triangles change", name=mesh.name)
 
 
 _STILL: dict[str, tuple[str, ...]] = {
-    Sentence("still-materials", "materials"): ("materials",),
-    Sentence("still-pictures", "pictures"): ("images",),
-    Sentence("still-environment", "the environment"): ("environment", "medium"),
+    Sentence("motion-materials-still", "materials"): ("materials",),
+    Sentence("motion-pictures-still", "pictures"): ("images",),
+    Sentence("motion-environment-still", "the environment"): ("environment", "medium"),
 }
 
 

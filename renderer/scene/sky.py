@@ -47,7 +47,7 @@ def parse_sky(text: str) -> Environment:
     if not text.startswith(PREFIX) or not 1 <= len(numbers) <= 2:
         raise SceneError(
             Sentence(
-                "sky-give-sun-elevation",
+                "sky-malformed",
                 "The sky is {text}; give the sun's elevation and, if you like, its azimuth, as sky:30,120",
                 text=repr(text[:60]),
             )
@@ -142,7 +142,7 @@ def _check(sky: Sky) -> None:
         if not least <= value <= most:
             raise SceneError(
                 Sentence(
-                    "sky-lies-between",
+                    "sky-value-out-of-range",
                     "The sky's {name} is {value}; it lies between {least} and {most}",
                     name=name,
                     value=f"{value:g}",
@@ -153,7 +153,7 @@ def _check(sky: Sky) -> None:
     if not all(0 <= c <= 1 for c in sky.ground_albedo):
         raise SceneError(
             Sentence(
-                "sky-ground-albedo",
+                "sky-ground-albedo-invalid",
                 "The sky's ground_albedo is {ground_albedo}; it lies between 0 and 1",
                 ground_albedo=sky.ground_albedo,
             )

@@ -15,9 +15,9 @@ __all__ = ["STUDIO_ALONE", "STUDIO_NOTES", "STUDIO_TOO", "light_studio", "studio
 
 # Warnings about it. Neither applies to a picture whose settings set its lighting.
 STUDIO_ALONE = Sentence(
-    "scene-no-light", "The scene has no light: lit by a soft studio light. Give an environment to change that."
+    "scene-without-light", "The scene has no light: lit by a soft studio light. Give an environment to change that."
 )
-STUDIO_TOO = Sentence("scene-own-lights-weak", "The scene's own lights are weak: lit by a soft studio light as well.")
+STUDIO_TOO = Sentence("scene-lights-weak", "The scene's own lights are weak: lit by a soft studio light as well.")
 STUDIO_NOTES = (STUDIO_ALONE, STUDIO_TOO)
 
 _HEIGHT = 64

@@ -154,7 +154,7 @@ class Texels:
             if self._count + pixels.size // 4 > _MAX_TEXELS:
                 raise SceneError(
                     Sentence(
-                        "scene-textures-hold-more-than", "The scene's textures hold more than 2 billion texels; make them smaller"
+                        "scene-textures-too-large", "The scene's textures hold more than 2 billion texels; make them smaller"
                     )
                 )
             self._images[index, scaled] = (self._count, len(self._blocks), scale)

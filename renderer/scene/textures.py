@@ -50,7 +50,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, self._pixels(name, name, lambda: self._files.read(name)), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
+                self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
         return self._images[key]
 
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
@@ -66,7 +66,7 @@ class TextureShelf:
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(
-                    Sentence("light-from-around-left-out", "{error}; the light from all around is left out.", error=error)
+                    Sentence("environment-left-out", "{error}; the light from all around is left out.", error=error)
                 )
         return self._images[key]
 
@@ -82,7 +82,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(name, self._pixels(f"\0{name}", name, data), srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
+                self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
         return self._images[key]
 
     @property
@@ -198,7 +198,7 @@ class TextureShelf:
                 self._images[key] = self.add(Image(reference, pixels, srgb))
             except SceneError as error:
                 self._images[key] = None
-                self.warn_of_surface(Sentence("rendered-without", "{error}; rendered without it.", error=error))
+                self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
         return self._images[key], placed(tiles)
 
     def missing(self, reference: str, user: str) -> None:
@@ -206,10 +206,10 @@ class TextureShelf:
         wanted = PurePosixPath(reference.strip().replace("\\", "/")).name or reference[:80]
         self.warn_of_surface(
             Sentence(
-                "texture-not-among-files",
-                "{user}: its texture {wanted} is not among the files; add it. Rendered in the base colour meanwhile.",
+                "texture-file-missing",
+                "{user}: its texture {texture} is not among the files; add it. Rendered in the base colour meanwhile.",
                 user=user,
-                wanted=wanted[:120],
+                texture=wanted[:120],
             )
         )
 
@@ -219,10 +219,10 @@ class TextureShelf:
         if self._bytes > MAX_IMAGE_BYTES:
             raise SceneError(
                 Sentence(
-                    "with-scene-images-need-more",
-                    "{name}: with it the scene's images need more than {max_image_bytes} GiB; make them smaller",
+                    "scene-images-too-large",
+                    "{name}: with it the scene's images need more than {most_gib} GiB; make them smaller",
                     name=image.name,
-                    max_image_bytes=MAX_IMAGE_BYTES >> 30,
+                    most_gib=MAX_IMAGE_BYTES >> 30,
                 )
             )
         self._description.images.append(image)

@@ -56,7 +56,7 @@ class Keys:
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
                 raise NotFound(
-                    Sentence("no-user-any-more", "There is no user {user} any more.", user=repr(user[:64]))
+                    Sentence("key-user-gone", "There is no user {user} any more.", user=repr(user[:64]))
                 )  # else the key would admit a later user of this name
             session.execute(delete(Key).where(Key.expires < now - KEPT_S))
             session.add(row)
@@ -125,7 +125,9 @@ class Keys:
         with self._sessions.begin() as session:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
-                raise NotFound(Sentence("no-such", "There is no such {kind}; it may have been withdrawn already.", kind=kind))
+                raise NotFound(
+                    Sentence("key-not-found", "There is no such {kind}; it may have been withdrawn already.", kind=kind)
+                )
             session.delete(row)
         self.forget()
         return row

@@ -39,24 +39,24 @@ def check_strength(password: str, name: str) -> None:
     if len(password) < SHORTEST:
         raise Invalid(
             Sentence(
-                "password-characters",
-                "The password has {n} characters. Take at least {shortest}: a few words are best.",
-                n=len(password),
-                shortest=SHORTEST,
+                "password-too-short",
+                "The password has {length} characters. Take at least {least}: a few words are best.",
+                length=len(password),
+                least=SHORTEST,
             )
         )
     if len(password) > LONGEST:
         raise Invalid(
             Sentence(
-                "password-longer-than-characters",
-                "The password is longer than {longest} characters. Take a shorter one.",
-                longest=LONGEST,
+                "password-too-long",
+                "The password is longer than {most} characters. Take a shorter one.",
+                most=LONGEST,
             )
         )
     if len(set(password)) < 4 or name.lower() in password.lower():
         raise Invalid(
             Sentence(
-                "password-too-easily-guessed",
+                "password-too-easy",
                 "The password is too easily guessed. Take a few words that have nothing to do with the name.",
             )
         )

@@ -142,7 +142,7 @@ class Projects:
         if not NAME.fullmatch(name):
             raise Invalid(
                 Sentence(
-                    "cannot-project-name",
+                    "project-name-invalid",
                     "{name} cannot be a project's name. Take small letters, digits and . _ @ - (at most 63).",
                     name=repr(name[:64]),
                 )
@@ -152,7 +152,7 @@ class Projects:
                 session.add(Project(name=name, created=time.time()))
         except IntegrityError:
             raise Conflict(
-                Sentence("project-already", "There is a project {name} already. Take another name.", name=repr(name))
+                Sentence("project-exists", "There is a project {name} already. Take another name.", name=repr(name))
             ) from None
         return self.find(name)
 
@@ -208,7 +208,9 @@ class Projects:
             if session.get(Project, name) is None:
                 raise no_project(name)
             if session.get(User, user) is None:
-                raise NotFound(Sentence("no-user", "There is no user {user}. GET /api/users lists them.", user=repr(user[:64])))
+                raise NotFound(
+                    Sentence("user-not-found", "There is no user {name}. GET /api/users lists them.", name=repr(user[:64]))
+                )
             session.merge(Member(project=name, user=user, role=role))
         self.forget()
         return self.find(name)
@@ -230,10 +232,10 @@ class Projects:
             if left:
                 raise Conflict(
                     Sentence(
-                        "project-still",
-                        "The project {name} still has {left}. Delete them first.",
+                        "project-not-empty",
+                        "The project {name} still has {contents}. Delete them first.",
                         name=repr(name),
-                        left=[*left],
+                        contents=[*left],
                     )
                 )
             session.execute(delete(Member).where(Member.project == name))
@@ -262,7 +264,7 @@ def no_project(name: str) -> NotFound:
     """Returns the error for a project that does not exist or is not visible."""
     return NotFound(
         Sentence(
-            "no-project",
+            "project-not-found",
             "There is no project {name}, or you are none of its members. GET /api/projects lists yours.",
             name=repr(name[:64]),
         )
@@ -273,7 +275,7 @@ def only_looks(name: str) -> NotAllowed:
     """Returns the error for a change in a read-only project."""
     return NotAllowed(
         Sentence(
-            "project-look-change-nothing",
+            "project-read-only",
             "In the project {name} you may look and change nothing. Ask who runs the farm.",
             name=repr(name),
         )

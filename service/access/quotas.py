@@ -101,7 +101,7 @@ class Quotas:
             if row is None or (isinstance(row, Key) and row.kind != "token"):
                 raise NotFound(
                     Sentence(
-                        "no-get-api-s-lists",
+                        "quota-subject-not-found",
                         "There is no {kind} {name}. GET /api/{kind}s lists those that are there.",
                         kind=kind,
                         name=repr(name[:64]),
@@ -121,20 +121,20 @@ class Quotas:
                 if used + more > limits.bytes or used >= limits.bytes:
                     raise NoRoom(
                         Sentence(
-                            "quota-of-bytes-exceeded",
-                            "{whose} uploads and films take {used} of the {limit} that they may, and this would be {more} more. "
+                            "quota-bytes-exceeded",
+                            "{owner} uploads and films take {used} of the {limit} that they may, and this would be {more} more. "
                             "Delete jobs or scenes, or ask who runs the farm for more.",
-                            whose=_whose(whose),
+                            owner=_whose(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
                             more=_in_mb(more),
                         )
                         if more
                         else Sentence(
-                            "quota-of-bytes-full",
-                            "{whose} uploads and films take {used} of the {limit} that they may. Delete jobs or scenes, or ask "
+                            "quota-bytes-full",
+                            "{owner} uploads and films take {used} of the {limit} that they may. Delete jobs or scenes, or ask "
                             "who runs the farm for more.",
-                            whose=_whose(whose),
+                            owner=_whose(whose),
                             used=_in_mb(used),
                             limit=_in_mb(limits.bytes),
                         )
@@ -151,10 +151,10 @@ class Quotas:
             if is_new and limits.jobs is not None and (count := _jobs(kind, session, [name])[name]) >= limits.jobs:
                 raise OverQuota(
                     Sentence(
-                        "quota-of-jobs-full",
-                        "{whose} unfinished jobs are {count}, and {limit} may be at a time. Wait until one is finished, cancel "
+                        "quota-jobs-full",
+                        "{owner} unfinished jobs are {count}, and {limit} may be at a time. Wait until one is finished, cancel "
                         "one, or ask who runs the farm for more.",
-                        whose=_whose(whose),
+                        owner=_whose(whose),
                         count=count,
                         limit=limits.jobs,
                     ),
@@ -165,20 +165,20 @@ class Quotas:
                 if used >= limits.samples_day or used + samples > limits.samples_day:
                     raise OverQuota(
                         Sentence(
-                            "quota-of-samples-exceeded",
-                            "{whose} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered; this "
+                            "quota-samples-exceeded",
+                            "{owner} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered; this "
                             "asks for {more} more. Ask for fewer, wait, or ask who runs the farm for more.",
-                            whose=_whose(whose),
+                            owner=_whose(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
                             more=f"{samples:,}",
                         )
                         if samples
                         else Sentence(
-                            "quota-of-samples-full",
-                            "{whose} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered. Ask "
+                            "quota-samples-full",
+                            "{owner} jobs of the last 24 hours come to {used} samples, and {limit} a day may be rendered. Ask "
                             "for fewer, wait, or ask who runs the farm for more.",
-                            whose=_whose(whose),
+                            owner=_whose(whose),
                             used=f"{used:,}",
                             limit=f"{limits.samples_day:,}",
                         ),
@@ -293,8 +293,8 @@ def _parts(whose: str) -> tuple[Kind, str]:
 
 def _whose(whose: str) -> str:
     if whose.startswith("user:"):
-        return Sentence("whose-yours", "Your")
-    return Sentence("whose-of-this-token", "This token's")
+        return Sentence("owner-you", "Your")
+    return Sentence("owner-this-token", "This token's")
 
 
 def _in_mb(size: int) -> str:

@@ -100,7 +100,7 @@ class RedisUsers:
             if not (isinstance(error, NoPermissionError) or "unknown command" in str(error).lower()):
                 raise Unavailable(
                     Sentence(
-                        "redis-makes-no-user-for",
+                        "redis-user-not-created",
                         "Redis makes no user for this worker ({error}). It is tried again.",
                         error=error,
                     )
@@ -109,7 +109,7 @@ class RedisUsers:
             return url
         except (redis.RedisError, OSError) as error:
             raise Unavailable(
-                Sentence("redis-not-answer", "Redis does not answer ({error}). It is tried again.", error=error)
+                Sentence("redis-silent-retrying", "Redis does not answer ({error}). It is tried again.", error=error)
             ) from None
         parts = urlsplit(url)
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()

@@ -33,7 +33,7 @@ class Users:
         if not NAME.fullmatch(name) or name in TAKEN:
             raise Invalid(
                 Sentence(
-                    "cannot-user-name",
+                    "user-name-invalid",
                     "{name} cannot be a user's name. Take small letters, digits and . _ @ - (at most 63), and not {owner}.",
                     name=repr(name[:64]),
                     owner=repr(OWNER),
@@ -45,7 +45,7 @@ class Users:
             if session.get(User, name) is not None:
                 raise Conflict(
                     Sentence(
-                        "user-already",
+                        "user-exists",
                         "There is a user {name} already. Change its role or password, or take another name.",
                         name=repr(name),
                     )
@@ -117,4 +117,4 @@ def _checked(password: str, name: str) -> str:
 
 
 def _no_user(name: str) -> NotFound:
-    return NotFound(Sentence("no-user-get", "There is no user {name}. GET /api/users lists them.", name=repr(name[:64])))
+    return NotFound(Sentence("user-not-found", "There is no user {name}. GET /api/users lists them.", name=repr(name[:64])))

@@ -33,7 +33,7 @@ GOING_DOWN = 1012  # a WebSocket's close code: the client should reconnect
 NO_CODE = (None, 1005, 1006)
 T = TypeVar("T")
 NO_PATH = Problem(
-    400, Sentence("asked-for-no-path", "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
+    400, Sentence("request-path-invalid", "What is asked for is no path. It begins with /, and is shorter than 64 KiB.")
 )
 # Fields of one connection only (RFC 9110, 7.6.1), and those that the next server sets.
 HOP = {"connection", "keep-alive", "proxy-authenticate", "proxy-authorization", "te", "trailer", "transfer-encoding", "upgrade"}
@@ -213,5 +213,5 @@ async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: as
 
 def _away(why: str) -> Unavailable:
     return Unavailable(
-        Sentence("owner-does-not-answer", "The service that works as the farm does not answer ({error}).", error=why), 1.0
+        Sentence("owner-not-reachable", "The service that works as the farm does not answer ({error}).", error=why), 1.0
     )

@@ -34,18 +34,18 @@ from service.jobs.lookup import no_thing
 __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
 LOG_IN = Sentence(
-    "log-first",
+    "login-required",
     "Log in first: on the page, by the link that `rayfarm up` printed or `rayfarm user link` "
     "prints; a program shows a token: Authorization: Bearer TOKEN.",
 )
 OWNERS = Sentence(
-    "says-else-let",
+    "owner-token-required",
     "This says who else is let in, so it wants to know who asks: show the token that lies in "
     "owner-token in the data folder (Authorization: Bearer TOKEN). `rayfarm user` and "
     "`rayfarm token` do so if RAYFARM_DATA names that folder.",
 )
 WORKERS = Sentence(
-    "workers-show-farm-token-one",
+    "worker-token-required",
     "Workers show the farm's token or one of their own: Authorization: Bearer TOKEN. `rayfarm up` prints it.",
 )
 log = logging.getLogger(__name__)
@@ -56,7 +56,7 @@ AGAIN_S = 5.0
 LOG_IN_AGAIN = 4401  # a WebSocket's close codes
 NOT_THERE = 4404
 LONGEST_REASON = 120
-CLOSED_SINCE = Sentence("no-longer-yours", "It is no longer yours to see: you are no member of its project any more.")
+CLOSED_SINCE = Sentence("project-membership-ended", "It is no longer yours to see: you are no member of its project any more.")
 
 
 class AuthorizationMiddleware:
@@ -211,11 +211,11 @@ def _judge(need: Need, caller: Caller | None) -> Problem | None:
     return Problem(
         403,
         Sentence(
-            "role-needed",
-            "This needs the role {needed}; {name} has the role {has}. Ask who runs the farm.",
+            "role-insufficient",
+            "This needs the role {needed}; {name} has the role {role}. Ask who runs the farm.",
             needed=need.role.word,
             name=caller.name,
-            has=has,
+            role=has,
         ),
         {"Connection": "close"},
     )
@@ -272,7 +272,7 @@ class _ReauthorizedConnection:
         self._is_over = False
         self._why = (
             LOG_IN_AGAIN,
-            Sentence("logged-out", "You are logged out. Log in again."),
+            Sentence("login-expired", "You are logged out. Log in again."),
         )  # close code and reason of a WebSocket
 
     async def receive(self) -> Message:

@@ -66,18 +66,18 @@ def _standard(status: int, path: str, method: str) -> Sentence:
     match status:
         case 400:
             return Sentence(
-                "body-cannot-read",
+                "request-body-unreadable",
                 "The body cannot be read. Send JSON in UTF-8, nested a few levels deep, with numbers of a few digits.",
             )
         case 405:
             return Sentence(
-                "method-not-possible",
+                "method-not-allowed",
                 "{method} is not possible at {path}. The API is described at /docs.",
                 method=method,
                 path=path,
             )
         case _:
-            return Sentence("nothing-at-path", "There is nothing at {path}. The API is described at /docs.", path=path)
+            return Sentence("path-not-found", "There is nothing at {path}. The API is described at /docs.", path=path)
 
 
 class ProblemResponse(JSONResponse):
@@ -194,14 +194,14 @@ def install(app: FastAPI) -> None:
     async def _fault(request: Request, error: Exception) -> ProblemResponse:
         log.exception("fault in %s %s", request.method, request.url.path, exc_info=error)
         sentence = Sentence(
-            "service-fault-wrote-into-log",
+            "service-fault",
             "The service has a fault and wrote it into its log. Try again; if it stays, report it.",
         )
         return response(500, sentence, {"Connection": "close"})  # uvicorn closes the connection, so the client must know
 
 
 JSON_OBJECT = Sentence(
-    "body-not-json-object", "the body is not a JSON object; send one, with the header Content-Type: application/json"
+    "request-body-not-object", "the body is not a JSON object; send one, with the header Content-Type: application/json"
 )
 
 
@@ -212,7 +212,7 @@ def told(error: Mapping[str, Any]) -> str:
 
 
 def _of_field(field: str, message: str) -> str:
-    return Sentence("field-fault", "{field}: {fault}", field=field, fault=message) if field else message
+    return Sentence("request-field-invalid", "{field}: {fault}", field=field, fault=message) if field else message
 
 
 def _field(location: Sequence[Any]) -> str:
@@ -226,17 +226,19 @@ def _field(location: Sequence[Any]) -> str:
 def _message(error: Mapping[str, Any]) -> str:
     if error["type"] == "json_invalid":
         why = error.get("ctx", {}).get("error", "cannot be read")
-        return Sentence("body-not-json", "the body is not JSON ({error})", error=why)
+        return Sentence("request-body-not-json", "the body is not JSON ({error})", error=why)
     if error["type"] == "extra_forbidden":
-        return Sentence("no-such-field", "there is no such field")
+        return Sentence("request-field-unknown", "there is no such field")
     if error["type"] == "model_attributes_type" or (error["type"] == "missing" and tuple(error["loc"]) == ("body",)):
-        return JSON_OBJECT if tuple(error["loc"]) == ("body",) else Sentence("not-an-object", "input should be an object")
+        return (
+            JSON_OBJECT if tuple(error["loc"]) == ("body",) else Sentence("request-value-not-object", "input should be an object")
+        )
     cause = error.get("ctx", {}).get("error")
     if isinstance(cause, ValueError) and isinstance(sentence := str(cause).removesuffix("."), Sentence):
         return sentence
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
     short = _short(message[:1].lower() + message[1:])
-    return Sentence("invalid-value", "{message}", message=short, type=error["type"])
+    return Sentence("request-value-invalid", "{message}", message=short, type=error["type"])
 
 
 def _short(text: str) -> str:

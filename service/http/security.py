@@ -35,7 +35,7 @@ HEADERS = {
 }
 HSTS = f"max-age={365 * 86400}"  # not for localhost, where it would apply to programs on other ports too
 FOREIGN = Sentence(
-    "request-of-another-origin",
+    "request-origin-forbidden",
     "The request comes from a page of another origin. Use the service's own page, or a program.",
 )
 OWN_SITE = ("same-origin", "none")  # none: typed into the address bar
@@ -72,7 +72,7 @@ class SecurityMiddleware:
             return Problem(
                 400,
                 Sentence(
-                    "header-host-not-name-address",
+                    "request-host-malformed",
                     "The header Host is not the name or address of a machine. Send it once, like localhost:8000.",
                 ),
             )
@@ -80,7 +80,7 @@ class SecurityMiddleware:
             return Problem(
                 421,
                 Sentence(
-                    "host-name-not-allowed",
+                    "request-host-not-allowed",
                     "The service does not answer to the name {name}. Open it as localhost or by its address; "
                     "to let it answer to this name too, start it with --allow-host {name} "
                     "(RAYFARM_ALLOWED_HOSTS='[\"{name}\"]').",
@@ -89,7 +89,7 @@ class SecurityMiddleware:
             )
         if "\0" in scope["path"]:
             return Problem(
-                404, Sentence("nothing-no-name-character-0", "There is nothing there: no name has the character 0 in it.")
+                404, Sentence("request-name-null-character", "There is nothing there: no name has the character 0 in it.")
             )
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if changes and any(_host_of(origin) != hosts[0].lower() for origin in headers.getlist("origin")):
@@ -182,6 +182,6 @@ def _bounded(scope: Scope, receive: Receive) -> Receive:
 def _too_large() -> Problem:
     return Problem(
         413,
-        Sentence("body-larger-than-bytes", "The body is larger than {max_body} bytes.", max_body=MAX_BODY),
+        Sentence("request-body-too-large", "The body is larger than {most} bytes.", most=MAX_BODY),
         headers={"Connection": "close"},
     )

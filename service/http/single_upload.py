@@ -38,18 +38,16 @@ UPLOAD_FORM = {
 }
 
 
-def check_length(
-    request: Request, farm: Farm, what: str, way_out: str = Sentence("way-out-make-smaller", "Make it smaller")
-) -> None:
+def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentence("advice-shrink", "Make it smaller")) -> None:
     """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
     limit = farm.settings.max_upload_bytes
     if is_beyond(request.headers.get("content-length", ""), limit):
         sentence = Sentence(
-            "larger-than-bytes-taken",
-            "The {what} is larger than the {limit} bytes that are taken. {way_out}, or ask who runs the farm.",
-            what=what,
-            limit=limit,
-            way_out=way_out,
+            "upload-image-too-large",
+            "The {kind} is larger than the {most} bytes that are taken. {advice}, or ask who runs the farm.",
+            kind=what,
+            most=limit,
+            advice=way_out,
         )
         raise Problem(413, sentence, headers={"Connection": "close"})
 
@@ -76,7 +74,7 @@ def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) ->
     if len(form.files) != 1 or form.files[0][1].size == 0:
         raise Invalid(
             Sentence(
-                "upload-empty-send",
+                "upload-image-empty",
                 "The upload is empty. Send one image as `file`: curl URL{address} -F file=@picture.exr.",
                 address=address,
             )
@@ -86,11 +84,11 @@ def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) ->
     if PurePosixPath(plain).suffix.lower() not in suffixes:
         raise Invalid(
             Sentence(
-                "give-one",
-                "{plain} is {what}; give one of {suffixes}, best an .exr or .hdr.",
-                plain=plain,
-                what=what,
-                suffixes=[*suffixes],
+                "upload-image-format-unknown",
+                "{name} is {fault}; give one of {formats}, best an .exr or .hdr.",
+                name=plain,
+                fault=what,
+                formats=[*suffixes],
             )
         )
     stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix

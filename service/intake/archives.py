@@ -23,7 +23,7 @@ __all__ = ["expand"]
 RATIO_FREE_BYTES = 16 << 20  # smaller files may have any compression ratio
 DIRECTORY_BYTES_A_FILE = 512  # average size of a file's entry in the zip's directory
 
-UNPACKED = Sentence("none-unpack-upload-folder", "If it is none, unpack it and upload the folder.")
+UNPACKED = Sentence("archive-advice-unpack", "If it is none, unpack it and upload the folder.")
 
 
 def expand(
@@ -75,10 +75,10 @@ class _Archive:
         self._file = file
         self._limit = max(2 * CHUNK, max_files * DIRECTORY_BYTES_A_FILE)
         self._refusal = Sentence(
-            "archive-directory-far-more-files",
-            "The archive {name} has a directory of far more files than the {max_files} that are taken.",
+            "archive-directory-too-large",
+            "The archive {name} has a directory of far more files than the {most} that are taken.",
             name=name,
-            max_files=max_files,
+            most=max_files,
         )
 
     def read(self, size: int = -1) -> bytes:
@@ -94,7 +94,7 @@ class _Archive:
 def _damaged(name: str, error: Exception) -> Invalid:
     return Invalid(
         Sentence(
-            "archive-damaged-unknown-kind",
+            "archive-unreadable",
             "The archive {name} is damaged or of an unknown kind ({error}). Pack it again as a plain zip.",
             name=name,
             error=error,
@@ -107,20 +107,20 @@ def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes:
     if len(entries) > max_files:
         raise TooLarge(
             Sentence(
-                "archive-files",
-                "The archive {name} has {n} files; at most {max_files} are taken.",
+                "archive-files-too-many",
+                "The archive {name} has {count} files; at most {most} are taken.",
                 name=name,
-                n=len(entries),
-                max_files=max_files,
+                count=len(entries),
+                most=max_files,
             )
         )
     for entry in entries:
         if stat.S_ISLNK(entry.external_attr >> 16):
             raise Invalid(
                 Sentence(
-                    "entry-symbolic-link",
-                    "The entry {filename} of {name} is a symbolic link. Pack the file that it points to.",
-                    filename=entry.filename,
+                    "archive-entry-symlink",
+                    "The entry {entry} of {name} is a symbolic link. Pack the file that it points to.",
+                    entry=entry.filename,
                     name=name,
                 )
             )
@@ -137,21 +137,21 @@ def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes:
     if total > max_bytes:
         raise TooLarge(
             Sentence(
-                "archive-unpacks-bytes",
-                "The archive {name} unpacks to {total} bytes; at most {max_bytes} are taken.",
+                "archive-too-large",
+                "The archive {name} unpacks to {size} bytes; at most {most} are taken.",
                 name=name,
-                total=total,
-                max_bytes=max_bytes,
+                size=total,
+                most=max_bytes,
             )
         )
     if total > RATIO_FREE_BYTES and total > max_ratio * max(packed, 1):
         raise TooLarge(
             Sentence(
-                "archive-unpacks-times-size",
-                "The archive {name} unpacks to {total} times its size, as zip bombs do. {unpacked}",
+                "archive-zip-bomb",
+                "The archive {name} unpacks to {size} times its size, as zip bombs do. {advice}",
                 name=name,
-                total=total // max(packed, 1),
-                unpacked=UNPACKED,
+                size=total // max(packed, 1),
+                advice=UNPACKED,
             )
         )
 
@@ -177,21 +177,21 @@ def _extract(
             if writer.size > left:
                 raise TooLarge(
                     Sentence(
-                        "archive-unpacks-more-than-says",
-                        "The archive {name} unpacks to more than it says, as zip bombs do. {unpacked}",
+                        "archive-size-misdeclared",
+                        "The archive {name} unpacks to more than it says, as zip bombs do. {advice}",
                         name=name,
-                        unpacked=UNPACKED,
+                        advice=UNPACKED,
                     )
                 )
             if writer.size > RATIO_FREE_BYTES and writer.size > max_ratio * max(entry.compress_size, 1):
                 raise TooLarge(
                     Sentence(
-                        "entry-unpacks-over-times-size",
-                        "The entry {filename} of {name} unpacks to over {max_ratio} times its size, as zip bombs do. {unpacked}",
-                        filename=entry.filename,
+                        "archive-entry-zip-bomb",
+                        "The entry {entry} of {name} unpacks to over {ratio} times its size, as zip bombs do. {advice}",
+                        entry=entry.filename,
                         name=name,
-                        max_ratio=f"{max_ratio:g}",
-                        unpacked=UNPACKED,
+                        ratio=f"{max_ratio:g}",
+                        advice=UNPACKED,
                     )
                 )
         writer.end()

@@ -171,7 +171,7 @@ class Lighting:
         if found is None or found.of is not None:
             raise NotFound(
                 Sentence(
-                    "scene-no-scene",
+                    "scene-id-unknown",
                     "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
                     id=repr(id[:60]),
                 )
@@ -207,7 +207,7 @@ class Lighting:
         if found is None or not serves(found.project, project):
             raise Invalid(
                 Sentence(
-                    "environment-no-image",
+                    "environment-id-unknown",
                     "environment: there is no image {id}. GET /api/environments lists those that are there.",
                     id=repr(id[:60]),
                 )

@@ -52,7 +52,7 @@ async def read_form(
     if media != b"multipart/form-data" or not options.get(b"boundary"):
         raise UnknownFormat(
             Sentence(
-                "send-files-multipart-form-data",
+                "upload-not-multipart",
                 "Send the files as multipart/form-data, for example: curl -F files=@scene.glb URL/api/scenes",
             )
         )
@@ -71,20 +71,19 @@ async def read_form(
             if total > max_bytes:
                 raise TooLarge(
                     Sentence(
-                        "upload-larger-than-bytes-taken",
-                        "The upload is larger than the {max_bytes} bytes that are taken. Leave files out, or ask "
-                        "who runs the farm.",
-                        max_bytes=max_bytes,
+                        "upload-too-large",
+                        "The upload is larger than the {most} bytes that are taken. Leave files out, or ask who runs the farm.",
+                        most=max_bytes,
                     )
                 )
             await run_in_threadpool(take, piece)
         if not reader.ended:
-            raise Invalid(Sentence("upload-ended-middle", "The upload ended in the middle. Send it again."))
+            raise Invalid(Sentence("upload-interrupted", "The upload ended in the middle. Send it again."))
     except FormParserError as error:
         reader.discard()
         raise Invalid(
             Sentence(
-                "upload-not-well-formed-multipart",
+                "upload-malformed",
                 "The upload is not well-formed multipart/form-data ({error}). Send it again.",
                 error=str(error).rstrip("."),
             )
@@ -136,20 +135,18 @@ class _Reader:
             filename = _unescape(options[b"filename"].decode()) if b"filename" in options else None
         except UnicodeDecodeError:
             raise Invalid(
-                Sentence("name-upload-not-utf-8", "A name in the upload is not UTF-8. Rename the file and send it again.")
+                Sentence("upload-name-not-utf-8", "A name in the upload is not UTF-8. Rename the file and send it again.")
             ) from None
         if filename is None:
             if len(self.form.fields) >= MAX_FIELDS:
-                raise TooLarge(
-                    Sentence("form-more-than-fields", "The form has more than {max_fields} fields.", max_fields=MAX_FIELDS)
-                )
+                raise TooLarge(Sentence("upload-fields-too-many", "The form has more than {most} fields.", most=MAX_FIELDS))
             return
         if len(self.form.files) >= self._max_files:
             raise TooLarge(
                 Sentence(
-                    "upload-more-than-files",
-                    "The upload has more than {max_files} files. Pack only what the scene needs.",
-                    max_files=self._max_files,
+                    "upload-files-too-many",
+                    "The upload has more than {most} files. Pack only what the scene needs.",
+                    most=self._max_files,
                 )
             )
         self._writer = self._store.writer()
@@ -161,10 +158,10 @@ class _Reader:
         elif len(self._text) + end - start > MAX_FIELD:
             raise TooLarge(
                 Sentence(
-                    "field-longer-than-bytes",
-                    "The field {field} is longer than {max_field} bytes.",
+                    "upload-field-too-long",
+                    "The field {field} is longer than {most} bytes.",
                     field=repr(self._field[:60]),
-                    max_field=MAX_FIELD,
+                    most=MAX_FIELD,
                 )
             )
         else:
@@ -178,7 +175,11 @@ class _Reader:
                 self.form.fields[self._field] = self._text.decode()
             except UnicodeDecodeError:
                 raise Invalid(
-                    Sentence("field-not-utf-8", "The field {field} is not UTF-8. Send it as UTF-8.", field=repr(self._field[:60]))
+                    Sentence(
+                        "upload-field-not-utf-8",
+                        "The field {field} is not UTF-8. Send it as UTF-8.",
+                        field=repr(self._field[:60]),
+                    )
                 ) from None
 
     def on_end(self) -> None:
@@ -189,9 +190,9 @@ class _Reader:
         if len(header) > MAX_HEADER:
             raise TooLarge(
                 Sentence(
-                    "header-upload-longer-than-bytes",
-                    "A header in the upload is longer than {max_header} bytes.",
-                    max_header=MAX_HEADER,
+                    "upload-header-too-long",
+                    "A header in the upload is longer than {most} bytes.",
+                    most=MAX_HEADER,
                 )
             )
         return header

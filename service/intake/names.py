@@ -21,7 +21,7 @@ def safe_name(name: str) -> str:
     if not name:
         raise Invalid(
             Sentence(
-                "file-came-without-name",
+                "file-name-missing",
                 "A file came without a name. Give every file its name, with its folders if it has any.",
             )
         )
@@ -29,45 +29,45 @@ def safe_name(name: str) -> str:
         raise Invalid(
             Sentence(
                 "file-name-backslash",
-                "The file name {shown} has a backslash. Use forward slashes between folders.",
-                shown=shown,
+                "The file name {name} has a backslash. Use forward slashes between folders.",
+                name=shown,
             )
         )
     if name.startswith("/") or DRIVE.match(name):
         raise Invalid(
             Sentence(
-                "file-name-absolute-path",
-                "The file name {shown} is an absolute path. Names are relative to the scene's folder.",
-                shown=shown,
+                "file-name-absolute",
+                "The file name {name} is an absolute path. Names are relative to the scene's folder.",
+                name=shown,
             )
         )
     if _has_control(name):
         raise Invalid(
             Sentence(
                 "file-name-control-characters",
-                "The file name {shown} has control characters. Rename the file.",
-                shown=shown,
+                "The file name {name} has control characters. Rename the file.",
+                name=shown,
             )
         )
     parts = [part for part in name.split("/") if part not in ("", ".")]
     if ".." in parts:
         raise Invalid(
             Sentence(
-                "file-name-climbs-out-upload",
-                "The file name {shown} climbs out of the upload with '..'. Move the file beside the scene.",
-                shown=shown,
+                "file-name-outside-upload",
+                "The file name {name} climbs out of the upload with '..'. Move the file beside the scene.",
+                name=shown,
             )
         )
     if not parts:
-        raise Invalid(Sentence("file-name-names-no-file", "The file name {shown} names no file.", shown=shown))
+        raise Invalid(Sentence("file-name-empty", "The file name {name} names no file.", name=shown))
     if len(name.encode()) > MAX_NAME or any(len(part.encode()) > MAX_PART for part in parts):
         raise Invalid(
             Sentence(
                 "file-name-too-long",
-                "The file name {shown} is too long; {max_part} bytes a part and {max_name} in all are possible.",
-                shown=shown,
-                max_part=MAX_PART,
-                max_name=MAX_NAME,
+                "The file name {name} is too long; {most_part} bytes a part and {most} in all are possible.",
+                name=shown,
+                most_part=MAX_PART,
+                most=MAX_NAME,
             )
         )
     return "/".join(parts)
@@ -79,7 +79,7 @@ def plain_title(text: str) -> str:
     if _has_control(text):
         raise Invalid(
             Sentence(
-                "name-control-characters-line-breaks",
+                "name-control-characters",
                 "name: {text} has control characters or line breaks. Give it one line of plain text.",
                 text=ascii(text[:60]),
             )

@@ -32,7 +32,7 @@ def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, objec
     if max(width, height) > 0xFFFF:
         raise SceneError(
             Sentence(
-                "x-side-most-65535-pixels",
+                "reference-image-too-wide",
                 "{name}: is {width}x{height}; a side has at most 65535 pixels",
                 name=name,
                 width=width,

@@ -95,26 +95,26 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
         SECONDS,
         name,
         "that reading an image may take",
-        Sentence("make-smaller", "Make it smaller."),
-        Sentence("make-smaller", "Make it smaller."),
+        Sentence("advice-shrink", "Make it smaller."),
+        Sentence("advice-shrink", "Make it smaller."),
     )
     try:
         found = run(job, [image.resolve()], [film.parent.resolve()], bounds, preload=[as_film.__module__])
         sides = int(found["width"]), int(found["height"]), int(found["clipped"])
         if not film.is_file() or film.is_symlink():
             raise SceneError(
-                Sentence("cannot-read-importer", "{name} cannot be read: its importer ended without a result", name=name)
+                Sentence("image-importer-failed", "{name} cannot be read: its importer ended without a result", name=name)
             )
     except (SceneError, TooLargeError) as error:
         raise Invalid(stopped(str(error).rstrip("."))) from None
     except MachineError as error:
         raise Failed(
-            Sentence("could-not-read-2", "{name} could not be read: {error}.", name=name, error=str(error).rstrip("."))
+            Sentence("reference-unreadable", "{name} could not be read: {error}.", name=name, error=str(error).rstrip("."))
         ) from error
     except (KeyError, TypeError, ValueError) as error:
         raise Invalid(
             Sentence(
-                "cannot-read-importer-ended",
+                "image-importer-failed",
                 "{name} cannot be read: its importer ended without a result.",
                 name=name,
             )

@@ -46,10 +46,10 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if width * height > max_pixels:
         raise SettingsError(
             Sentence(
-                "width-x-height-pixels",
-                "width x height is {width} pixels; at most {max_pixels} are rendered",
-                width=width * height,
-                max_pixels=max_pixels,
+                "frame-pixels-too-many",
+                "width x height is {pixels} pixels; at most {most} are rendered",
+                pixels=width * height,
+                most=max_pixels,
             )
         )
     settings = _settings(request, width, height, _view(request, info.get("cameras") or []), defaults)
@@ -59,11 +59,11 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if tiles > MOST_TILES:
         raise SettingsError(
             Sentence(
-                "tile-size",
-                "tile_size is {tile_size}, which makes {tiles} tiles of a frame; at most {most_tiles} are kept in mind",
+                "tiles-too-many",
+                "tile_size is {tile_size}, which makes {tiles} tiles of a frame; at most {most} are kept in mind",
                 tile_size=job.tile_size,
                 tiles=tiles,
-                most_tiles=MOST_TILES,
+                most=MOST_TILES,
             )
         )
     if settings.shutter and job.shot is None:
@@ -86,12 +86,12 @@ def refusal(warnings: Sequence[str]) -> str:
     """Returns the error of a strict scene or job with these warnings, without the final full stop."""
     listed = " ".join(warnings).rstrip(".")
     if len(warnings) == 1:
-        return Sentence("strict-makes-scene-1-warning", "strict makes the scene's 1 warning an error: {listed}", listed=listed)
+        return Sentence("strict-scene-warning", "strict makes the scene's 1 warning an error: {warning}", warning=listed)
     return Sentence(
-        "strict-makes-scene-warnings-errors",
-        "strict makes the scene's {n} warnings errors: {listed}",
-        n=len(warnings),
-        listed=listed,
+        "strict-scene-warnings",
+        "strict makes the scene's {count} warnings errors: {warnings}",
+        count=len(warnings),
+        warnings=listed,
     )
 
 

@@ -128,7 +128,7 @@ def keep(
         sent = _expanded(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
-                raise Invalid(Sentence("file-twice", "The file {name} is there twice. Send it once.", name=name))
+                raise Invalid(Sentence("upload-file-duplicate", "The file {name} is there twice. Send it once.", name=name))
             files[name] = writer
         _refuse_files_as_folders(files)
         if find is not None and "base" in form.fields:
@@ -163,23 +163,23 @@ def _added(
     find: returns the scene; raises if it was deleted. asked: the form's main file; empty: unchanged.
     """
     if not asked and all(writer.size == 0 for writer in files.values()):
-        raise Invalid(Sentence("upload-empty", "The upload is empty. Choose the files that are to be added."))
+        raise Invalid(Sentence("upload-without-files", "The upload is empty. Choose the files that are to be added."))
     scene = find()
     kept = [ref for ref in (BlobRef(**ref) for ref in scene.files) if ref.path not in files]
     if len(kept) + len(files) > settings.max_upload_files:
         raise TooLarge(
             Sentence(
-                "with-these-scene-more-than",
-                "With these the scene has more than {max_upload_files} files.",
-                max_upload_files=settings.max_upload_files,
+                "scene-files-too-many",
+                "With these the scene has more than {most} files.",
+                most=settings.max_upload_files,
             )
         )
     if sum(ref.size for ref in kept) + sum(writer.size for writer in files.values()) > settings.max_upload_bytes:
         raise TooLarge(
             Sentence(
-                "with-these-scene-larger-than",
-                "With these the scene is larger than the {max_upload_bytes} bytes that are taken.",
-                max_upload_bytes=settings.max_upload_bytes,
+                "scene-size-too-large",
+                "With these the scene is larger than the {most} bytes that are taken.",
+                most=settings.max_upload_bytes,
             )
         )
     _refuse_files_as_folders([*files, *(ref.path for ref in kept)])
@@ -202,7 +202,7 @@ def _flag(name: str, form: Form) -> bool | None:
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
         raise Invalid(
-            Sentence("true-false-possible", "{name} is {text}; true and false are possible.", name=name, text=repr(text[:60]))
+            Sentence("boolean-invalid", "{name} is {value}; true and false are possible.", name=name, value=repr(text[:60]))
         )
     return text in ("true", "1") if text else None
 
@@ -226,7 +226,7 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
     main, notes = (None, []) if known is None else pick_main(names, known)
     if main is None or main != known:
-        raise Invalid(Sentence("main-scene-no-scene-file", "main: the scene has no scene file {asked}.", asked=asked[:200]))
+        raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=asked[:200]))
     return main, notes
 
 
@@ -262,16 +262,16 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
         return name if names.index(name) == int(asked) else asked
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
     sentence = (
-        Sentence("variants", "its variants are {listed}", listed=listed)
+        Sentence("scene-variants-are", "its variants are {variants}", variants=listed)
         if names
-        else Sentence("none-most-files", "it has none, as most files have")
+        else Sentence("scene-variants-none", "it has none, as most files have")
     )
     raise Invalid(
         Sentence(
-            "variant-scene-no-variant",
-            "variant: the scene has no variant {asked}; {sentence}.",
-            asked=repr(asked[:60]),
-            sentence=sentence,
+            "variant-not-in-scene",
+            "variant: the scene has no variant {variant}; {available}.",
+            variant=repr(asked[:60]),
+            available=sentence,
         )
     )
 
@@ -281,7 +281,7 @@ def sky_text(elevation: float, azimuth: float) -> str:
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
         raise Invalid(
             Sentence(
-                "environment-sun-elevation-lies-between",
+                "environment-sun-out-of-range",
                 "environment: the sun's elevation lies between -90 and 90 degrees, its azimuth between -360 and 360.",
             )
         )
@@ -300,7 +300,7 @@ def _sky_of(text: str) -> str:
     except ValueError:
         raise Invalid(
             Sentence(
-                "environment-no-sky",
+                "environment-sky-invalid",
                 "environment: {text} is no sky; give the sun's elevation and azimuth as sky:30,120.",
                 text=repr(text[:60]),
             )
@@ -321,7 +321,7 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
             if str(folder) in known:
                 raise Invalid(
                     Sentence(
-                        "upload-file",
+                        "upload-file-and-folder",
                         "The upload has {folder} as a file, and also as the folder of {name}. Rename one of them.",
                         folder=folder,
                         name=name,
@@ -362,7 +362,7 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
     """Returns the main file, and the environment: an image among the files, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
         raise Invalid(
-            Sentence("upload-empty-choose", "The upload is empty. Choose a scene file, and the textures that it needs.")
+            Sentence("upload-without-scene", "The upload is empty. Choose a scene file, and the textures that it needs.")
         )
     main = form.fields.get("main", "").strip()
     if main:
@@ -371,19 +371,19 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
         if main not in files and not numbered:
             raise Invalid(
                 Sentence(
-                    "main-not-in-upload-nor-numbered",
+                    "main-file-sequence-missing",
                     "main: there is no file {file} in the upload, nor one with a number for #.",
                     file=main,
                 )
                 if "#" in main
-                else Sentence("main-not-in-upload", "main: there is no file {file} in the upload.", file=main)
+                else Sentence("main-file-not-in-upload", "main: there is no file {file} in the upload.", file=main)
             )
     try:
         picked, warnings = pick_main([main] if main else list(files))
     except SceneError as error:
         raise Invalid(str(error)) from None
     if picked in files and files[picked].size == 0:
-        raise Invalid(Sentence("scene-file-empty", "The scene file {picked} is empty.", picked=picked))
+        raise Invalid(Sentence("scene-file-zero-bytes", "The scene file {file} is empty.", file=picked))
     notes += warnings
     environment = form.fields.get("environment", "").strip() or None
     if environment is not None and environment.startswith(SKY):
@@ -395,9 +395,9 @@ def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple
         if environment not in files:
             raise Invalid(
                 Sentence(
-                    "environment-no-file-upload",
-                    "environment: there is no file {environment} in the upload.",
-                    environment=environment,
+                    "environment-not-in-upload",
+                    "environment: there is no file {file} in the upload.",
+                    file=environment,
                 )
             )
     return picked, environment

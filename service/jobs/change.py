@@ -47,9 +47,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
             answer = None if job.shot is not None else job_out(job, session, farm.engine)
         break
     else:
-        raise Conflict(
-            Sentence("shot-being-changed-by-others", "The shot is being changed by others at the same time. Try again.")
-        )
+        raise Conflict(Sentence("shot-changed-concurrently", "The shot is being changed by others at the same time. Try again."))
     farm.events.publish(RowWritten("job", id))
     if answer is not None:
         return answer
@@ -76,7 +74,9 @@ def _apply(
             farm.quotas.check_job(visit.caller, session, of_shot.samples, is_new=state in FINAL)
         is_long = of_shot.give(job, session)
     elif job.shot is None and patch.is_of_frames:
-        raise Conflict(Sentence("job-still", "The job is a still: it has no frames to choose from. Make a new job, with frames."))
+        raise Conflict(
+            Sentence("job-has-no-frames", "The job is a still: it has no frames to choose from. Make a new job, with frames.")
+        )
     elif job.shot is None and (patch.spp is not None or patch.more is not None):
         frame = session.get(Frame, (job.id, 0))
         set_samples(job, patch.spp, patch.more, frame.samples if frame else 0)

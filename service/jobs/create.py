@@ -80,7 +80,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
         job = find_job(id, farm)
         if job.state in FINAL:
             raise Conflict(
-                Sentence("job-only-one-not-over", "The job is {state}; only one that is not over begins anew.", state=job.state)
+                Sentence("job-not-finished", "The job is {state}; only one that is not over begins anew.", state=job.state)
             )
         request = _current_request(job)
         set_state(session.get_one(Job, id, with_for_update=True), "cancelled", is_anew=False)  # cancelled jobs count in no quota
@@ -210,7 +210,7 @@ def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
 def _no_scene(id: str) -> NotFound:
     return NotFound(
         Sentence(
-            "scene-no-scene",
+            "scene-id-unknown",
             "scene: there is no scene {id}. Upload it first, by POST /api/scenes.",
             id=repr(id[:60]),
         )
@@ -222,16 +222,16 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":
-        raise Conflict(Sentence("scene-cannot-rendered", "The scene cannot be rendered: {error}", error=scene.error))
+        raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
     job.name, job.project = job.name or scene.name, scene.project
     width, height = job.request["width"], job.request["height"]
     if width and height and width * height > farm.settings.max_pixels:
         raise Invalid(
             Sentence(
-                "width-x-height-pixels-most",
-                "width x height is {width} pixels; at most {max_pixels} are rendered.",
-                width=width * height,
-                max_pixels=farm.settings.max_pixels,
+                "frame-pixels-too-many",
+                "width x height is {pixels} pixels; at most {most} are rendered.",
+                pixels=width * height,
+                most=farm.settings.max_pixels,
             ),
             field="width",
         )

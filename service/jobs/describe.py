@@ -46,12 +46,12 @@ _AS_THEY_ARE = (
 _as_they_are = attrgetter(*_AS_THEY_ARE)
 MOST_NAMED = 500  # jobs in one query
 UNREADABLE_JOB = Sentence(
-    "record-of-job-unreadable",
+    "job-record-unreadable",
     "The record of this job cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release.",
 )
 UNREADABLE_SCENE = Sentence(
-    "record-of-scene-unreadable",
+    "scene-record-unreadable",
     "The record of this scene cannot be read: it is damaged, or another release of Rayfarm wrote it. "
     "Delete it, or go back to that release.",
 )
@@ -194,41 +194,41 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
     if why := view.fault or view.waits.get(job.id):
         return why
     if job.settings is None:
-        return Sentence("waits-for-scene-prepared", "Waits for its scene to be prepared.")
+        return Sentence("job-waits-for-scene", "Waits for its scene to be prepared.")
     if why := why_nothing_runs(view.roster):
         return why
     if job.needs and (why := _unmet(job, view.roster)):
         return why
     if job.lit in view.preparing:
-        return Sentence("scene-prepared-under-light", "Its scene is prepared under its light.")
+        return Sentence("job-waits-for-light", "Its scene is prepared under its light.")
     if job.shot is not None and view.roster.frame_preparing_kind() is None:
         return Sentence(
-            "waits-for-worker-release",
+            "job-waits-for-release",
             "Waits for a worker of this release: those that are connected prepare no frames of shots.",
         )
     if job.shot is not None and job.kind is None and job.settings.get("shutter") and view.roster.open_shutter_kind() is None:
         return Sentence(
-            "waits-for-workers-release",
+            "job-waits-for-motion-blur",
             "Waits for workers of this release: of those that are connected some blur nothing that moves.",
         )
     if _is_stranded(job, view.roster):
         return Sentence(
-            "waits-for-worker-kind",
+            "job-waits-for-worker-kind",
             "Waits for a worker of the kind {kind}, with which it began. Start one, or cancel the job and begin anew.",
             kind=job.kind,
         )
     slots = [slot for slot in view.roster.current() if slot.get("job") == job.id]
     if slots and all(slot.get("compiling") for slot in slots):
         return Sentence(
-            "workers-compile-kernel-for-scene",
+            "job-waits-for-kernel",
             "The workers compile the kernel for this scene and these settings; the first time that takes a minute or two.",
         )
     if (numbers := view.jobs.get(job.id)) is not None and numbers.handed_back is not None:
-        return Sentence("tried-again", "{handed_back}. It is tried again.", handed_back=numbers.handed_back.rstrip("."))
+        return Sentence("job-retried", "{reason}. It is tried again.", reason=numbers.handed_back.rstrip("."))
     if ahead := view.ahead.get(job.id):
         if ahead == 1:
-            return Sentence("waits-for-one-job-before", "Waits for 1 job of a higher priority.")
-        return Sentence("waits-for-jobs-before", "Waits for {ahead} jobs of a higher priority.", ahead=ahead)
+            return Sentence("job-waits-for-priority-one", "Waits for 1 job of a higher priority.")
+        return Sentence("job-waits-for-priority", "Waits for {count} jobs of a higher priority.", count=ahead)
     return None
 
 
@@ -249,11 +249,13 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
     if shot is None or not shot.failed or job.state != "finished":
         return None
     which = (
-        Sentence("frame", "frame {failed}", failed=shot.failed)
+        Sentence("label-frame", "frame {frame}", frame=shot.failed)
         if shot.states.get("failed") == 1
-        else Sentence("frames", "the frames {failed}", failed=shot.failed[:200])
+        else Sentence("label-frames", "the frames {frames}", frames=shot.failed[:200])
     )
-    return Sentence("finished-without", "Finished without {which}. Set the job to running to try again.", which=which)
+    return Sentence(
+        "job-finished-without-frames", "Finished without {frames}. Set the job to running to try again.", frames=which
+    )
 
 
 def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
@@ -261,15 +263,15 @@ def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
     if roster.ready():
         return None
     if not roster.reports:
-        return Sentence("waits-for-worker-none", "Waits for a worker: none is connected.")
+        return Sentence("job-waits-for-worker", "Waits for a worker: none is connected.")
     if all(report.state == "paused" or name in roster.orders for name, report in roster.reports.items()):
         rest = any(offer.why for name, offer in roster.offers.items() if name in roster.reports and name not in roster.orders)
         return (
-            Sentence("waits-workers-rest-paused", "Waits: all workers rest or are paused.")
+            Sentence("job-waits-workers-resting", "Waits: all workers rest or are paused.")
             if rest
-            else Sentence("waits-workers-paused", "Waits: all workers are paused.")
+            else Sentence("job-waits-workers-paused", "Waits: all workers are paused.")
         )
     return Sentence(
-        "waits-for-workers-load-kernels",
+        "job-waits-for-kernel-load",
         "Waits for the workers to load their kernels; the first time that takes half a minute or more.",
     )

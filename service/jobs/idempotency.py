@@ -42,7 +42,7 @@ def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisib
     if found.request != asked or not sight.sees(found.project):
         raise Conflict(
             Sentence(
-                "idempotency-key-used-for-another",
+                "idempotency-key-reused",
                 "This Idempotency-Key was used for another request. Take a new key for a new job.",
             )
         )

@@ -62,9 +62,9 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
     if film is None:
         raise Conflict(
             Sentence(
-                "job-no-picture-yet",
+                "job-without-picture",
                 "The job has no picture yet: {error}",
-                error=job.error or Sentence("its-scene-is-being-prepared", "its scene is still being prepared."),
+                error=job.error or Sentence("picture-scene-preparing", "its scene is still being prepared."),
             )
         )
     return film
@@ -84,48 +84,54 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
     with farm.sessions() as session:
         recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
     if n is not None and error:
-        return Conflict(Sentence("frame-no-picture", "The frame has no picture. {error}", error=error))
+        return Conflict(Sentence("frame-without-picture", "The frame has no picture. {error}", error=error))
     if job.state == "finished" or (job.state in FINAL and recorded):
         return Conflict(
             Sentence(
-                "film-job-gone",
+                "job-film-gone",
                 "The film of this job is gone. Set the job to running: its picture is then rendered again.",
             )
         )
     if job.state in FINAL:
-        why = job.error or Sentence("cancelled-before", "It was cancelled before.")
-        return Conflict(Sentence("job-ended-without-picture", "The job ended without a picture. {why}.", why=why.rstrip(".")))
+        why = job.error or Sentence("picture-job-cancelled", "It was cancelled before.")
+        return Conflict(
+            Sentence("job-ended-without-picture", "The job ended without a picture. {reason}.", reason=why.rstrip("."))
+        )
     return Conflict(
-        Sentence("picture-no-samples-yet", "The picture has no samples yet. Try again when its first tiles are there.")
+        Sentence("picture-without-samples", "The picture has no samples yet. Try again when its first tiles are there.")
     )
 
 
 def no_job(id: str) -> NotFound:
     """Returns the error for a missing job."""
-    return NotFound(Sentence("no-job", "There is no job {id}. GET /api/jobs lists those that are there.", id=repr(id[:60])))
+    return NotFound(
+        Sentence("job-not-found", "There is no job {id}. GET /api/jobs lists those that are there.", id=repr(id[:60]))
+    )
 
 
 def no_frame(frame: float) -> NotFound:
     """Returns the error for a missing frame."""
     return NotFound(
         Sentence(
-            "job-no-frame",
-            "The job has no frame {frame_text}. Its own are listed at /api/jobs/{id}/frames.",
-            frame_text=frame_text(frame),
+            "job-frame-not-found",
+            "The job has no frame {frame}. Its own are listed at /api/jobs/{id}/frames.",
+            frame=frame_text(frame),
         )
     )
 
 
 def no_scene(id: str) -> NotFound:
     """Returns the error for a missing scene."""
-    return NotFound(Sentence("no-scene", "There is no scene {id}. GET /api/scenes lists those that are there.", id=repr(id[:60])))
+    return NotFound(
+        Sentence("scene-not-found", "There is no scene {id}. GET /api/scenes lists those that are there.", id=repr(id[:60]))
+    )
 
 
 def no_environment(id: str) -> NotFound:
     """Returns the error for a missing environment."""
     return NotFound(
         Sentence(
-            "no-environment",
+            "environment-not-found",
             "There is no environment {id}. GET /api/environments lists those that are there.",
             id=repr(id[:60]),
         )
@@ -136,7 +142,7 @@ def no_reference(id: str) -> NotFound:
     """Returns the error for a missing reference picture."""
     return NotFound(
         Sentence(
-            "no-reference-picture",
+            "reference-not-found",
             "There is no reference picture {id}. GET /api/references lists those that are there.",
             id=repr(id[:60]),
         )

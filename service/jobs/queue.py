@@ -33,11 +33,11 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
     if job.deadline is None or job.late is None or job.state not in ACTIVE:
         return None
     if now > job.deadline:
-        return Sentence("deadline-passed-ago", "Its deadline passed {time} ago.", time=_roughly(now - job.deadline))
+        return Sentence("deadline-passed", "Its deadline passed {time} ago.", time=_roughly(now - job.deadline))
     if expected is None or expected <= job.deadline:
-        return Sentence("forecast-after-deadline", "By the forecast it is ready after its deadline.")
+        return Sentence("deadline-at-risk", "By the forecast it is ready after its deadline.")
     return Sentence(
-        "forecast-after-deadline-by",
+        "deadline-at-risk-by",
         "By the forecast it is ready {time} after its deadline.",
         time=_roughly(expected - job.deadline),
     )
@@ -53,7 +53,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
         if other is None or not serves(other.project, job.project):
             raise NotFound(
                 Sentence(
-                    "after-no-job",
+                    "after-job-not-found",
                     "after: there is no job {id}. A job can come after those that are there.",
                     id=repr(id[:60]),
                 )
@@ -63,11 +63,11 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
         elif other.state != "finished":
             raise Conflict(
                 Sentence(
-                    "after-job",
-                    "after: the job {id} ({name}) has {ended}. Nothing can come after it.",
+                    "after-job-ended",
+                    "after: the job {id} ({name}) has {state}. Nothing can come after it.",
                     id=id,
                     name=other.name,
-                    ended=_ended(other.state),
+                    state=_ended(other.state),
                 )
             )
 
@@ -79,9 +79,9 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
     if unknown:  # a new dependency on an existing job could create a cycle
         raise Conflict(
             Sentence(
-                "after-job-not-wait-for",
-                "after: the job does not wait for {unknown}. One that is there can only wait for fewer.",
-                unknown=repr(unknown[0][:60]),
+                "after-job-not-removable",
+                "after: the job does not wait for {jobs}. One that is there can only wait for fewer.",
+                jobs=repr(unknown[0][:60]),
             )
         )
     for other, wait in waits.items():
@@ -107,25 +107,27 @@ def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
         return None
     named = [f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN]]
     if len(waits) == 1:
-        return Sentence("waits-for-job", "Waits until {job} is finished.", job=named[0])
+        return Sentence("job-waits-for-job", "Waits until {job} is finished.", job=named[0])
     if len(waits) <= SHOWN:
-        return Sentence("waits-for-jobs", "Waits until {jobs} are finished.", jobs=named)
-    return Sentence("waits-for-jobs-and-more", "Waits until {jobs} and {n} more are finished.", jobs=named, n=len(waits) - SHOWN)
+        return Sentence("job-waits-for-jobs", "Waits until {jobs} are finished.", jobs=named)
+    return Sentence(
+        "job-waits-for-many-jobs", "Waits until {jobs} and {more} more are finished.", jobs=named, more=len(waits) - SHOWN
+    )
 
 
 def _roughly(seconds: float) -> str:
     if seconds >= 1.5 * DAY_S:
-        return Sentence("days", "{n} days", n=round(seconds / DAY_S))
+        return Sentence("duration-days", "{count} days", count=round(seconds / DAY_S))
     if seconds >= 1.5 * HOUR_S:
-        return Sentence("hours", "{n} hours", n=round(seconds / HOUR_S))
+        return Sentence("duration-hours", "{count} hours", count=round(seconds / HOUR_S))
     if seconds >= 1.5 * MINUTE_S:
-        return Sentence("minutes", "{n} minutes", n=round(seconds / MINUTE_S))
+        return Sentence("duration-minutes", "{count} minutes", count=round(seconds / MINUTE_S))
     if seconds >= 45:
-        return Sentence("a-minute", "a minute")
-    return Sentence("seconds", "{n} s", n=round(max(seconds, 1.0)))
+        return Sentence("duration-one-minute", "a minute")
+    return Sentence("duration-seconds", "{count} s", count=round(max(seconds, 1.0)))
 
 
 def _ended(state: str) -> str:
     if state == "cancelled":
-        return Sentence("has-been-cancelled", "been cancelled")
-    return Sentence("has-failed", "failed")
+        return Sentence("job-state-cancelled", "been cancelled")
+    return Sentence("job-state-failed", "failed")

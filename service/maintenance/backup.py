@@ -69,7 +69,10 @@ class Manifest:
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise Invalid(
                 Sentence(
-                    "backup-cannot-read", "{manifest} of the backup cannot be read ({error}).", manifest=MANIFEST, error=error
+                    "backup-manifest-unreadable",
+                    "{manifest} of the backup cannot be read ({error}).",
+                    manifest=MANIFEST,
+                    error=error,
                 )
             ) from None
 
@@ -94,7 +97,7 @@ def back_up(data: Path, target: Target, progress: Progress = lambda done, total,
     if not (data / DATABASE).is_file():
         raise NotFound(
             Sentence(
-                "holds-no-farm",
+                "backup-source-without-farm",
                 "{data} holds no farm: there is no {database} in it. Name a data folder with --data.",
                 data=data,
                 database=DATABASE,
@@ -193,7 +196,7 @@ class _Run:
             if _hash(path)[1] != sha256:
                 raise Invalid(
                     Sentence(
-                        "upload-compiled-scene-not-stored",
+                        "backup-blob-damaged",
                         "the upload or compiled scene {sha256} is not what was stored: the disk has damaged it",
                         sha256=sha256[:12],
                     )

@@ -43,9 +43,9 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
         raise Conflict(
             Sentence(
-                "not-empty",
-                "{data} is not empty. Name a new folder with --data: a farm is never restored over another.",
-                data=data,
+                "restore-target-not-empty",
+                "{folder} is not empty. Name a new folder with --data: a farm is never restored over another.",
+                folder=data,
             )
         )
     part = data.with_name(f".{data.name}.part")
@@ -57,7 +57,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
         if text is None:
             raise Invalid(
                 Sentence(
-                    "no-complete-backup",
+                    "backup-incomplete",
                     "{source} is no complete backup: it has no {manifest}. Was it cut off? Make it again.",
                     source=source,
                     manifest=MANIFEST,
@@ -68,7 +68,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
             if name not in hashes:
                 raise Invalid(
                     Sentence(
-                        "damaged-lacks",
+                        "backup-file-missing",
                         "{source} is damaged: it lacks {name}. Take another backup.",
                         source=source,
                         name=name,
@@ -77,7 +77,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
             if hashes[name] != sha256:
                 raise Invalid(
                     Sentence(
-                        "damaged-not-backed-up",
+                        "backup-file-damaged",
                         "{source} is damaged: {name} is not what was backed up. Take another backup.",
                         source=source,
                         name=name,
@@ -114,7 +114,7 @@ def _copy(
         if not NAMES.fullmatch(name):
             raise Invalid(
                 Sentence(
-                    "backup-file",
+                    "backup-file-unexpected",
                     "The backup has a file {name}, which no backup has. It is not restored.",
                     name=repr(name[:100]),
                 )
@@ -149,14 +149,14 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
         yield sum(path.stat().st_size for path in paths), files
         return
     if not source.is_file():
-        raise NotFound(Sentence("no-backup", "There is no backup {source}.", source=source))
+        raise NotFound(Sentence("backup-not-found", "There is no backup {source}.", source=source))
     if not source.name.endswith(ARCHIVES):
         raise Invalid(
             Sentence(
-                "no-backup-folder",
-                "{source} is no backup: that is a folder, or a file that ends with {archives}.",
+                "backup-path-invalid",
+                "{source} is no backup: that is a folder, or a file that ends with {endings}.",
                 source=source,
-                archives=[*ARCHIVES],
+                endings=[*ARCHIVES],
             )
         )
     try:
@@ -165,7 +165,7 @@ def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener
     except (tarfile.TarError, EOFError) as error:
         raise Invalid(
             Sentence(
-                "damaged-cut-off",
+                "backup-damaged",
                 "{source} is damaged or was cut off ({error}). Take another backup.",
                 source=source,
                 error=error,
@@ -178,7 +178,7 @@ def _members(tar: tarfile.TarFile) -> Iterator[tuple[str, int, Opener]]:
         if not member.isfile():
             raise Invalid(
                 Sentence(
-                    "backup-no-file",
+                    "backup-entry-not-file",
                     "The backup has {name}, which is no file. It is not restored.",
                     name=repr(member.name[:100]),
                 )

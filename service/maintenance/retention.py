@@ -155,7 +155,7 @@ class Retention:
             if self.latest is not None and self.latest.state == "running":
                 raise Conflict(
                     Sentence(
-                        "deletion-by-rules-running-already",
+                        "retention-already-running",
                         "A deletion by rules is running already. GET /api/retention says how far it is.",
                     )
                 )
@@ -251,10 +251,10 @@ class Retention:
                 if job.state == "finished":
                     job.state = "cancelled"
                     job.error = Sentence(
-                        "let-go-set",
-                        "{film} was let go ({why}). Set the job to running, and it is rendered again.",
+                        "film-released",
+                        "{film} was let go ({reason}). Set the job to running, and it is rendered again.",
                         film=FILM,
-                        why=item.why,
+                        reason=item.why,
                     )
                 self._films.delete(item.id)  # within the transaction, which blocks a concurrent change to running
             return True

@@ -46,12 +46,16 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
     if not any(recorded.values()):
         return
     if not films.size(job):
-        raise FilmDamaged(Sentence("missing-emptied", "{film} is missing or was emptied.", film=FILM))
+        raise FilmDamaged(Sentence("film-emptied", "{film} is missing or was emptied.", film=FILM))
     has = films.verify(job, settings, tile_size)
     if lacking := [number for number, samples in recorded.items() if has.get(number, 0) < samples]:
         raise FilmDamaged(
             Sentence(
-                "lacks-samples-frames", "{film} lacks samples of {n} of {n2} frames.", film=FILM, n=len(lacking), n2=len(recorded)
+                "film-lacks-samples",
+                "{film} lacks samples of {count} of {total} frames.",
+                film=FILM,
+                count=len(lacking),
+                total=len(recorded),
             )
         )
 
@@ -196,7 +200,7 @@ class Scrubber:
                 return
             if session.get(Scene, row.stage) is None:
                 row.error = Sentence(
-                    "damaged-scene-deleted",
+                    "film-damaged-scene-deleted",
                     "{film} was damaged, and its scene was deleted: what is missing cannot be rendered again.",
                     film=FILM,
                 )

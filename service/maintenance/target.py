@@ -52,7 +52,7 @@ class FolderTarget:
         if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists() and not (folder / ".part").exists():
             raise Invalid(
                 Sentence(
-                    "holds-something-else-than-backup",
+                    "backup-target-occupied",
                     "{folder} holds something else than a backup. Name an empty folder, or a new one.",
                     folder=folder,
                 )
@@ -110,7 +110,7 @@ class TarTarget:
     def __init__(self, path: Path) -> None:
         if path.exists():
             raise Invalid(
-                Sentence("already-name-another-file", "{path} is there already. Name another file, or remove it.", path=path)
+                Sentence("backup-target-exists", "{path} is there already. Name another file, or remove it.", path=path)
             )
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
@@ -160,9 +160,9 @@ def target_at(path: Path, marker: str) -> Target:
     if path.suffix in (".zip", ".gz", ".xz", ".zst", ".7z") or path.is_file():
         raise Invalid(
             Sentence(
-                "backup-folder",
-                "A backup is a folder, or a file that ends with {archives}; {name} is neither.",
-                archives=[*ARCHIVES],
+                "backup-target-invalid",
+                "A backup is a folder, or a file that ends with {endings}; {name} is neither.",
+                endings=[*ARCHIVES],
                 name=path.name,
             )
         )

@@ -54,10 +54,10 @@ def _frames_text(value: str | int | float) -> str:
         if len(text) > 10_000:
             raise SettingsError(
                 Sentence(
-                    "frames-characters",
-                    "frames has {n} characters; at most 10000 are read, and {max_frames} frames",
-                    n=len(text),
-                    max_frames=MAX_FRAMES,
+                    "frames-text-too-long",
+                    "frames has {length} characters; at most 10000 are read, and {most} frames",
+                    length=len(text),
+                    most=MAX_FRAMES,
                 )
             )
         parse_frames(text)

@@ -130,9 +130,7 @@ class Ownership:
             raise NotOwner
         if self.is_doubtful and self._heard:
             raise Unavailable(
-                Sentence(
-                    "database-not-say-whether-service", "The database does not say whether this service still owns the farm."
-                )
+                Sentence("farm-ownership-uncertain", "The database does not say whether this service still owns the farm.")
             )
 
     def confirm(self) -> None:

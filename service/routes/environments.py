@@ -92,10 +92,10 @@ async def add_environment(
     """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
-    form = await read_one(request, farm, Sentence("word-image", "image"))
+    form = await read_one(request, farm, Sentence("kind-image", "image"))
     try:
         name, file = only_file(
-            form, SUFFIXES, "/api/environments", Sentence("no-image-lights-scene", "no image that lights a scene")
+            form, SUFFIXES, "/api/environments", Sentence("environment-image-invalid", "no image that lights a scene")
         )
         await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
         sha256, size = file.sha256, file.size
@@ -131,7 +131,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
     """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
     if id in PRESETS:
         raise Conflict(
-            Sentence("light-made-by-formula-takes", "This light is made by a formula and takes no room: it cannot be deleted.")
+            Sentence("environment-not-deletable", "This light is made by a formula and takes no room: it cannot be deleted.")
         )
 
     def forget(session: Session) -> set[str]:
@@ -143,9 +143,9 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
         if needed:
             raise Conflict(
                 Sentence(
-                    "unfinished-job-s-need-environment",
-                    "{needed} unfinished job(s) need this environment. Cancel them first.",
-                    needed=needed,
+                    "environment-in-use",
+                    "{count} unfinished job(s) need this environment. Cancel them first.",
+                    count=needed,
                 )
             )
         session.delete(found)

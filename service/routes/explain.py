@@ -131,7 +131,7 @@ def explain(
     if x >= film.width or y >= film.height:
         raise Invalid(
             Sentence(
-                "no-pixel",
+                "pixel-not-in-frame",
                 "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
                 x=x,
                 y=y,
@@ -174,7 +174,7 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
     if scene is None or not scene.compiled:
         raise Conflict(
             Sentence(
-                "job-scene-not-any-more",
+                "pixel-scene-deleted",
                 "The job's scene is not here any more, so that nothing can be followed through it. Upload it again.",
             )
         )
@@ -195,7 +195,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
             return kind
     farm.events.publish(PreparationRequested(scene.id, kinds[0]))
     raise Unavailable(
-        Sentence("scene-prepared-for-workers-ask", "The scene is prepared for the workers that are here. Ask again in a moment."),
+        Sentence("pixel-scene-preparing", "The scene is prepared for the workers that are here. Ask again in a moment."),
         5.0,
     )
 
@@ -224,7 +224,7 @@ def _question(
         if row is None or row.settings is None:
             raise Conflict(
                 Sentence(
-                    "frame-not-prepared-yet",
+                    "pixel-frame-not-prepared",
                     "The frame is not prepared yet, so that nobody knows what its pixels see. Try again when it is.",
                 )
             )
@@ -252,7 +252,7 @@ def _question(
     except SettingsError as error:
         raise Conflict(
             Sentence(
-                "picture-paths-cannot-followed",
+                "pixel-paths-unavailable",
                 "The picture's paths cannot be followed: {error}. Render it anew.",
                 error=error,
             )

@@ -57,7 +57,7 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
         blend = blend_of(session, scene) if scene is not None else None
     if scene is None:
-        raise NotFound(Sentence("no-such-scene", "There is no such scene; it may have been deleted."))
+        raise NotFound(Sentence("scene-deleted", "There is no such scene; it may have been deleted."))
     if not scene.files:
         raise Conflict(UNREADABLE_SCENE)
     main, files = scene.main, [BlobRef(**ref) for ref in scene.files]
@@ -95,7 +95,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
-        raise NotFound(Sentence("job-no-such-picture-yet", "The job has no such picture yet."))
+        raise NotFound(Sentence("job-picture-not-available", "The job has no such picture yet."))
     version, samples = film.version(frame), film.samples(frame)
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
@@ -118,7 +118,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Store a file; its bytes must have the hash it is stored under."""
     if not is_sha256(sha256):
-        raise Invalid(Sentence("blob-name-sha-256-bytes", "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal."))
+        raise Invalid(Sentence("blob-name-invalid", "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal."))
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
 
     def take(piece: bytes) -> None:
@@ -137,15 +137,15 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
                 if writer.size > farm.settings.max_blob_bytes:
                     raise TooLarge(
                         Sentence(
-                            "blob-most-bytes",
-                            "A blob may have at most {max_blob_bytes} bytes.",
-                            max_blob_bytes=farm.settings.max_blob_bytes,
+                            "blob-too-large",
+                            "A blob may have at most {most} bytes.",
+                            most=farm.settings.max_blob_bytes,
                         )
                     )
             if writer.sha256 != sha256:
                 raise Invalid(
                     Sentence(
-                        "bytes-not-hash-stored-under",
+                        "blob-hash-mismatch",
                         "The bytes do not have the hash that they are to be stored under. Send them again.",
                     )
                 )

@@ -132,15 +132,15 @@ async def image(
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(
-                "tonemap-no-curve-known",
-                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
-                tonemap_curve=repr(tonemap_curve[:60]),
+                "tonemap-unknown",
+                "tonemap: {name} is no curve; known are {curves}.",
+                name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
     planes, in_layers = _planes(aov)
     if denoise and planes:
-        raise Invalid(Sentence("denoise-only-colour-denoised", "denoise: only colour is denoised; leave aov out."))
+        raise Invalid(Sentence("denoise-only-colour", "denoise: only colour is denoised; leave aov out."))
     PictureWish(extension, planes, in_layers, width=width).check()
     job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
@@ -204,7 +204,7 @@ def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
     if x >= film.width or y >= film.height:
         raise Invalid(
             Sentence(
-                "no-pixel",
+                "pixel-not-in-frame",
                 "There is no pixel {x}, {y}: the frame is {width} x {height}, counted from 0.",
                 x=x,
                 y=y,

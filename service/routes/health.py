@@ -38,9 +38,9 @@ async def readyz(farm: FarmDependency) -> dict[str, str]:
     except Exception as error:
         raise Unavailable(
             Sentence(
-                "database-not-answer-look",
-                "The database does not answer ({name}). Look at RAYFARM_DATABASE_URL.",
-                name=type(error).__name__,
+                "database-health-failed",
+                "The database does not answer ({error}). Look at RAYFARM_DATABASE_URL.",
+                error=type(error).__name__,
             )
         ) from error
     if (why := farm.engine.snapshot.not_ready) is not None:

@@ -32,11 +32,13 @@ def list_hooks(farm: FarmDependency) -> list[dict[str, Any]]:
 def test_hook(number: int, farm: FarmDependency) -> Response:
     """Send a message that says only that messages arrive; 503 with the reason where it does not."""
     if not 0 <= number < len(farm.outbox.hooks):
-        raise NotFound(Sentence("no-such-hook", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK."))
+        raise NotFound(
+            Sentence("hook-not-found", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")
+        )
     try:
         farm.outbox.tell(farm.outbox.hooks[number], f"msg_{uuid.uuid4().hex}", trial(time.time()))
     except UndeliveredError as error:
-        raise Unavailable(Sentence("message-did-not-arrive", "The message did not arrive. {error}", error=error)) from None
+        raise Unavailable(Sentence("hook-message-failed", "The message did not arrive. {error}", error=error)) from None
     return Response(status_code=204)
 
 

@@ -34,7 +34,7 @@ def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request
     """The kernels of this name; renderer/kernel_file.py says what a name follows from and how the file is signed."""
     path = farm.kernels.find(name)
     if path is None:
-        raise NotFound(Sentence("farm-no-kernels-name", "The farm has no kernels of this name; compile them, and hand them in."))
+        raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile them, and hand them in."))
     if not _has_own_token(visit):
         return FileResponse(path, media_type="application/octet-stream")
     data = farm.kernels.signed_for(name, shown_secret(request.headers))
@@ -50,7 +50,7 @@ async def put_kernels(name: str, request: Request, farm: FarmDependency, visit: 
     async for chunk in request.stream():
         data += chunk
         if len(data) > MAX_BYTES:
-            raise TooLarge(Sentence("kernels-most-bytes", "Kernels have at most {max_bytes} bytes.", max_bytes=MAX_BYTES))
+            raise TooLarge(Sentence("kernels-too-large", "Kernels have at most {most} bytes.", most=MAX_BYTES))
     with full_disk():
         await run_in_threadpool(farm.kernels.put, name, bytes(data))
     return Response(status_code=204)

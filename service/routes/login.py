@@ -97,7 +97,7 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
             raise Problem(
                 401,
                 Sentence(
-                    "link-used-already",
+                    "login-link-invalid",
                     "This link was used already, is over a day old, or was withdrawn. Ask for a new one: `rayfarm user link`.",
                 ),
             )
@@ -138,7 +138,7 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
     if caller.kind != "session" or caller.name == OWNER:
         raise Conflict(
             Sentence(
-                "only-user-logged-page-password",
+                "password-change-not-possible",
                 "Only a user who is logged in on the page has a password to change. `rayfarm user` changes others'.",
             )
         )
@@ -156,7 +156,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
         raise Problem(
             429,
             Sentence(
-                "too-many-logins-failed",
+                "login-too-many-failures",
                 "Too many logins have failed. Try again in {minutes} min, or ask who runs the farm for a link.",
                 minutes=minutes,
             ),
@@ -166,7 +166,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
     if user is None:
         access.audit.add(name, "login refused", kind="password", address=address, status=401)
         raise Problem(
-            401, Sentence("name-password-not-right", "The name or the password is not right. Look at both, and try again.")
+            401, Sentence("login-password-wrong", "The name or the password is not right. Look at both, and try again.")
         )
     access.attempts.succeeded(address, name)
     return user.name, Role.of(user.role)

@@ -104,7 +104,7 @@ def _oidc(farm: Farm) -> Oidc:
     if farm.access.oidc is None:
         raise NotFound(
             Sentence(
-                "farm-knows-no-openid-provider",
+                "openid-not-configured",
                 "This farm knows no OpenID provider. Log in with a name and a password, or by a link.",
             )
         )

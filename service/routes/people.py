@@ -115,7 +115,7 @@ def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None
     if visit.caller is not None and visit.caller.name == name:
         raise Conflict(
             Sentence(
-                "cannot-remove-yourself",
+                "user-remove-self",
                 "You cannot remove yourself. Another administrator can, or `rayfarm user remove`.",
             )
         )

@@ -75,10 +75,10 @@ async def add_reference(
     """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
-    form = await read_one(request, farm, Sentence("word-picture", "picture"))
+    form = await read_one(request, farm, Sentence("kind-picture", "picture"))
     try:
         name, file = only_file(
-            form, SUFFIXES, "/api/references", Sentence("no-image-compared-with", "no image that can be compared with")
+            form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "no image that can be compared with")
         )
         temporary = farm.settings.data / "tmp"
         await run_in_threadpool(farm.access.projects.check_again, project, visit.caller, visit.sight)
@@ -124,9 +124,9 @@ async def reference_image(
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(
-                "tonemap-no-curve-known",
-                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
-                tonemap_curve=repr(tonemap_curve[:60]),
+                "tonemap-unknown",
+                "tonemap: {name} is no curve; known are {curves}.",
+                name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )

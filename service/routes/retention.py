@@ -74,7 +74,7 @@ def retention_run(farm: FarmDependency) -> RetentionOut:
     if run is None:
         raise NotFound(
             Sentence(
-                "no-deletion-by-rules-asked",
+                "retention-never-run",
                 "No deletion by rules was asked for since the service started. POST /api/retention begins one.",
             )
         )

@@ -75,7 +75,7 @@ async def upload(
     With `base`, in that scene's project unless told; with `main` beside it, another of its files is the one that is shown.
     """
     await check_room(request, farm, visit)
-    check_length(request, farm, Sentence("word-upload", "upload"), "Leave files out")
+    check_length(request, farm, Sentence("kind-upload", "upload"), "Leave files out")
     traceparent, content_type = request.headers.get(tracing.HEADER), request.headers.get("content-type", "")
     scene = await store(UploadRequest(content_type, request.stream(), project, strict, traceparent), visit, farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"
@@ -111,7 +111,7 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
     scene = find_scene(id, farm)
     ref = (scene.info or {}).get("thumbnail")
     if not ref:
-        raise NotFound(Sentence("scene-no-thumbnail-yet", "This scene has no thumbnail yet."))
+        raise NotFound(Sentence("scene-without-thumbnail", "This scene has no thumbnail yet."))
     headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"'}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)

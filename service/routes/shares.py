@@ -92,7 +92,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
     if not SHARE.fullmatch(share):
         raise Invalid(
             Sentence(
-                "share-no",
+                "share-invalid",
                 "share: there is no {share}. It is {everybody}, user:NAME or project:NAME.",
                 share=repr(share[:60]),
                 everybody=EVERYBODY,

@@ -69,7 +69,9 @@ async def frames_zip(
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_wanted(frame, which) for frame in found.values()):
         raise Conflict(
-            Sentence("no-frame-finished-yet", "No frame is finished yet. Ask for which=all, or wait for each by which=coming.")
+            Sentence(
+                "shot-without-finished-frame", "No frame is finished yet. Ask for which=all, or wait for each by which=coming."
+            )
         )
     if which != "coming" and await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
@@ -103,7 +105,7 @@ async def get_movie(
     chosen = await run_in_threadpool(_chosen, job, frames, farm)
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
     if not shown:
-        raise Conflict(Sentence("no-frame-samples-yet", "No frame has samples yet. Try again in a moment."))
+        raise Conflict(Sentence("shot-without-samples", "No frame has samples yet. Try again in a moment."))
     film = await run_in_threadpool(_film, job, farm)
     if await run_in_threadpool(lambda: film.is_empty):
         raise without_samples(job, farm)
@@ -166,7 +168,7 @@ def _curve(name: str) -> str:
     if name not in tonemap.CURVES:
         raise Invalid(
             Sentence(
-                "tonemap-no-curve",
+                "tonemap-unknown",
                 "tonemap: {name} is no curve; known are {curves}.",
                 name=repr(name[:60]),
                 curves=[*tonemap.CURVES],
@@ -191,7 +193,7 @@ def _film(job: Job, farm: Farm) -> Film:
     if film is None:
         raise Conflict(
             Sentence(
-                "job-no-picture-yet",
+                "job-without-picture",
                 "The job has no picture yet: {error}",
                 error=job.error or "its scene is still being prepared.",
             )

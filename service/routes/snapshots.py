@@ -83,9 +83,9 @@ async def snapshot_image(
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(
-                "tonemap-no-curve-known",
-                "tonemap: {tonemap_curve} is no curve; known are {curves}.",
-                tonemap_curve=repr(tonemap_curve[:60]),
+                "tonemap-unknown",
+                "tonemap: {name} is no curve; known are {curves}.",
+                name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
@@ -130,7 +130,7 @@ def _etag(id: str, found: FilmSnapshot, form: str) -> str:
 def _no_snapshot(spp: int) -> NotFound:
     return NotFound(
         Sentence(
-            "nothing-kept-picture-samples",
+            "snapshot-not-found",
             "Nothing is kept of this picture at {spp} samples. GET /api/jobs/{id}/snapshots lists what is.",
             spp=spp,
         )

@@ -72,7 +72,7 @@ def list_tokens(
         raise Problem(
             403,
             Sentence(
-                "only-administrators-see-others-tokens",
+                "tokens-of-others-hidden",
                 "Only administrators see others' tokens. Leave `all` out to see your own.",
             ),
         )
@@ -89,7 +89,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
     if caller.kind == "token":
         raise Conflict(
             Sentence(
-                "token-cannot-make-tokens",
+                "token-cannot-create-tokens",
                 "A token cannot make tokens. Log in on the page, or use `rayfarm token` on the farm's machine.",
             )
         )
@@ -100,7 +100,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
             raise Problem(
                 403,
                 Sentence(
-                    "only-administrators-let-workers",
+                    "worker-token-needs-admin",
                     "Only administrators let workers in. Ask one of them for a worker's token.",
                 ),
             )
@@ -111,9 +111,9 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
             raise Problem(
                 403,
                 Sentence(
-                    "role-token-yours-cannot",
-                    "Your role is {word}: a token of yours cannot have {role}.",
-                    word=caller.role.word,
+                    "token-role-too-high",
+                    "Your role is {own_role}: a token of yours cannot have {role}.",
+                    own_role=caller.role.word,
                     role=asked.role,
                 ),
             )
@@ -128,9 +128,7 @@ def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> Non
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
         raise Problem(
             403,
-            Sentence(
-                "token-look-change-nothing", "This token may look and change nothing: it can withdraw itself, and no other."
-            ),
+            Sentence("token-read-only", "This token may look and change nothing: it can withdraw itself, and no other."),
         )
     is_admin = caller.role >= Role.ADMIN
     if is_admin and farm.access.keys.is_there("worker", id):

@@ -52,7 +52,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
         if name not in roster.offers:
             raise Conflict(
                 Sentence(
-                    "worker-older-release",
+                    "worker-only-pausable",
                     "The worker {name} is of an older release: it can only be paused. Run this release there.",
                     name=name,
                 )
@@ -88,7 +88,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     if lines is None:
         raise Unavailable(
             Sentence(
-                "worker-not-tell-log",
+                "worker-log-unavailable",
                 "The worker does not tell its log: it is still starting, is of an older release, or hangs.",
             )
         )
@@ -98,7 +98,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
 def _no_worker(name: str) -> NotFound:
     return NotFound(
         Sentence(
-            "no-worker-get",
+            "worker-not-found",
             "There is no worker {name}. GET /api/workers lists those that are connected.",
             name=repr(name[:60]),
         )

@@ -27,9 +27,7 @@ def delete(id: str, farm: Farm) -> None:
         needed = session.scalar(select(func.count()).select_from(Job).where(is_needed, Job.state.in_(ACTIVE)))
         if needed:
             raise Conflict(
-                Sentence(
-                    "unfinished-job-s-need-scene", "{needed} unfinished job(s) need this scene. Cancel them first.", needed=needed
-                )
+                Sentence("scene-in-use", "{count} unfinished job(s) need this scene. Cancel them first.", count=needed)
             )
         blobs = scene.blobs
         for lit in session.scalars(select(Scene).where(Scene.of == id)):

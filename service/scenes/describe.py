@@ -73,5 +73,5 @@ def _why_preparing(scene: str, view: Snapshot) -> str:
     return view.waits.get(scene) or (
         progress.step
         if progress
-        else why_nothing_runs(view.roster) or Sentence("waits-for-free-worker", "Waits for a free worker.")
+        else why_nothing_runs(view.roster) or Sentence("scene-waits-for-worker", "Waits for a free worker.")
     )

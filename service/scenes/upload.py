@@ -71,7 +71,7 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
     if found is None:
         raise NotFound(
             Sentence(
-                "no-example",
+                "example-not-found",
                 "There is no example {name}. GET /api/examples lists those that are there.",
                 name=repr(name[:60]),
             )

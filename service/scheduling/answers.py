@@ -58,7 +58,7 @@ from telemetry.log_lines import ids
 
 __all__ = ["Answers"]
 
-REMEDY = Sentence("let-go", "Then let it go on.")  # by a worker of another release
+REMEDY = Sentence("advice-resume", "Then let it go on.")  # by a worker of another release
 UNREAD_EVERY_S = 0.5  # interval of counting unread results
 
 
@@ -241,7 +241,7 @@ class Answers:
             message.scene, message.kind
         ):
             sentence = Sentence(
-                "workers-answered-about-scene-cannot", "What workers answered about this scene cannot be used ({why}).", why=why
+                "scene-answers-unusable", "What workers answered about this scene cannot be used ({reason}).", reason=why
             )
             self._lifecycle.prepare_failed(message.scene, message.kind, sentence)
 
@@ -330,14 +330,16 @@ class Answers:
             self.counts["failed"] += 1
             batch = whole._replace(first=piece.first, count=piece.count)
             sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
-            said = Sentence("sent-cannot-used", "What {sender} sent of it cannot be used ({why}).", sender=sender, why=why)
+            said = Sentence(
+                "worker-message-unusable", "What {sender} sent of it cannot be used ({reason}).", sender=sender, reason=why
+            )
             trouble = self._scheduler.failed(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
                 self._give_up(job, batch, trouble)
 
     def _give_up(self, job: ActiveJob, batch: Range, trouble: BatchFailures) -> None:
         sentence = Sentence(
-            "batch-failed-times", "A batch failed {n} times: {error}", n=len(trouble.workers), error=trouble.error
+            "batch-failed-repeatedly", "A batch failed {count} times: {error}", count=len(trouble.workers), error=trouble.error
         )
         self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
 

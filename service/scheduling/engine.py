@@ -254,7 +254,7 @@ class Engine:
 
     def _own_fault(self, error: Exception) -> str:
         sentence = Sentence(
-            "engine-fault",
+            "engine-error",
             "The engine has a fault ({name}: {error}); the log says more.",
             name=type(error).__name__,
             error=error,

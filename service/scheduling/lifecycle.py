@@ -249,7 +249,7 @@ class Lifecycle:
             return  # a still has no separately prepared frames
         found = message.info if isinstance(message, FramePrepared) else None
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
-        name = Sentence("frame-2", "frame {frame_text}", frame_text=frame_text(frame_number(message.frame)))
+        name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(message.frame)))
         if isinstance(message, FrameFailed):
             job.history.log.say(f"{name} could not be prepared by {message.worker}: {message.error}")
             if not frame.is_over:
@@ -270,7 +270,7 @@ class Lifecycle:
     def frame_lost(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was lost with its worker too often."""
         error = Sentence(
-            "worker-lost-three-times-while", "The worker was lost three times while it prepared this frame. It may be too large."
+            "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
         )
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
 
@@ -333,7 +333,7 @@ class Lifecycle:
     def lost_while_preparing(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was lost with its worker too often."""
         error = Sentence(
-            "worker-lost-three-times-while-prepared",
+            "worker-lost-preparing-scene",
             "The worker was lost three times while it prepared this scene. It may be too large.",
         )
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)

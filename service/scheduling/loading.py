@@ -98,10 +98,10 @@ class Loading:
         if scene is None:
             self._records.failed(
                 row.id,
-                Sentence("scene-job-deleted", "The scene of this job was deleted. Upload it again, and make a new job."),
+                Sentence("job-scene-deleted", "The scene of this job was deleted. Upload it again, and make a new job."),
             )
         elif scene.status == "failed":
-            self._records.failed(row.id, scene.error or Sentence("scene-cannot-prepared", "The scene cannot be prepared."))
+            self._records.failed(row.id, scene.error or Sentence("scene-preparation-failed", "The scene cannot be prepared."))
         if scene is None or scene.status != "ready":
             return
         resolved = row if row.settings is not None else self._records.resolve(row.id, scene)

@@ -217,7 +217,7 @@ class Records:
         if found is None:
             raise Conflict(
                 Sentence(
-                    "record-frame-job-damaged",
+                    "frame-record-damaged",
                     "The record of a frame of this job is damaged. Have its frames rendered again.",
                 )
             )
@@ -308,7 +308,7 @@ class Records:
                 first = next(iter(job.frames.values()))
                 row.state, row.error = (
                     "failed",
-                    joined(Sentence("no-frame-can-be-rendered", "No frame can be rendered."), first.error or ""),
+                    joined(Sentence("job-without-renderable-frame", "No frame can be rendered."), first.error or ""),
                 )
             else:  # removed here, since the job may be deleted soon
                 session.execute(delete(Wait).where(Wait.other == job.id))

@@ -87,7 +87,7 @@ class Snapshot:
         age = time.monotonic() - self.made
         if age > STUCK_S:
             return Sentence(
-                "engine-busy-with-one-thing",
+                "engine-slow",
                 "The engine has been busy with one thing for {age} s: a disk, the database or Redis is slow to answer.",
                 age=f"{age:.0f}",
             )
@@ -96,7 +96,7 @@ class Snapshot:
         paused = {id for id, job in self.jobs.items() if job.state == "paused"}
         waits = [why for id, why in self.waits.items() if id not in paused]
         if waits and self.jobs.keys() - paused <= self.waits.keys():
-            return Sentence("nothing-goes", "Nothing goes on. {waits}", waits=waits[0])
+            return Sentence("engine-stalled", "Nothing goes on. {reason}", reason=waits[0])
         return None
 
 

@@ -58,18 +58,19 @@ class DependencyTracker:
             if state == "finished":
                 self._records.waited(other)
                 continue
-            ended = {None: Sentence("deleted", "was deleted"), "cancelled": Sentence("cancelled", "was cancelled")}.get(
-                state, "failed"
-            )
+            ended = {
+                None: Sentence("job-was-deleted", "was deleted"),
+                "cancelled": Sentence("job-was-cancelled", "was cancelled"),
+            }.get(state, "failed")
             called = f"{name} ({other})" if name else other
             failed |= self._records.failed(
                 job,
                 Sentence(
-                    "come-after-job",
-                    "It was to come after the job {called}, which {ended} before it was finished. Setting "
+                    "after-job-failed",
+                    "It was to come after the job {name}, which {state} before it was finished. Setting "
                     "this job to running renders it all the same.",
-                    called=called,
-                    ended=ended,
+                    name=called,
+                    state=ended,
                 ),
             )
             self._changes.note("job", job)

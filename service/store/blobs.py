@@ -168,7 +168,7 @@ class BlobFolder:
 
 def no_blob() -> NotFound:
     """Returns the NotFound error for a blob that does not exist."""
-    return NotFound(Sentence("no-blob-hash", "There is no blob of this hash; its scene may have been deleted."))
+    return NotFound(Sentence("blob-not-found", "There is no blob of this hash; its scene may have been deleted."))
 
 
 def _chunks(file: BinaryIO) -> Iterator[bytes]:

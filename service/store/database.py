@@ -125,8 +125,8 @@ def close_database(engine: Engine) -> None:
 
     def refuse(*_: Any) -> None:
         raise Unavailable(
-            Sentence("service-going-down", "The service is going down."),
-            advice=Sentence("try-again-when-back", "Try again when it is back."),
+            Sentence("service-stopping", "The service is going down."),
+            advice=Sentence("advice-retry-when-back", "Try again when it is back."),
         )
 
     event.listen(engine.pool, "checkin", close)
@@ -157,7 +157,7 @@ def faults() -> Iterator[None]:
     except PoolTimeoutError as error:
         raise Unavailable(
             Sentence("database-overloaded", "The database is overloaded."),
-            advice=Sentence("try-again-moment", "Try again in a moment."),
+            advice=Sentence("advice-retry-soon", "Try again in a moment."),
         ) from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
@@ -165,14 +165,14 @@ def faults() -> Iterator[None]:
         if isinstance(error, DataError):  # from PostgreSQL, which does not accept NUL characters
             raise Invalid(
                 Sentence(
-                    "asked-for-character-number-database",
+                    "database-value-invalid",
                     "What is asked for has a character or a number that the database cannot have. Leave it out.",
                 )
             ) from error
         if isinstance(error, OperationalError):
             raise Unavailable(
-                Sentence("database-not-answer", "The database does not answer ({orig}).", orig=error.orig),
-                advice=Sentence("try-again", "Try again."),
+                Sentence("database-not-reachable", "The database does not answer ({error}).", error=error.orig),
+                advice=Sentence("advice-retry", "Try again."),
             ) from error
         raise
 

@@ -19,8 +19,8 @@ CHECK_EVERY = 16 << 20
 def no_room() -> NoRoom:
     """Returns the error for a full disk."""
     return NoRoom(
-        Sentence("service-disk-full", "The service's disk is full. Delete scenes or jobs that are no longer needed."),
-        advice=Sentence("send-again", "Then send it again."),
+        Sentence("disk-full", "The service's disk is full. Delete scenes or jobs that are no longer needed."),
+        advice=Sentence("advice-send-again", "Then send it again."),
     )
 
 

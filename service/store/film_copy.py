@@ -54,7 +54,7 @@ class FilmCopy:
         try:
             if kind is None and self._has_any:
                 if self._made.with_name(f"{self._made.name}-wal").exists():
-                    raise FilmWaits(Sentence("cannot-copied-now", "{film} cannot be copied now.", film=FILM))
+                    raise FilmWaits(Sentence("film-copy-failed", "{film} cannot be copied now.", film=FILM))
                 move_whole(self._made, self._target)
         finally:
             self._remove()
@@ -67,7 +67,7 @@ class FilmCopy:
         FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
-            raise FilmLost(Sentence("missing-2", "{film} is missing.", film=FILM))
+            raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))
         taken = {}
         try:
             with closing(opened(source)) as database:

@@ -14,8 +14,8 @@ from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
 __all__ = ["FILM", "FilmClosed", "another_has_it", "damaged", "film_faults", "incomplete"]
 
-FILM = Sentence("film-job", "The film of this job")  # first words of all these error messages
-AGAIN = Sentence("set-job-running", "Set the job to running, and it is rendered again.")
+FILM = Sentence("film-of-job", "The film of this job")  # first words of all these error messages
+AGAIN = Sentence("advice-set-running", "Set the job to running, and it is rendered again.")
 
 # SQLite's primary result codes of temporary faults, each with the end of its message.
 _LOCKED = Sentence("film-locked", "The film of this job is locked by another program")
@@ -23,10 +23,10 @@ PASSES: dict[int, str] = {
     sqlite3.SQLITE_BUSY: _LOCKED,
     sqlite3.SQLITE_LOCKED: _LOCKED,
     sqlite3.SQLITE_PROTOCOL: _LOCKED,
-    sqlite3.SQLITE_NOMEM: Sentence("film-beyond-memory", "The film of this job does not fit into the memory that is free"),
-    sqlite3.SQLITE_INTERRUPT: Sentence("film-interrupted", "The film of this job was interrupted"),
+    sqlite3.SQLITE_NOMEM: Sentence("film-memory-exhausted", "The film of this job does not fit into the memory that is free"),
+    sqlite3.SQLITE_INTERRUPT: Sentence("film-access-interrupted", "The film of this job was interrupted"),
     sqlite3.SQLITE_IOERR: Sentence("film-io-error", "The film of this job cannot be written or read now"),
-    sqlite3.SQLITE_CANTOPEN: Sentence("film-cannot-be-opened", "The film of this job cannot be opened now"),
+    sqlite3.SQLITE_CANTOPEN: Sentence("film-not-openable", "The film of this job cannot be opened now"),
     sqlite3.SQLITE_READONLY: Sentence(
         "film-read-only", "The film of this job cannot be written: it or its disk is read-only. Make it writable"
     ),
@@ -49,9 +49,7 @@ class FilmClosed(NotFound):
     """The film was closed during a read: its job was deleted or restarted, or the service stops."""
 
     def __init__(self) -> None:
-        super().__init__(
-            Sentence("job-deleted-rendered", "The job was deleted, or is rendered again, while its picture was read.")
-        )
+        super().__init__(Sentence("film-job-changed", "The job was deleted, or is rendered again, while its picture was read."))
 
 
 @contextmanager
@@ -74,19 +72,19 @@ def film_faults() -> Iterator[None]:
 
 def damaged(why: str) -> FilmDamaged:
     """Returns the error for a film with invalid content; `why` is the detail for the message."""
-    return FilmDamaged(Sentence("damaged", "{film} is damaged ({why}). {again}", film=FILM, why=why, again=AGAIN))
+    return FilmDamaged(Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=AGAIN))
 
 
 def incomplete(has: int, recorded: int) -> FilmDamaged:
     """Returns the error for a film with fewer samples than the database records."""
     if not has:
-        return FilmDamaged(Sentence("missing-emptied-2", "{film} is missing or was emptied. {again}", film=FILM, again=AGAIN))
+        return FilmDamaged(Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=AGAIN))
     return FilmDamaged(
         Sentence(
-            "only-samples",
-            "{film} has only {has} of its {recorded} samples. Set the job to running for the rest.",
+            "film-samples-missing",
+            "{film} has only {found} of its {recorded} samples. Set the job to running for the rest.",
             film=FILM,
-            has=has,
+            found=has,
             recorded=recorded,
         )
     )
@@ -94,7 +92,7 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
 
 def another_has_it() -> FilmWaits:
     """Returns the error for a film that another service writes since it took over the farm."""
-    return FilmWaits(Sentence("now-belongs-another-service", "{film} now belongs to another service.", film=FILM))
+    return FilmWaits(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 
 def _told(code: int, message: str) -> FilmWaits | FilmLost:
@@ -104,18 +102,18 @@ def _told(code: int, message: str) -> FilmWaits | FilmLost:
         return FilmWaits(
             joined(
                 _with_why(PASSES[primary], why),
-                Sentence("job-goes-on-when-passed", "The job goes on when this has passed."),
+                Sentence("advice-job-continues", "The job goes on when this has passed."),
             )
         )
     if primary in STAYS or code == MOVED:
         return FilmLost(
             joined(
-                _with_why(Sentence("film-cannot-be-written", "The film of this job cannot be written"), why),
-                Sentence("repair-then-set-running", "Repair this, then set the job to running."),
+                _with_why(Sentence("film-not-writable", "The film of this job cannot be written"), why),
+                Sentence("advice-repair-and-set-running", "Repair this, then set the job to running."),
             )
         )
     return damaged(message)
 
 
 def _with_why(fact: str, why: str) -> str:
-    return Sentence("fact-with-reason", "{fact} ({why}).", fact=fact, why=why) if why else stopped(fact)
+    return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=why) if why else stopped(fact)

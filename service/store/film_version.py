@@ -55,11 +55,11 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
     if version > VERSION:
         raise FilmLost(
             Sentence(
-                "film-job-version",
+                "film-version-newer",
                 "The film of this job is of version {version}, and this release of Rayfarm reads films "
-                "up to version {version2}. Start the newer release again, or make a new job.",
+                "up to version {newest}. Start the newer release again, or make a new job.",
                 version=version,
-                version2=VERSION,
+                newest=VERSION,
             )
         )
     if version:

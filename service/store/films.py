@@ -330,7 +330,7 @@ class Film:
         with self._lock:
             self.load()
             if self._file is None:
-                raise FilmWaits(Sentence("film-job-no-samples-yet", "The film of this job has no samples yet."))
+                raise FilmWaits(Sentence("film-without-samples", "The film of this job has no samples yet."))
             return FilmMoment(self._path, self.width, self.height, self.film_exponent, self.tiles)
 
     def _exists(self) -> bool:

@@ -38,17 +38,17 @@ class KernelStore:
         path = self.find(name)
         data = b"" if path is None else path.read_bytes()
         if not is_signed(io.BytesIO(data), self._token):
-            raise NotFound(Sentence("farm-no-whole-kernels-name", "The farm has no whole kernels of this name; compile them."))
+            raise NotFound(Sentence("kernels-incomplete", "The farm has no whole kernels of this name; compile them."))
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
         """Stores an artefact atomically, and deletes the oldest beyond KEPT. Raises Invalid for an invalid name or signature."""
         if not is_name(name):
-            raise Invalid(Sentence("no-name-kernels", "This is no name of kernels: see renderer/kernel_file.py."))
+            raise Invalid(Sentence("kernels-name-invalid", "This is no name of kernels: see renderer/kernel_file.py."))
         if not is_signed(io.BytesIO(data), self._token):
             raise Invalid(
                 Sentence(
-                    "kernels-not-signed-with-farm",
+                    "kernels-signature-invalid",
                     "The kernels are not signed with this farm's token, or arrived damaged. Send them again.",
                 )
             )

@@ -72,7 +72,7 @@ class S3Blobs:
         except NotFound:
             raise Unavailable(
                 Sentence(
-                    "no-bucket",
+                    "object-store-bucket-missing",
                     "There is no bucket {bucket}. Make it, or set RAYFARM_BLOBS to another.",
                     bucket=self._bucket,
                 )
@@ -144,9 +144,9 @@ class S3Blobs:
             why = str(error).partition("\n")[0]
             raise Unavailable(
                 Sentence(
-                    "object-store-not-answer-should",
-                    "The object store does not answer as it should ({why}). Try again; see RAYFARM_BLOBS and AWS_*.",
-                    why=why,
+                    "object-store-failed",
+                    "The object store does not answer as it should ({reason}). Try again; see RAYFARM_BLOBS and AWS_*.",
+                    reason=why,
                 )
             ) from error
 

@@ -39,11 +39,11 @@ class Turns:
             try:
                 if not self._free.wait_for(lambda: not self._is_taken and self._line[0] == ticket, patience_s):
                     sentence = Sentence(
-                        "database-not-answer-others-written",
-                        "The database does not answer (others have written for {patience_s} s).",
-                        patience_s=f"{patience_s:g}",
+                        "database-write-timeout",
+                        "The database does not answer (others have written for {seconds} s).",
+                        seconds=f"{patience_s:g}",
                     )
-                    raise Unavailable(sentence, advice=Sentence("try-again", "Try again."))
+                    raise Unavailable(sentence, advice=Sentence("advice-retry", "Try again."))
                 self._is_taken = True
             finally:
                 self._line.remove(ticket)

@@ -60,7 +60,7 @@ class Explaining:
         if not kinds and not ready:
             raise Unavailable(
                 Sentence(
-                    "explaining-pixel-needs-worker",
+                    "pixel-needs-worker",
                     "Explaining a pixel needs a worker, and none is ready. Start one, or resume one that is "
                     "paused, then ask again.",
                 )
@@ -68,7 +68,7 @@ class Explaining:
         if not kinds:
             raise Unavailable(
                 Sentence(
-                    "connected-workers-older-release",
+                    "pixel-workers-too-old",
                     "The connected workers are of an older release, which explains no pixels. Start newer ones.",
                 )
             )
@@ -80,9 +80,7 @@ class Explaining:
         The message id of `work` is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
-            raise Unavailable(
-                Sentence("other-pixels-being-explained", "Other pixels are being explained. Try again in a moment."), 2.0
-            )
+            raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)
         try:
             unfit, queue, losses = UnfitMachines(), view_queue(kind), 0
             while losses < ASKED_AT_MOST:
@@ -99,9 +97,7 @@ class Explaining:
                         raise Failed(unfit.sentence(work.job, "explain this pixel"))
                     queue = place.queue
             raise Unavailable(
-                Sentence(
-                    "worker-lost-while-followed-pixel", "The worker was lost while it followed the pixel's paths. Try again."
-                ),
+                Sentence("pixel-worker-lost", "The worker was lost while it followed the pixel's paths. Try again."),
                 2.0,
             )
         except (redis.RedisError, QueueError) as error:
@@ -124,19 +120,19 @@ class Explaining:
                 if is_compiling:
                     raise Unavailable(
                         Sentence(
-                            "makes-kernel-for-ready",
-                            "{holder} makes the kernel for it ready: a minute or two, once. Ask again then.",
-                            holder=holder,
+                            "pixel-kernel-compiling",
+                            "{worker} makes the kernel for it ready: a minute or two, once. Ask again then.",
+                            worker=holder,
                         ),
                         15.0,
                     )
                 late = (
-                    Sentence("did-not-answer-time", "{holder} did not answer in time.", holder=holder)
+                    Sentence("pixel-worker-timeout", "{worker} did not answer in time.", worker=holder)
                     if holder
-                    else Sentence("no-worker-had-time-for", "No worker had time for it; all slots are busy.")
+                    else Sentence("pixel-slots-busy", "No worker had time for it; all slots are busy.")
                 )
                 raise TooLate(
-                    Sentence("pixel-could-not-explained-try", "The pixel could not be explained: {late} Try again.", late=late)
+                    Sentence("pixel-not-explained-late", "The pixel could not be explained: {reason} Try again.", reason=late)
                 )
             found: Any = self._redis.blpop([explained_key(work.message)], timeout=LOOK_S)
             if found is None:
@@ -158,17 +154,17 @@ class Explaining:
                 case "returned":
                     raise Unavailable(
                         Sentence(
-                            "pixel-could-not-explained-try-again",
-                            "The pixel could not be explained: {why}. Try again.",
-                            why=_why(answer),
+                            "pixel-not-explained-retry",
+                            "The pixel could not be explained: {reason}. Try again.",
+                            reason=_why(answer),
                         ),
                         2.0,
                     )
                 case _:
                     raise Failed(
-                        Sentence("pixel-could-not-explained", "The pixel could not be explained: {why}.", why=_why(answer))
+                        Sentence("pixel-not-explained", "The pixel could not be explained: {reason}.", reason=_why(answer))
                     )
-        raise Unavailable(Sentence("service-going-down-try", "The service is going down. Try again when it is back."))
+        raise Unavailable(Sentence("service-stopping-retry", "The service is going down. Try again when it is back."))
 
 
 def _understood(data: bytes) -> dict[str, Any]:
@@ -186,7 +182,7 @@ def no_sense() -> Failed:
     """The error for an answer that is not an explanation."""
     return Failed(
         Sentence(
-            "worker-answer-cannot-read",
+            "worker-answer-unreadable",
             "The worker's answer cannot be read. Run the same release of Rayfarm on all machines.",
         )
     )

@@ -11,7 +11,7 @@ __all__ = ["FULL", "MAX_PIXELS", "fits_in_memory"]
 
 MAX_PIXELS = 1 << 24  # about 1 GB
 FULL = Sentence(
-    "many-look-scenes-now-another", "So many look at scenes now that another view has no room. It comes when one of them leaves."
+    "view-slots-exhausted", "So many look at scenes now that another view has no room. It comes when one of them leaves."
 )
 
 

@@ -72,7 +72,7 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
     request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
     """
     if scene.status == "failed":
-        raise Conflict(Sentence("scene-cannot-rendered", "The scene cannot be rendered: {error}", error=scene.error))
+        raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
     job = Job(request=request, spp=1, noise=None, seconds=None, tile_size=64, shot=None)
     try:
         resolve(job, scene, MOST_PIXELS)

@@ -327,7 +327,7 @@ class ViewScheduler:
             case "compiling":
                 self._tell(
                     session,
-                    Sentence("kernel-for-scene-made-ready", "The kernel for this scene is made ready: a minute or two, once."),
+                    Sentence("view-kernel-compiling", "The kernel for this scene is made ready: a minute or two, once."),
                 )
             case "part":
                 self._hear_part(out, answer)
@@ -409,7 +409,7 @@ class ViewScheduler:
                 self._tell(session, self._workers.why_unavailable(session.request))
             own = [out for out in self._out.values() if out.session is session]
             if own and not session.has_picture and now - session.begun > 1.0 and not any(out.has_started for out in own):
-                self._tell(session, Sentence("waits-for-free-slot", "Waits for a free slot."), self._workers.slots(session.kind))
+                self._tell(session, Sentence("view-waits-for-slot", "Waits for a free slot."), self._workers.slots(session.kind))
 
     def _fail(self, session: ViewSession, error: str) -> None:
         self._withdraw(session)

@@ -71,10 +71,10 @@ def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
                 container.mux(stream.encode(None))
     except av.FFmpegError as error:
         raise SettingsError(
-            Sentence("film-cannot-written", "{name}: the film cannot be written ({error})", name=path.name, error=error)
+            Sentence("video-not-writable", "{name}: the film cannot be written ({error})", name=path.name, error=error)
         ) from error
     if not count:
-        raise SettingsError(Sentence("no-frame-show", "{name}: there is no frame to show", name=path.name))
+        raise SettingsError(Sentence("video-without-frames", "{name}: there is no frame to show", name=path.name))
     return count
 
 
@@ -101,7 +101,7 @@ def _stream(container: Any, kind: str, shape: tuple[int, ...], fps: Fraction) ->
         return stream
     raise SettingsError(
         Sentence(
-            "ffmpeg-machine-none",
+            "video-codec-missing",
             ".{kind}: the FFmpeg of this machine has none of {codecs}",
             kind=kind,
             codecs=[name for name, _ in _CODECS[kind]],

@@ -62,26 +62,20 @@ class PictureWish:
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
-                    "aov-holds-one-plane",
-                    "aov: a .{extension} holds one plane; ask for one, or for image.exr.",
-                    extension=self.extension,
+                    "aov-one-plane-only",
+                    "aov: a .{format} holds one plane; ask for one, or for image.exr.",
+                    format=self.extension,
                 )
             )
         if self.planes and self.extension == "rgb9e5":
-            raise Invalid(
-                Sentence("aov-rgb9e5-holds-colour-alone", "aov: rgb9e5 holds colour alone; ask for image.exr or image.png.")
-            )
+            raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour alone; ask for image.exr or image.png."))
         if aovs.MOTION in self.planes and self.width is not None:
             raise Invalid(
-                Sentence(
-                    "width-motion-told-pixels-whole", "width: motion is told in pixels of the whole picture; leave width out."
-                )
+                Sentence("aov-motion-with-width", "width: motion is told in pixels of the whole picture; leave width out.")
             )
         if self.planes == (aovs.MOTION,) and self.extension == "hdr":
             raise Invalid(
-                Sentence(
-                    "aov-motion-four-values-pixel", "aov: motion has four values a pixel, and a .hdr three; ask for image.exr."
-                )
+                Sentence("aov-motion-not-hdr", "aov: motion has four values a pixel, and a .hdr three; ask for image.exr.")
             )
 
     @property

@@ -73,9 +73,9 @@ class Pool:
         if is_full or (own and self.asked >= MOST_OF_ALL):
             raise Unavailable(
                 Sentence(
-                    "other-pictures-asked-for-not",
-                    "{own} other pictures that you asked for are not made yet. Try again in a moment.",
-                    own=own,
+                    "picture-requests-too-many",
+                    "{count} other pictures that you asked for are not made yet. Try again in a moment.",
+                    count=own,
                 ),
                 retry_after_s=min(math.ceil(wait_s / 2) + 1, MOST_RETRY_S),
             )

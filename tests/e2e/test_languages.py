@@ -19,7 +19,7 @@ HEADINGS = {
 }
 # What the example scene is called, by its file and so in every language.
 NAME = "Spheres"
-CODE = "vertices-positions-not-finite"
+CODE = "mesh-vertices-not-finite"
 TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 
 
@@ -96,7 +96,7 @@ def test_what_the_service_says_is_translated_by_its_code(farm: Farm, foreign: tu
     page.goto(f"{farm.url}/#/scenes/{scene}")
     expect(page.get_by_text(shown)).to_be_visible()
     problem = httpx.get(f"{farm.url}/api/jobs/none").json()
-    assert (problem["code"], problem["params"]) == ("no-job", {"id": "'none'"}) and problem["detail"].startswith(
+    assert (problem["code"], problem["params"]) == ("job-not-found", {"id": "'none'"}) and problem["detail"].startswith(
         "There is no job"
     )
 

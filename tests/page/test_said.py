@@ -11,7 +11,7 @@ from renderer.sentences import Sentence, times
 from tests.helpers import ROOT
 from tests.page.node import Node
 
-NO_JOB = Sentence("no-job", "There is no job {id}. GET /api/jobs lists those that are there.", id="'x'")
+NO_JOB = Sentence("job-not-found", "There is no job {id}. GET /api/jobs lists those that are there.", id="'x'")
 SAID = "return a.map(([text, coded]) => m.said(text, coded));"
 
 
@@ -22,7 +22,7 @@ def said(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE") ->
 
 
 def test_a_code_is_translated_with_its_values(program: str) -> None:
-    german = json.loads((ROOT / "web/words/service.de.json").read_text())["no-job"].replace("{id}", "'x'")
+    german = json.loads((ROOT / "web/words/service.de.json").read_text())["job-not-found"].replace("{id}", "'x'")
     assert said(program, (NO_JOB, NO_JOB.coded)) == [german] and german != NO_JOB
     assert said(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
 
@@ -34,11 +34,11 @@ def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
 
 
 def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
-    inner = Sentence("waits-for-worker", "Waits for a worker.")
+    inner = Sentence("view-waits-for-worker", "Waits for a worker.")
     german = json.loads((ROOT / "web/words/service.de.json").read_text())
     outer = times(inner.removesuffix("."), 3)
     assert isinstance(outer, Sentence)
-    within = german["waits-for-worker"].rstrip(".")
+    within = german["view-waits-for-worker"].rstrip(".")
     assert within in said(program, (outer, outer.coded))[0]
 
 

@@ -82,7 +82,8 @@ def test_frames_are_what_the_renderer_takes_them_for(node: Node) -> None:
 
 def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
     problem = (
-        '{"title": "Insufficient Storage", "detail": "The upload is empty.", "status": 507, "code": "upload-empty", "params": {}}'
+        '{"title": "Insufficient Storage", "detail": "The upload is empty.", "status": 507, '
+        '"code": "upload-without-files", "params": {}}'
     )
     told = german.call("news/api", "return m.errorOf(507, a).message;", problem)
     assert told == "Der Upload ist leer. Die Dateien wählen, die hinzukommen sollen."

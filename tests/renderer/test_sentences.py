@@ -13,7 +13,7 @@ from renderer.errors import SceneError
 from renderer.sentences import Sentence, codes_of, decoded, encoded, joined, stopped, times
 
 INNER = Sentence("image-cut-off", "{name}: the image is cut off; export it again.", name="a.png")
-OUTER = Sentence("left-out", "{error}; rendered without {n} of them.", error=INNER, n=3)
+OUTER = Sentence("texture-left-out", "{error}; rendered without {n} of them.", error=INNER, n=3)
 
 
 def test_a_sentence_is_its_english_text() -> None:

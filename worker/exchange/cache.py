@@ -118,7 +118,7 @@ class BlobCache:
                 if hashlib.file_digest(file, "sha256").hexdigest() != target.name:
                     raise WorkError(
                         Sentence(
-                            "part-compiled-scene-not-name",
+                            "cache-part-damaged",
                             "a part of the compiled scene is not what its name says; prepare the scene again",
                         )
                     )
@@ -169,7 +169,7 @@ class BlobCache:
             if error.errno in FULL:
                 raise MachineError(
                     Sentence(
-                        "no-room-for-scene",
+                        "cache-disk-full",
                         "there is no room for a scene in {folder}. Free some, or set RAYFARM_CACHE to a larger disk.",
                         folder=self.folder,
                     )
@@ -177,11 +177,11 @@ class BlobCache:
             why = error.strerror or str(error)
             raise MachineError(
                 Sentence(
-                    "cache-cannot-used",
-                    "the cache {folder} cannot be used ({why}). Let this user write there, or set "
+                    "cache-folder-unusable",
+                    "the cache {folder} cannot be used ({reason}). Let this user write there, or set "
                     "RAYFARM_CACHE to another folder.",
                     folder=self.folder,
-                    why=why,
+                    reason=why,
                 )
             ) from error
 

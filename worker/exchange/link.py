@@ -61,21 +61,21 @@ class Link:
         if not token.strip():
             raise RefusedError(
                 Sentence(
-                    "worker-shows-farm-token",
+                    "worker-token-missing",
                     "A worker shows the farm's token, and RAYFARM_TOKEN is empty. Set it to the one that `rayfarm up` shows.",
                 )
             )
         if not (token.isascii() and token.isprintable()):
             raise RefusedError(
                 Sentence(
-                    "token-characters-no-token",
+                    "worker-token-malformed",
                     "The token has characters that no token has. Take the one that `rayfarm up` shows.",
                 )
             )
         if not is_address(self.service):
             raise RefusedError(
                 Sentence(
-                    "no-address-service",
+                    "service-address-invalid",
                     "{service} is no address of a service; give one as http://host:8000",
                     service=repr(service),
                 )
@@ -93,7 +93,7 @@ class Link:
                 verify = as_needed(trust(), self.service)
             except (OSError, ValueError) as error:
                 raise RefusedError(
-                    Sentence("farm-certificate-cannot-read", "The farm's certificate cannot be read: {error}.", error=error)
+                    Sentence("farm-certificate-unreadable", "The farm's certificate cannot be read: {error}.", error=error)
                 ) from None
             self._client = httpx.Client(
                 base_url=self.service, headers=headers, timeout=TIMEOUT, verify=verify, trust_env=not is_here(self.service)
@@ -128,7 +128,7 @@ class Link:
         except ValueError as error:
             raise NotAFarmError(
                 Sentence(
-                    "sends-manifest-cannot-read",
+                    "service-manifest-unreadable",
                     "{service} sends a manifest that cannot be read ({error})",
                     service=self.service,
                     error=error,
@@ -145,7 +145,7 @@ class Link:
         if digest.hexdigest() != sha256:
             raise DamagedError(
                 Sentence(
-                    "blob-arrived-damaged-from",
+                    "blob-download-damaged",
                     "blob {sha256} arrived damaged from {service}",
                     sha256=sha256[:12],
                     service=self.service,
@@ -159,7 +159,7 @@ class Link:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
             except (KeyError, ValueError) as error:
                 raise NotAFarmError(
-                    Sentence("not-say-means", "{service} does not say of what its means are", service=self.service)
+                    Sentence("service-length-missing", "{service} does not say of what its means are", service=self.service)
                 ) from error
             for chunk in response.iter_bytes(CHUNK):
                 out.write(chunk)
@@ -236,10 +236,10 @@ class Link:
             if time.monotonic() > deadline:
                 raise LinkError(
                     Sentence(
-                        "takes-longer-than-s-for",
-                        "{service} takes longer than {answer_s} s for a short answer",
+                        "service-answer-timeout",
+                        "{service} takes longer than {seconds} s for a short answer",
                         service=self.service,
-                        answer_s=f"{ANSWER_S:.0f}",
+                        seconds=f"{ANSWER_S:.0f}",
                     )
                 )
         return bytes(body)
@@ -254,7 +254,7 @@ class Link:
         except (httpx.HTTPError, httpx.StreamError, httpx.InvalidURL, UnicodeError) as error:
             raise LinkError(
                 Sentence(
-                    "no-answer-from",
+                    "service-not-reachable",
                     "no answer from {service} ({error})",
                     service=self.service,
                     error=error or type(error).__name__,
@@ -279,11 +279,11 @@ class Link:
         if response.is_redirect:
             raise NotAFarmError(
                 Sentence(
-                    "sends-workers",
-                    "{service} sends workers on to {get}. Give the address that `rayfarm up` shows; where a "
+                    "service-redirects-worker",
+                    "{service} sends workers on to {address}. Give the address that `rayfarm up` shows; where a "
                     "login stands before the farm, it must let /api/farm/ through.",
                     service=self.service,
-                    get=repr(response.headers.get("Location", "another address")),
+                    address=repr(response.headers.get("Location", "another address")),
                 )
             )
         if status >= 500 or status in MAY_PASS:

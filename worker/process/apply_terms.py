@@ -112,7 +112,7 @@ class Keeping:
     def _outside(self, terms: Terms) -> str | None:
         if not terms.hours or Hours.parse(terms.hours).are_now(self.clock()):
             return None
-        return Sentence("outside-hours", "Outside its hours: {hours}.", hours=terms.hours)
+        return Sentence("worker-outside-hours", "Outside its hours: {hours}.", hours=terms.hours)
 
     def _at_work(self, terms: Terms) -> str | None:
         if not terms.idle_minutes:
@@ -120,9 +120,9 @@ class Keeping:
         left = 60 * terms.idle_minutes - self.presence.idle_s()
         return (
             Sentence(
-                "somebody-works-machine",
-                "Somebody works at this machine; it begins when nobody has for {idle_minutes} minutes.",
-                idle_minutes=f"{terms.idle_minutes:g}",
+                "worker-machine-in-use",
+                "Somebody works at this machine; it begins when nobody has for {minutes} minutes.",
+                minutes=f"{terms.idle_minutes:g}",
             )
             if left > 0
             else None
@@ -137,9 +137,9 @@ class Keeping:
         if not self._is_over or not terms.memory:
             return None
         return Sentence(
-            "uses-more-memory-than-limit",
-            "It uses more memory than its limit of {memory} GB.",
-            memory=f"{terms.memory / 1000000000.0:.3g}",
+            "worker-over-memory-limit",
+            "It uses more memory than its limit of {limit} GB.",
+            limit=f"{terms.memory / 1000000000.0:.3g}",
         )
 
     def _be_nice(self, nice: int | None) -> None:
@@ -153,10 +153,10 @@ class Keeping:
                     os.setpriority(os.PRIO_PROCESS, pid, wanted)
             except PermissionError:
                 self.trouble = Sentence(
-                    "stays-only-root-lower",
-                    "{nice} stays at {getpriority}: only root may lower it. Start it anew.",
+                    "worker-nice-not-lowerable",
+                    "{nice} stays at {current}: only root may lower it. Start it anew.",
                     nice=NICE,
-                    getpriority=os.getpriority(os.PRIO_PROCESS, 0),
+                    current=os.getpriority(os.PRIO_PROCESS, 0),
                 )
                 return
             except ProcessLookupError:

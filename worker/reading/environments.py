@@ -31,7 +31,7 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
     if not NARROWEST < width / height < WIDEST:
         raise SceneError(
             Sentence(
-                "x-environment-shows-directions",
+                "environment-not-equirectangular",
                 "{path}: is {width}x{height}; an environment shows all directions, and so is twice as "
                 "wide as high (equirectangular, also called latitude-longitude)",
                 path=path,
@@ -42,7 +42,7 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
     if pixels.dtype != np.float32:
         pixels = (pixels[..., :3].astype(np.float32) / np.iinfo(pixels.dtype).max) ** 2.2
     if not np.isfinite(pixels[..., :3]).any() or not pixels[..., :3].any():
-        raise SceneError(Sentence("black-over", "{path}: is black all over; it lights nothing", path=path))
+        raise SceneError(Sentence("environment-black", "{path}: is black all over; it lights nothing", path=path))
     return np.asarray(pixels[..., :3])
 
 

@@ -45,7 +45,7 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     summary["lights_power"] = kept.lights_power
     assert kept.cuts is not None
     summary["compiled"] = Saver(folder_of(out)).save(compiled, kept.cuts).name  # shares parts with other frames
-    progress(Sentence("rendering-thumbnail", "rendering a thumbnail"), 0.85)
+    progress(Sentence("progress-thumbnail", "rendering a thumbnail"), 0.85)
     render_thumbnail(compiled, summary, link, folder_of(out) / THUMBNAIL)
     return summary
 

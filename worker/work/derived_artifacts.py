@@ -57,9 +57,9 @@ class Aside(Generic[Work]):
         with InHand(worker, {self.shown_as: work.job, "frame": work.frame}):
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
                 died = Sentence(
-                    "worker-died-while-making",
-                    "the worker process died {n} times while it tried to {task}",
-                    n=DEATHS_ALLOWED,
+                    "worker-died-during-task",
+                    "the worker process died {count} times while it tried to {task}",
+                    count=DEATHS_ALLOWED,
                     task=self.task,
                 )
                 return self._failure(worker, work.work, died)
@@ -72,18 +72,18 @@ class Aside(Generic[Work]):
                 return self._failure(worker, work.work, str(error), unfit=True)
             except WorkerError as error:
                 sentence = Sentence(
-                    "could-not", "{name} could not {task}: {error}", name=worker.name, task=self.task, error=error
+                    "worker-task-failed", "{worker} could not {task}: {error}", worker=worker.name, task=self.task, error=error
                 )
             except OSError as error:
                 if is_of_machine(error):
                     return self._failure(
                         worker,
                         work.work,
-                        Sentence("machine-could-not-make", "this machine could not {task}: {error}", task=self.task, error=error),
+                        Sentence("machine-task-failed", "this machine could not {task}: {error}", task=self.task, error=error),
                         unfit=True,
                     )
                 sentence = Sentence(
-                    "worker-has-no-room-to-make",
+                    "worker-task-without-room",
                     "{worker} has no room to {task}: {error}",
                     worker=worker.name,
                     task=self.task,
@@ -93,13 +93,13 @@ class Aside(Generic[Work]):
                 return self._failure(
                     worker,
                     work.work,
-                    Sentence("too-little-memory-to-make", "there is too little memory to {task}", task=self.task),
+                    Sentence("task-memory-exhausted", "there is too little memory to {task}", task=self.task),
                     unfit=True,
                 )
             except Exception as error:
                 log.exception("could not %s", self.task)
                 sentence = Sentence(
-                    "worker-failed-to-make",
+                    "worker-task-error",
                     "{worker} could not {task} ({kind}: {error})",
                     worker=worker.name,
                     task=self.task,

@@ -65,14 +65,16 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             worker,
             work.message,
             "returned",
-            error=Sentence("hands-back", "{name} hands it back: {error}", name=worker.name, error=error),
+            error=Sentence("worker-returned-request", "{worker} hands it back: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         say(
             worker,
             work.message,
             "failed",
-            error=Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error),
+            error=Sentence(
+                "worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error
+            ),
         )
     except RayfarmError as error:
         say(worker, work.message, "failed", error=str(error))
@@ -81,7 +83,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             worker,
             work.message,
             "returned",
-            error=Sentence("too-little-memory-for-scene", "there is too little memory for this scene"),
+            error=Sentence("scene-memory-exhausted", "there is too little memory for this scene"),
             unfit=True,
         )
     except Exception as error:  # any error fails this pixel only, not the worker
@@ -91,10 +93,10 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             work.message,
             "failed",
             error=Sentence(
-                "could-not-follow",
-                "{name} could not follow it ({name2}: {error})",
-                name=worker.name,
-                name2=type(error).__name__,
+                "worker-paths-failed",
+                "{worker} could not follow it ({kind}: {error})",
+                worker=worker.name,
+                kind=type(error).__name__,
                 error=error,
             ),
         )

@@ -29,7 +29,7 @@ def _place(blob: Path, folder: Path, name: str) -> None:
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(
-            Sentence("path-climbs-out-upload", "{name} is a path that climbs out of the upload; rename it.", name=repr(name))
+            Sentence("file-path-outside-upload", "{name} is a path that climbs out of the upload; rename it.", name=repr(name))
         )
     target = folder.joinpath(*(os.fsdecode(part.encode("utf-8", "surrogateescape")) for part in parts))
     try:
@@ -41,16 +41,16 @@ def _place(blob: Path, folder: Path, name: str) -> None:
         if not blob.is_file():
             raise MachineError(
                 Sentence(
-                    "scene-files-not-stay-cache",
+                    "cache-files-evicted",
                     "the scene's files do not stay in the cache while they are needed; give it more room",
                 )
             ) from error
         raise WorkError(
             Sentence(
-                "cannot-name-file",
-                "{name} cannot be the name of a file here ({strerror}); rename it.",
+                "file-name-not-possible",
+                "{name} cannot be the name of a file here ({error}); rename it.",
                 name=repr(name),
-                strerror=error.strerror,
+                error=error.strerror,
             )
         ) from error
 

@@ -98,7 +98,7 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
         if frame not in left:
             raise WorkError(
                 Sentence(
-                    "reader-answers-for-frame",
+                    "reader-frame-unexpected",
                     "{file}: its reader answers for frame {frame}, which it was not asked for",
                     file=manifest.main,
                     frame=str(frame)[:20],
@@ -139,10 +139,10 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
             raise
         raise MachineError(
             Sentence(
-                "machine-cannot-keep-scene-files",
-                "this machine cannot keep a scene's files ({strerror}: {filename})",
-                strerror=error.strerror,
-                filename=error.filename,
+                "machine-file-storage-failed",
+                "this machine cannot keep a scene's files ({error}: {path})",
+                error=error.strerror,
+                path=error.filename,
             )
         ) from error
 

@@ -55,21 +55,21 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
             raise
         raise MachineError(
             Sentence(
-                "machine-cannot-keep-scene-files",
-                "this machine cannot keep a scene's files ({strerror}: {filename})",
-                strerror=error.strerror,
-                filename=error.filename,
+                "machine-file-storage-failed",
+                "this machine cannot keep a scene's files ({error}: {path})",
+                error=error.strerror,
+                path=error.filename,
             )
         ) from error
 
 
 def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None], begun: float) -> SceneInfo:
     with Room("prepare") as room:
-        progress(Sentence("fetching-files", "fetching files"), 0.0)
+        progress(Sentence("progress-fetching-files", "fetching files"), 0.0)
         place_files(worker, manifest, room.scene)
         read, written = manifest, list[str]()
         if is_blend(manifest.main):
-            progress(Sentence("opening-blender", "opening in Blender"), 0.02)
+            progress(Sentence("progress-opening-blender", "opening in Blender"), 0.02)
             written = _opened(manifest, room)
             read = replace(manifest, main=written[0])
         folder = room.folder / WRITTEN if written else room.scene
@@ -92,7 +92,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str
     except (KeyError, TypeError, AttributeError) as error:
         raise WorkError(
             Sentence(
-                "reader-summary-lacks-belongs",
+                "reader-summary-incomplete",
                 "{file}: its reader's summary lacks what belongs there ({error})",
                 file=manifest.main,
                 error=error,
@@ -141,7 +141,7 @@ def _opened(manifest: Manifest, room: Room) -> list[str]:
         if (blender := find()) is None:
             raise WorkError(
                 Sentence(
-                    "worker-no-blender-any-more",
+                    "worker-without-blender",
                     "{file}: this worker has no Blender any more; start it anew with --blender",
                     file=manifest.main,
                 )

@@ -132,7 +132,7 @@ class Room:
             seconds,
             subject,
             "that this worker grants one scene",
-            Sentence("make-smaller-split", "Make it smaller, or split it into several."),
+            Sentence("advice-shrink-or-split", "Make it smaller, or split it into several."),
         )
         more = [_ALL_PREPARING] if jit.is_cached(kernel_name(edition=FULL)) else []  # do not wait while it is compiled
         calls = {**calls_of_reader(self.scene, self.folder), **(calls or {})}
@@ -153,7 +153,7 @@ class Room:
             if not _PLAIN_NAME.fullmatch(part) or path.is_symlink():
                 raise WorkError(
                     Sentence(
-                        "scene-reader-names-file-none",
+                        "reader-file-name-invalid",
                         "the scene's reader names a file as none is named: {name}",
                         name=repr(str(name)[:100]),
                     )
@@ -161,7 +161,7 @@ class Room:
             path /= part
         if not self.has(path):
             raise WorkError(
-                Sentence("scene-reader-wrote-no-file", "the scene's reader wrote no file {name}", name=repr(str(name)[:100]))
+                Sentence("reader-file-missing", "the scene's reader wrote no file {name}", name=repr(str(name)[:100]))
             )
         return path
 
@@ -182,9 +182,9 @@ class Room:
         if path.stat().st_size > _MOST_MANIFEST:
             raise WorkError(
                 Sentence(
-                    "scene-reader-wrote-manifest-bytes",
-                    "the scene's reader wrote a manifest of {st_size} bytes",
-                    st_size=path.stat().st_size,
+                    "reader-manifest-too-large",
+                    "the scene's reader wrote a manifest of {bytes} bytes",
+                    bytes=path.stat().st_size,
                 )
             )
         with as_of_worker():
@@ -193,7 +193,7 @@ class Room:
                 if os.path.lexists(beside) and not self.has(beside):
                     raise WorkError(
                         Sentence(
-                            "scene-reader-wrote-part-no",
+                            "reader-part-not-file",
                             "the scene's reader wrote a part that is no file: {sha256}",
                             sha256=part.sha256,
                         )

@@ -53,11 +53,15 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except Trouble as error:
         return returned(
-            worker, batch, Sentence("hands-batch-back", "{name} hands a batch back: {error}", name=worker.name, error=error)
+            worker,
+            batch,
+            Sentence("worker-returned-batch", "{worker} hands a batch back: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         return failure(
-            worker, batch, Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error)
+            worker,
+            batch,
+            Sentence("worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error),
         )
     except RayfarmError as error:
         return failure(worker, batch, str(error))
@@ -90,9 +94,9 @@ def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exceptio
     """The event of a batch message that this release cannot parse, from the JSON of RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(
-        "not-understand-batch",
-        "{name} does not understand the batch ({error}). Run the same release of Rayfarm on all machines.",
-        name=worker.name,
+        "worker-batch-unreadable",
+        "{worker} does not understand the batch ({error}). Run the same release of Rayfarm on all machines.",
+        worker=worker.name,
         error=error,
     )
     return Result({"type": "batch-failed", **event, "worker": worker.name, "error": sentence, "reproduce": None})

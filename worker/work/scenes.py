@@ -58,9 +58,7 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
     try:
         return worker.cache.path(part.sha256, part.size)
     except RefusedError as error:
-        raise MachineError(
-            Sentence("part-compiled-scene-gone", "a part of a compiled scene is gone; it is compiled again")
-        ) from error
+        raise MachineError(Sentence("compiled-part-gone", "a part of a compiled scene is gone; it is compiled again")) from error
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
@@ -79,7 +77,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
         if not is_of_machine(error):
             raise
         raise MachineError(
-            Sentence("cached-scene-cannot-read", "the cached scene cannot be read ({strerror})", strerror=error.strerror)
+            Sentence("cached-scene-unreadable", "the cached scene cannot be read ({error})", error=error.strerror)
         ) from error
     return load(cache.path(sha256), cache.path)
 

@@ -97,29 +97,31 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     except Trouble as error:
         answering.send(
             "returned",
-            error=Sentence("worker-hands-view-back", "{worker} hands a view back: {error}", worker=worker.name, error=error),
+            error=Sentence("worker-returned-view", "{worker} hands a view back: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
         answering.send(
             "returned",
-            error=Sentence("cannot-fetch-scene", "{name} cannot fetch the scene: {error}", name=worker.name, error=error),
+            error=Sentence(
+                "worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error
+            ),
         )
     except RayfarmError as error:
         answering.send("failed", error=str(error))
     except MemoryError:
         answering.send(
             "returned",
-            error=Sentence("too-little-memory-for-scene-2", "{name} has too little memory for this scene.", name=worker.name),
+            error=Sentence("worker-memory-exhausted", "{worker} has too little memory for this scene.", worker=worker.name),
         )
     except Exception as error:  # any error fails this view only, not the worker
         log.exception("a view failed")
         answering.send(
             "failed",
             error=Sentence(
-                "could-not-render-view",
-                "{name} could not render the view ({name2}: {error}).",
-                name=worker.name,
-                name2=type(error).__name__,
+                "worker-view-failed",
+                "{worker} could not render the view ({kind}: {error}).",
+                worker=worker.name,
+                kind=type(error).__name__,
                 error=error,
             ),
         )
@@ -144,22 +146,22 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         answering.send("returned", error=str(error), unfit=True)
     except MemoryError:
         answering.send(
-            "returned", error=Sentence("too-little-memory-for-frame", "there is too little memory for this frame"), unfit=True
+            "returned", error=Sentence("frame-memory-exhausted", "there is too little memory for this frame"), unfit=True
         )
     except (Trouble, RefusedError) as error:
         answering.send(
             "returned",
-            error=Sentence("worker-hands-frame-back", "{worker} hands a frame back: {error}", worker=worker.name, error=error),
+            error=Sentence("worker-returned-frame", "{worker} hands a frame back: {error}", worker=worker.name, error=error),
         )
     except Exception as error:
         log.exception("a frame of a view failed")
         answering.send(
             "failed",
             error=Sentence(
-                "could-not-prepare-frame",
-                "{name} could not prepare the frame ({name2}: {error}).",
-                name=worker.name,
-                name2=type(error).__name__,
+                "worker-frame-failed",
+                "{worker} could not prepare the frame ({kind}: {error}).",
+                worker=worker.name,
+                kind=type(error).__name__,
                 error=error,
             ),
         )

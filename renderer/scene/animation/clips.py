@@ -26,7 +26,7 @@ def others_of(file: str, clips: Sequence[Clip]) -> str:
     others = [clip.name[:60] for clip in clips[1:]]
     more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
     return Sentence(
-        "shows-animation",
+        "animation-clip-chosen",
         "{file}: shows the animation {name}; as its clip you may choose {others}{more}.",
         file=file,
         name=repr(clips[0].name[:60]),

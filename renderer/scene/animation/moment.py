@@ -33,7 +33,7 @@ class Moment:
         if not 0 <= self.frame <= MAX_FRAME or not float(2 * self.frame).is_integer():
             raise SettingsError(
                 Sentence(
-                    "frame-takes-numbers-from-0",
+                    "frame-number-invalid",
                     "frame is {frame}; it takes numbers from 0 to {max_frame} in steps of a half",
                     frame=f"{self.frame:g}",
                     max_frame=MAX_FRAME,
@@ -42,11 +42,11 @@ class Moment:
         if self.fps is not None and not LEAST_FPS <= self.fps <= MOST_FPS:
             raise SettingsError(
                 Sentence(
-                    "fps-takes-numbers-from",
-                    "fps is {fps}; it takes numbers from {least_fps} to {most_fps}",
+                    "fps-out-of-range",
+                    "fps is {fps}; it takes numbers from {least} to {most}",
                     fps=f"{self.fps:g}",
-                    least_fps=f"{LEAST_FPS:g}",
-                    most_fps=f"{MOST_FPS:g}",
+                    least=f"{LEAST_FPS:g}",
+                    most=f"{MOST_FPS:g}",
                 )
             )
 

@@ -43,28 +43,30 @@ def read_file(
         known = ", ".join(f.suffix for f in formats)
         raise SceneError(
             Sentence(
-                "no-scene-file-read",
-                "{name}: is no scene file that is read here; give one of {known}",
+                "scene-format-unknown",
+                "{name}: is no scene file that is read here; give one of {formats}",
                 name=name[:120],
-                known=known,
+                formats=known,
             )
         )
     if variant is not None and not format.has_variants:
         raise SceneError(
             Sentence(
-                "no-variants",
+                "format-without-variants",
                 "{name}: has no variants, as only glTF and USD files have; leave the variant out",
                 name=name,
             )
         )
     if moment.clip is not None and not format.moves:
         raise SceneError(
-            Sentence("no-clips", "{name}: has no clips, as glTF, USD and FBX files have; leave the clip out", name=name)
+            Sentence(
+                "format-without-clips", "{name}: has no clips, as glTF, USD and FBX files have; leave the clip out", name=name
+            )
         )
     if thickness is not None and not format.has_lines:
         raise SceneError(
             Sentence(
-                "no-points-lines-give-thickness",
+                "format-without-thickness",
                 "{name}: has no points and lines to give a thickness, as glTF files have; leave the thickness out",
                 name=name,
             )
@@ -91,11 +93,11 @@ def read_file(
             raise
         raise SceneError(
             Sentence(
-                "could-not-read-damaged",
-                "{name}: could not be read as {suffix}; it may be damaged, export it again ({reason})",
+                "file-unreadable-as-format",
+                "{name}: could not be read as {format}; it may be damaged, export it again ({error})",
                 name=name,
-                suffix=suffix,
-                reason=_reason(error),
+                format=suffix,
+                error=_reason(error),
             )
         ) from error
     make_readable(description, files, name)

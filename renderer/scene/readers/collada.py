@@ -26,9 +26,9 @@ __all__ = ["read"]
 _ASPECT = 16 / 9  # of a camera without height and aspect ratio
 _FAR = 1e9
 _UNREAD: dict[str, str] = {
-    "spline": Sentence("splines-are", "splines are"),
-    "convex_mesh": Sentence("convex-hulls-convex-mesh-are", "convex hulls (convex_mesh) are"),
-    "brep": Sentence("boundary-representations-brep-are", "boundary representations (brep) are"),
+    "spline": Sentence("collada-splines", "splines are"),
+    "convex_mesh": Sentence("collada-convex-hulls", "convex hulls (convex_mesh) are"),
+    "brep": Sentence("collada-breps", "boundary representations (brep) are"),
 }
 _FALL = 0.75  # of Blender's blend: with it our quadratic falloff has the flux of Blender's smoothstep
 _NO_INDEX = re.compile(r"[^0-9\s]")
@@ -47,28 +47,30 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         assimp.read(files, main, description, moment, scale=1 / (metres or 1.0), change=lambda _: whole)
         if metres is None:
             description.warnings.append(
-                Sentence("unit-not-length", "{file}: its unit is not a length; it is read as a metre.", file=main)
+                Sentence("collada-unit-not-length", "{file}: its unit is not a length; it is read as a metre.", file=main)
             )
         for what, count in own.unread.items():
             description.warnings.append(
-                Sentence("left-out-2", "{file}: {count} {what} left out.", file=main, count=count, what=what)
+                Sentence(
+                    "collada-elements-left-out", "{file}: {count} {elements} left out.", file=main, count=count, elements=what
+                )
             )
         if own.guessed:
             description.warnings.append(
                 Sentence(
-                    "cameras-width-no-aspect-ratio",
-                    "{file}: {guessed} cameras have a width and no aspect ratio; 16:9 is taken for their height.",
+                    "collada-camera-aspect-guessed",
+                    "{file}: {count} cameras have a width and no aspect ratio; 16:9 is taken for their height.",
                     file=main,
-                    guessed=own.guessed,
+                    count=own.guessed,
                 )
             )
         if filled:
             description.warnings.append(
                 Sentence(
-                    "holes-polygons-could-not-cut",
-                    "{file}: {filled} holes of polygons could not be cut and are filled.",
+                    "collada-polygon-holes-filled",
+                    "{file}: {count} holes of polygons could not be cut and are filled.",
                     file=main,
-                    filled=filled,
+                    count=filled,
                 )
             )
         _set_lenses(description, own.lenses)
@@ -89,7 +91,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
             raise refused from None
         description.warnings.append(
             Sentence(
-                "read-without-cameras",
+                "collada-read-partially",
                 "{file}: is read without its cameras, lights and animation, as not all of it is Collada.",
                 file=main,
             )
@@ -140,7 +142,7 @@ def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
                 word = (before[len(before.rstrip("0123456789")) :] + text[odd.start() :][:20]).split()[0][:20]
                 raise SceneError(
                     Sentence(
-                        "list-corners-p-holds",
+                        "collada-index-invalid",
                         "{file}: a list of corners (<p>) holds {word}, which is no index; export the file again",
                         file=main,
                         word=repr(word),

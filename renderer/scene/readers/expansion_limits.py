@@ -40,7 +40,7 @@ def check_expansion(
             if sizes[key] > most:
                 raise SceneError(
                     Sentence(
-                        "references-nodes-show-more-than",
+                        "node-references-too-many",
                         "{file}: its references to nodes show more than {most} of them; fewer fit",
                         file=file,
                         most=most,
@@ -55,7 +55,7 @@ def check_expansion(
         elif child in within:
             raise SceneError(
                 Sentence(
-                    "nodes-contain-each-other-without",
+                    "nodes-contain-each-other",
                     "{file}: its nodes contain each other without end; export it again",
                     file=file,
                 )
@@ -64,10 +64,10 @@ def check_expansion(
             if len(path) >= MAX_DEPTH:
                 raise SceneError(
                     Sentence(
-                        "nodes-nested-more-than-deep",
-                        "{file}: its nodes are nested more than {max_depth} deep. Flatten its hierarchy",
+                        "nodes-nested-too-deep",
+                        "{file}: its nodes are nested more than {most} deep. Flatten its hierarchy",
                         file=file,
-                        max_depth=MAX_DEPTH,
+                        most=MAX_DEPTH,
                     )
                 )
             path.append((child, iter(below(child))))

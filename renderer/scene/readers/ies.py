@@ -65,10 +65,10 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     if len(data) > _MOST_BYTES:
         raise SceneError(
             Sentence(
-                "mib-ies-profile-some-kilobytes",
-                "{name}: has {n} MiB; an IES profile has some kilobytes",
+                "ies-file-too-large",
+                "{name}: has {mib} MiB; an IES profile has some kilobytes",
                 name=name,
-                n=len(data) >> 20,
+                mib=len(data) >> 20,
             )
         )
     text = data.decode("utf-8-sig", "replace")
@@ -76,7 +76,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     if tilt is None:
         raise SceneError(
             Sentence(
-                "no-ies-profile",
+                "ies-tilt-line-missing",
                 "{name}: is no IES profile: it has no line TILT=; export it again as IES LM-63",
                 name=name,
             )
@@ -90,14 +90,14 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         angles, factors = numbers.take(count, "tilt angles"), numbers.take(count, "tilt factors")
         factor = float(np.interp(0.0, angles, factors)) if count else 1.0
         if count and not np.allclose(factors, factor):
-            notes.append(Sentence("shines-upright", "{name}: shines as it does upright, however it is tilted", name=name))
+            notes.append(Sentence("ies-tilt-ignored", "{name}: shines as it does upright, however it is tilted", name=name))
     elif kind not in ("NONE", ""):
         notes.append(
             Sentence(
-                "tilt-another-file",
-                "{name}: its tilt is in another file, {kind}, and left out",
+                "ies-tilt-file-ignored",
+                "{name}: its tilt is in another file, {file}, and left out",
                 name=name,
-                kind=kind[:60],
+                file=kind[:60],
             )
         )
     _, _, multiplier = numbers.take(3, "lamps")
@@ -106,7 +106,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     if goniometry is None:
         raise SceneError(
             Sentence(
-                "photometric-type-none-1-c",
+                "ies-photometric-type-unknown",
                 "{name}: its photometric type is none of 1 (C), 2 (B) and 3 (A); export it again",
                 name=name,
             )
@@ -118,12 +118,12 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
     if vertical * horizontal > _MOST_VALUES:
         raise SceneError(
             Sentence(
-                "x-values",
-                "{name}: has {vertical} x {horizontal} values; at most {most_values} are read",
+                "ies-values-too-many",
+                "{name}: has {vertical} x {horizontal} values; at most {most} are read",
                 name=name,
                 vertical=vertical,
                 horizontal=horizontal,
-                most_values=_MOST_VALUES,
+                most=_MOST_VALUES,
             )
         )
     found = numbers.take(vertical, "vertical angles"), numbers.take(horizontal, "horizontal angles")
@@ -132,14 +132,16 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         if len(angles) == 0 or not (np.diff(angles) > _LEAST_STEP).all() or not abs(angles).max() <= 360:
             raise SceneError(
                 Sentence(
-                    "angles-not-ascend-within-360",
-                    "{name}: its {what} angles do not ascend within 360 degrees; export it again",
+                    "ies-angles-not-ascending",
+                    "{name}: its {axis} angles do not ascend within 360 degrees; export it again",
                     name=name,
-                    what=what,
+                    axis=what,
                 )
             )
     if not abs(candela).max() <= _MOST_CANDELA:
-        raise SceneError(Sentence("candela-out-bounds", "{name}: its candela are out of all bounds; export it again", name=name))
+        raise SceneError(
+            Sentence("ies-candela-out-of-range", "{name}: its candela are out of all bounds; export it again", name=name)
+        )
     return _Web(goniometry, *found, np.maximum(candela, 0.0))
 
 
@@ -156,10 +158,10 @@ class _Numbers:
         if len(words) < count:
             raise SceneError(
                 Sentence(
-                    "ends-where",
-                    "{name}: ends where its {what} are to be; give the whole file",
+                    "ies-file-cut-off",
+                    "{name}: ends where its {values} are to be; give the whole file",
                     name=self._name,
-                    what=what,
+                    values=what,
                 )
             )
         try:
@@ -167,20 +169,20 @@ class _Numbers:
             if not (abs(found) <= _MOST_NUMBER).all():
                 raise SceneError(
                     Sentence(
-                        "out-bounds",
-                        "{name}: its {what} are out of all bounds; export it again",
+                        "ies-values-out-of-range",
+                        "{name}: its {values} are out of all bounds; export it again",
                         name=self._name,
-                        what=what,
+                        values=what,
                     )
                 )
             return found
         except ValueError:
             raise SceneError(
                 Sentence(
-                    "something-else-than-numbers-where",
-                    "{name}: has something else than numbers where its {what} are to be; export it again",
+                    "ies-values-not-numbers",
+                    "{name}: has something else than numbers where its {values} are to be; export it again",
                     name=self._name,
-                    what=what,
+                    values=what,
                 )
             ) from None
 
@@ -190,11 +192,11 @@ class _Numbers:
         if not (0 <= number <= _MOST_VALUES and number == int(number)):
             raise SceneError(
                 Sentence(
-                    "number-export-again",
-                    "{name}: its number of {what} is {number}; export it again",
+                    "ies-count-invalid",
+                    "{name}: its number of {values} is {count}; export it again",
                     name=self._name,
-                    what=what,
-                    number=f"{number:g}",
+                    values=what,
+                    count=f"{number:g}",
                 )
             )
         return int(number)
@@ -206,7 +208,7 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
     if not 0 <= top < bottom <= 180:
         raise SceneError(
             Sentence(
-                "vertical-angles-go-from",
+                "ies-vertical-angles-wrong",
                 "{name}: its vertical angles go from {top} to {bottom}; of type C they lie within 0 to 180",
                 name=name,
                 top=f"{top:g}",
@@ -239,7 +241,7 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
     elif not (last - first <= 360 + _CLOSE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
         raise SceneError(
             Sentence(
-                "horizontal-angles-go-from",
+                "ies-horizontal-angles-wrong",
                 "{name}: its horizontal angles go from {first} to {last}; of type C they are 0, or go from 0 to 90, 180 or 360",
                 name=name,
                 first=f"{first:g}",
@@ -272,13 +274,13 @@ def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
         if not -90 <= own[0] <= 0 <= own[-1] <= 90:
             raise SceneError(
                 Sentence(
-                    "angles-go-from",
-                    "{name}: its {what} angles go from {own} to {own2}; of type {goniometry} within -90 to 90",
+                    "ies-angles-out-of-range",
+                    "{name}: its {axis} angles go from {first} to {last}; of type {type} within -90 to 90",
                     name=name,
-                    what=what,
-                    own=f"{own[0]:g}",
-                    own2=f"{own[-1]:g}",
-                    goniometry=web.goniometry,
+                    axis=what,
+                    first=f"{own[0]:g}",
+                    last=f"{own[-1]:g}",
+                    type=web.goniometry,
                 )
             )
         angles.append(own)

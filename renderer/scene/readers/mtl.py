@@ -48,7 +48,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     for keyword, value in _lines(text):
         if keyword == "newmtl":
             if value in found:
-                found[value].notes.add(Sentence("name-another", "the name of another; they are read as one"))
+                found[value].notes.add(Sentence("mtl-names-clash", "the name of another; they are read as one"))
             current = found.setdefault(value, _Statements(value, name, shelf, files))
         elif current is not None:
             current.values[keyword] = value
@@ -64,17 +64,17 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
     if commas := sum(statements.commas for statements in found.values()):
         shelf.warn_of_surface(
             Sentence(
-                "statements-decimal-commas",
-                "{name}: {commas} statements have decimal commas, which are read as points.",
+                "mtl-decimal-commas",
+                "{name}: {count} statements have decimal commas, which are read as points.",
                 name=name,
-                commas=commas,
+                count=commas,
             )
         )
     for note, count in notes.items():
         shelf.warn_of_surface(
-            Sentence("one-material-has", "{name}: 1 material has {note}.", name=name, note=note)
+            Sentence("mtl-material-note", "{name}: 1 material has {note}.", name=name, note=note)
             if count == 1
-            else Sentence("materials-have", "{name}: {n} materials have {note}.", name=name, n=count, note=note)
+            else Sentence("mtl-materials-note", "{name}: {count} materials have {note}.", name=name, count=count, note=note)
         )
     return made
 
@@ -125,12 +125,12 @@ class _Statements:
             return values
         self.shelf.warn_of_surface(
             Sentence(
-                "material-not-understood-left-out",
-                "{file}: material {name}: {keyword} {words} is not understood and left out.",
+                "mtl-statement-unknown",
+                "{file}: material {name}: {keyword} {arguments} is not understood and left out.",
                 file=self.file,
                 name=self.name,
                 keyword=keyword,
-                words=" ".join(words)[:40],
+                arguments=" ".join(words)[:40],
             )
         )
         return []
@@ -156,7 +156,11 @@ class _Statements:
 
     def texture(self, *keywords: str, srgb: bool = False) -> int | None:
         found = self.map(*keywords)
-        return found.find(self.shelf, self.file, Sentence("material", "Material {name}", name=self.name), srgb) if found else None
+        return (
+            found.find(self.shelf, self.file, Sentence("label-material", "Material {name}", name=self.name), srgb)
+            if found
+            else None
+        )
 
     def unread(self) -> list[str]:
         """Returns the map statements that no parameter uses, without those of ambient light, which have no effect here."""
@@ -189,7 +193,7 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     if material.base_color_texture is not None and (max(diffuse) == 0 or "kd" not in said.values):
         material.base_color = (1.0, 1.0, 1.0)  # some exporters write 0 if the map replaces the colour
         if "kd" in said.values:
-            said.notes.add(Sentence("black-kd-beside-map-kd", "a black Kd beside map_Kd, which is read as white"))
+            said.notes.add(Sentence("mtl-black-kd-with-map", "a black Kd beside map_Kd, which is read as white"))
     _decal(said, material, diffuse)
     material.emission_texture = said.texture("map_ke", "map_emissive", srgb=True)
     if material.emission_texture is not None and max(material.emission) == 0:
@@ -199,24 +203,22 @@ def _material(said: _Statements, shade: Callable[[_Statements, Material], None])
     material.ior = index if index > 1.0 else 1.5  # exporters write 1 if the index is unknown
     shade(said, material)
     if index <= 1.0 and material.kind in ("glass", "metallic_roughness") and material.metallic < 1:
-        said.notes.add(Sentence("index-refraction-ni-most-1", "an index of refraction (Ni) of at most 1, which is read as 1.5"))
+        said.notes.add(Sentence("mtl-ior-too-low", "an index of refraction (Ni) of at most 1, which is read as 1.5"))
     if material.kind not in ("glass", "mirror"):
         _opacity(said, material)
     if left := said.unread():
         said.shelf.warn_of_surface(
             Sentence(
-                "material-not-read-left-out-textures",
-                "Material {name}: not read and left out: the textures of {left}.",
+                "mtl-textures-dropped",
+                "Material {name}: not read and left out: the textures of {textures}.",
                 name=said.name,
-                left=[*left],
+                textures=[*left],
             )
         )
     if unused := said.unused():
         listed = ", ".join(f"{keyword} {said.values[keyword]}"[:40] for keyword in unused)
         said.shelf.warn_of_surface(
-            Sentence(
-                "material-not-read-left-out-2", "Material {name}: not read and left out: {listed}.", name=said.name, listed=listed
-            )
+            Sentence("material-parts-dropped", "Material {name}: not read and left out: {parts}.", name=said.name, parts=listed)
         )
     return material
 
@@ -259,7 +261,7 @@ def _decal(said: _Statements, material: Material, color: Vec3) -> None:
     if material.base_color_texture is None:
         said.shelf.warn_of_surface(
             Sentence(
-                "material-decal-no-map-kd",
+                "mtl-decal-without-map",
                 "Material {name}: its decal has no map_Kd that it would show, and is left out.",
                 name=said.name,
             )
@@ -277,7 +279,7 @@ def _choose_kind(said: _Statements, material: Material, specular: Vec3, shinines
     elif model in _GLASS_MODELS:
         material.kind, material.base_color = "glass", said.color("tf", (1.0, 1.0, 1.0))
         if material.base_color_texture is not None:
-            said.notes.add(Sentence("texture-map-kd-glass", "a texture (map_Kd) on glass, which is left out"))
+            said.notes.add(Sentence("mtl-glass-texture-dropped", "a texture (map_Kd) on glass, which is left out"))
         material.base_color_texture = None
     elif model in (3, 5) and black and max(specular) > 0:
         material.kind, material.base_color = "mirror", specular
@@ -314,16 +316,14 @@ def _normals(said: _Statements, material: Material) -> None:
     material.normal_texture = said.texture("norm")
     bump = said.map("map_bump", "bump")
     if material.normal_texture is None and bump is not None:
-        texture = bump.find(said.shelf, said.file, Sentence("material", "Material {name}", name=said.name))
+        texture = bump.find(said.shelf, said.file, Sentence("label-material", "Material {name}", name=said.name))
         if texture is not None and holds_normals(said.shelf.image_of(texture)):
             material.normal_texture, material.normal_scale = texture, clamped(bump.strength, -100.0, 100.0)
-            said.notes.add(
-                Sentence("bump-map-mostly-blue-pixels", "a bump map of mostly blue pixels, which is read as a normal map")
-            )
+            said.notes.add(Sentence("mtl-bump-read-as-normal", "a bump map of mostly blue pixels, which is read as a normal map"))
         elif texture is not None:
             said.shelf.warn_of_surface(
                 Sentence(
-                    "material-bump-map-holds-heights",
+                    "material-bump-heights-dropped",
                     "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
                     name=said.name,
                 )
@@ -336,7 +336,7 @@ def _opacity(said: _Statements, material: Material) -> None:
     if 0 < opacity < 1:  # some exporters write 0 for opaque
         material.opacity, material.alpha_mode = opacity, "blend"
     elif opacity <= 0:
-        said.notes.add(Sentence("opacity-0-d-0-tr", "an opacity of 0 (d 0 or Tr 1), which is read as opaque"))
+        said.notes.add(Sentence("mtl-opacity-zero", "an opacity of 0 (d 0 or Tr 1), which is read as opaque"))
     mask = said.texture("map_d", "map_opacity", "map_tr")
     if mask is not None:
         material.base_color_texture = with_opacity(said.shelf, material.base_color_texture, mask)

@@ -64,10 +64,10 @@ class Map(NamedTuple):
         if self.unread:
             shelf.warn_of_surface(
                 Sentence(
-                    "not-read-left-out-options",
-                    "{user}: not read and left out: the options {unread} of {file}.",
+                    "mtl-map-options-dropped",
+                    "{user}: not read and left out: the options {options} of {file}.",
                     user=user,
-                    unread=[*self.unread],
+                    options=[*self.unread],
                     file=self.file,
                 )
             )

@@ -15,15 +15,15 @@ def number_of(what: str, names: list[str], asked: str, file: str) -> int:
     if asked.isascii() and asked.isdigit() and len(asked) < 10 and int(asked) < len(names):
         return int(asked)
     if not names:
-        raise SceneError(Sentence("no-s", "{file}: has no {what}s; leave the {what} out", file=file, what=what))
+        raise SceneError(Sentence("choice-none-in-file", "{file}: has no {kind}s; leave the {kind} out", file=file, kind=what))
     listed = ", ".join(f"{i}: {name[:60]}" for i, name in enumerate(names[:20]))
     raise SceneError(
         Sentence(
-            "no-s-2",
-            "{file}: has no {what} {asked}; its {what}s are {listed}",
+            "choice-not-in-file",
+            "{file}: has no {kind} {name}; its {kind}s are {choices}",
             file=file,
-            what=what,
-            asked=repr(asked[:60]),
-            listed=listed,
+            kind=what,
+            name=repr(asked[:60]),
+            choices=listed,
         )
     )

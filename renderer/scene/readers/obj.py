@@ -39,11 +39,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if len(data) > MAX_BYTES:
         raise SceneError(
             Sentence(
-                "mib-obj-most",
-                "{file}: has {n} MiB; an OBJ has at most {max_bytes}. Export it as .glb or binary .ply",
+                "obj-file-too-large",
+                "{file}: has {mib} MiB; an OBJ has at most {most}. Export it as .glb or binary .ply",
                 file=main,
-                n=len(data) >> 20,
-                max_bytes=MAX_BYTES >> 20,
+                mib=len(data) >> 20,
+                most=MAX_BYTES >> 20,
             )
         )
     text = as_utf8(data)
@@ -60,11 +60,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         changed = sum(a != b for a, b in zip(text.split(b"\n"), mended.split(b"\n"), strict=True))
         description.warnings.append(
             Sentence(
-                "lines-decimal-commas",
-                "{file}: {changed} lines have decimal commas, or words in place of numbers; they are "
+                "obj-decimal-commas",
+                "{file}: {count} lines have decimal commas, or words in place of numbers; they are "
                 "read as what they seem to mean.",
                 file=main,
-                changed=changed,
+                count=changed,
             )
         )
     shelf = TextureShelf(description, files)
@@ -73,7 +73,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         if said.colors is None:
             shelf.warn_of_surface(
                 Sentence(
-                    "painted-colours-mrgb-fewer-than",
+                    "obj-painted-colours-too-few",
                     "{file}: its painted colours (#MRGB) are fewer than its vertices, and are left out.",
                     file=main,
                 )
@@ -85,11 +85,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if said.lost:
         shelf.warn(
             Sentence(
-                "corners-faces-name-normals-texture",
-                "{file}: corners of faces name {lost} normals or texture coordinates that are not in the "
+                "obj-corner-references-dropped",
+                "{file}: corners of faces name {count} normals or texture coordinates that are not in the "
                 "file or not finite; they are read without them.",
                 file=main,
-                lost=said.lost,
+                count=said.lost,
             )
         )
     materials = Materials(main, said, files, shelf, description)
@@ -116,10 +116,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if said.others:
         shelf.warn(
             Sentence(
-                "lines-points-curves-no-surface",
-                "{file}: {others} lines, points or curves have no surface and are left out.",
+                "obj-lines-points-dropped",
+                "{file}: {count} lines, points or curves have no surface and are left out.",
                 file=main,
-                others=said.others,
+                count=said.others,
             )
         )
 
@@ -130,11 +130,11 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
     if count := int(bare.any(axis=1).sum()):
         shelf.warn_of_surface(
             Sentence(
-                "vertices-no-colour",
-                "{file}: {count} of {n} vertices have no colour; they are white.",
+                "obj-vertices-without-colour",
+                "{file}: {count} of {total} vertices have no colour; they are white.",
                 file=main,
                 count=count,
-                n=len(colors),
+                total=len(colors),
             )
         )
     highest = float(colors[~bare].max(initial=0.0))
@@ -142,11 +142,11 @@ def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
         most = 255.0 if highest <= 255 else 65535.0
         shelf.warn_of_surface(
             Sentence(
-                "vertices-colours-up",
-                "{file}: its vertices have colours up to {highest}; they are read as parts of {most}.",
+                "obj-vertex-colours-scaled",
+                "{file}: its vertices have colours up to {highest}; they are read as parts of {scale}.",
                 file=main,
                 highest=f"{highest:g}",
-                most=f"{most:g}",
+                scale=f"{most:g}",
             )
         )
         colors = colors / np.float32(most)

@@ -64,11 +64,11 @@ def parse(data: bytes, file: str) -> Statements:
         if k == 0 and highest >= len(table):
             raise SceneError(
                 Sentence(
-                    "face-names-v-where-file",
-                    "{file}: a face names v {highest} where the file has {n}; export it again",
+                    "obj-vertex-out-of-range",
+                    "{file}: a face names v {index} where the file has {count}; export it again",
                     file=file,
-                    highest=highest + 1,
-                    n=len(table),
+                    index=highest + 1,
+                    count=len(table),
                 )
             )
         if k and (highest >= len(table) or corners[:, k].min(initial=0) == _LOST or not np.isfinite(table).all()):
@@ -98,19 +98,19 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
     if code == _NOT_THERE:
         return SceneError(
             Sentence(
-                "line-face-names-element-where",
-                "{file}, line {line}: a face names element {value} where {known} stand before it",
+                "obj-face-reference-invalid",
+                "{file}, line {line}: a face names element {index} where {count} stand before it",
                 file=file,
                 line=line,
-                value=value,
-                known=known,
+                index=value,
+                count=known,
             )
         )
     if code == _NO_CORNER:
         word = data[at : at + 200].split(None, 1)[0].decode("utf-8", "replace")
         return SceneError(
             Sentence(
-                "line-no-corner-face",
+                "obj-face-corner-malformed",
                 "{file}, line {line}: {word} is no corner of a face; write it as v/vt/vn",
                 file=file,
                 line=line,
@@ -120,12 +120,12 @@ def _error(code: int, at: int, value: int, known: int, data: bytes, file: str) -
     row = " ".join(data[at:].split(b"\n", 1)[0][:200].decode("utf-8", "replace").split())
     return SceneError(
         Sentence(
-            "line-not-hold-numbers",
-            "{file}, line {line}: '{row}' does not hold {known} numbers; export the file again",
+            "obj-line-too-few-numbers",
+            "{file}, line {line}: '{text}' does not hold {count} numbers; export the file again",
             file=file,
             line=line,
-            row=row[:60],
-            known=known,
+            text=row[:60],
+            count=known,
         )
     )
 

@@ -34,10 +34,10 @@ class Materials:
             if not names and not self._guessed(said):
                 shelf.warn_of_surface(
                     Sentence(
-                        "materials-not-among-files",
-                        "{file}: its materials {library} are not among the files; add them. Rendered in grey meanwhile.",
+                        "obj-material-library-missing",
+                        "{file}: its materials {libraries} are not among the files; add them. Rendered in grey meanwhile.",
                         file=file,
-                        library=library[:120],
+                        libraries=library[:120],
                     )
                 )
             for name in names:
@@ -46,19 +46,21 @@ class Materials:
         if (is_missing or (not said.libraries and wanted)) and (guess := self._guessed(said)):
             self._take(guess)
             why = (
-                Sentence("materials-missing", "its materials {libraries} are missing", libraries=said.libraries[0][:120])
+                Sentence("obj-libraries-missing", "its materials {libraries} are missing", libraries=said.libraries[0][:120])
                 if is_missing
-                else Sentence("names-no-material-file", "names no material file")
+                else Sentence("obj-library-unnamed", "names no material file")
             )
             shelf.warn_of_surface(
-                Sentence("taken-instead", "{file}: {why}; {guess} is taken instead.", file=file, why=why, guess=guess)
+                Sentence(
+                    "obj-library-guessed", "{file}: {reason}; {library} is taken instead.", file=file, reason=why, library=guess
+                )
             )
         self._bare = not said.libraries and not self._found
         if self._bare and wanted:
             count = len({name for _, name in said.materials if name})
             shelf.warn_of_surface(
                 Sentence(
-                    "faces-name-materials",
+                    "obj-material-files-missing",
                     "{file}: its faces name {count} materials, but no material file is among the files; add it.",
                     file=file,
                     count=count,
@@ -109,7 +111,7 @@ class Materials:
             elif name is not None and self._found:
                 self._shelf.warn_of_surface(
                     Sentence(
-                        "no-material-file-describes",
+                        "obj-material-undefined",
                         "{file}: no material file describes {name}; it is grey.",
                         file=self._file,
                         name=name[:120],
@@ -136,10 +138,10 @@ class Materials:
             material.base_color = (1.0, 1.0, 1.0)
             self._shelf.warn_of_surface(
                 Sentence(
-                    "names-no-material",
-                    "{file}: names no material; the one image beside it, {images}, is taken as its texture.",
+                    "obj-image-guessed",
+                    "{file}: names no material; the one image beside it, {image}, is taken as its texture.",
                     file=self._file,
-                    images=images[0],
+                    image=images[0],
                 )
             )
         return texture

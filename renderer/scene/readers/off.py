@@ -54,20 +54,20 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if found is not None and (found[4] or found[5] or found[6]):
         raise SceneError(
             Sentence(
-                "kind-not-read",
-                "{file}: is of the kind {found}, which is not read; export it as OFF in text",
+                "off-kind-unsupported",
+                "{file}: is of the kind {kind}, which is not read; export it as OFF in text",
                 file=main,
-                found=found[0].strip(),
+                kind=found[0].strip(),
             )
         )
     text, commas = with_points(text)
     if commas:
         shelf.warn(
             Sentence(
-                "numbers-decimal-commas",
-                "{file}: {commas} numbers have decimal commas, which are read as points.",
+                "mesh-decimal-commas",
+                "{file}: {count} numbers have decimal commas, which are read as points.",
                 file=main,
-                commas=commas,
+                count=commas,
             )
         )
     lines = [line for line in text[found.end() if found else 0 :].splitlines() if line and not line.isspace()]
@@ -79,7 +79,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     except ValueError as error:
         raise SceneError(
             Sentence(
-                "holds-words-among-numbers",
+                "off-words-among-numbers",
                 "{file}: holds words among its numbers ({error}); export it again",
                 file=main,
                 error=str(error)[:80],
@@ -93,22 +93,22 @@ def _counts(lines: list[str], main: str) -> tuple[int, int]:
     if len(words) < 2 or not all(word.isascii() and word.isdigit() and len(word) < 16 for word in words[:2]):
         raise SceneError(
             Sentence(
-                "damaged-no-off-file-no",
+                "off-counts-missing",
                 "{file}: is damaged or no .off file (it has no counts of vertices and faces); export it again",
                 file=main,
             )
         )
     vertices, faces = int(words[0]), int(words[1])
     if not vertices:
-        raise SceneError(Sentence("holds-no-vertices", "{file}: holds no vertices; export it again", file=main))
+        raise SceneError(Sentence("off-vertices-missing", "{file}: holds no vertices; export it again", file=main))
     if vertices + faces > len(lines) - 1:
         raise SceneError(
             Sentence(
-                "lines-vertices-faces",
-                "{file}: has {n} of {vertices} lines of vertices and faces; the file was cut, take it again",
+                "off-file-cut-off",
+                "{file}: has {found} of {declared} lines of vertices and faces; the file was cut, take it again",
                 file=main,
-                n=len(lines) - 1,
-                vertices=vertices + faces,
+                found=len(lines) - 1,
+                declared=vertices + faces,
             )
         )
     return vertices, faces
@@ -121,7 +121,7 @@ def _vertices(lines: list[str], count: int, main: str) -> F64:
     if width < 3 or any(len(row) != width for row in words):
         raise SceneError(
             Sentence(
-                "vertices-not-numbers-each",
+                "off-vertex-number-count-wrong",
                 "{file}: its vertices are not {width} numbers each; export it again",
                 file=main,
                 width=max(width, 3),
@@ -135,7 +135,7 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
     counts = np.array([int(row[0]) for row in words], np.int64)
     if any(size < 0 or len(row) <= size for size, row in zip(counts.tolist(), words, strict=True)):
         raise SceneError(
-            Sentence("face-fewer-corners-than-says", "{file}: a face has fewer corners than it says; export it again", file=main)
+            Sentence("off-face-incomplete", "{file}: a face has fewer corners than it says; export it again", file=main)
         )
     corners = np.array([int(word) for row in words for word in row[1 : int(row[0]) + 1]], np.int64)
     rest = [row[int(row[0]) + 1 :] for row in words]
@@ -182,28 +182,28 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         colors = fractions(rows[:, at:])
         shelf.warn_of_surface(
             Sentence(
-                "vertices-further-numbers-no-prefix",
-                "{file}: its vertices have {further} further numbers that no prefix names; they are taken as colours.",
+                "off-vertex-numbers-as-colours",
+                "{file}: its vertices have {count} further numbers that no prefix names; they are taken as colours.",
                 file=main,
-                further=further,
+                count=further,
             )
         )
     elif further:
         shelf.warn_of_surface(
             Sentence(
-                "further-numbers-each-vertex-not",
-                "{file}: {further} further numbers of each vertex are not read and left out.",
+                "off-vertex-numbers-dropped",
+                "{file}: {count} further numbers of each vertex are not read and left out.",
                 file=main,
-                further=further,
+                count=further,
             )
         )
     if faces.mapped:
         shelf.warn_of_surface(
             Sentence(
-                "faces-colours-colour-map",
-                "{file}: {mapped} faces have colours of a colour map, which are left out.",
+                "off-colour-map-dropped",
+                "{file}: {count} faces have colours of a colour map, which are left out.",
                 file=main,
-                mapped=faces.mapped,
+                count=faces.mapped,
             )
         )
     if not (faces.counts >= 3).any():
@@ -217,11 +217,11 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
         if faces.uncolored:
             shelf.warn_of_surface(
                 Sentence(
-                    "faces-no-colour",
-                    "{file}: {uncolored} of {n} faces have no colour; they are white.",
+                    "off-faces-without-colour",
+                    "{file}: {count} of {total} faces have no colour; they are white.",
                     file=main,
-                    uncolored=faces.uncolored,
-                    n=len(faces.counts),
+                    count=faces.uncolored,
+                    total=len(faces.counts),
                 )
             )
         linear = vertex_colors(faces.colors)
@@ -242,10 +242,10 @@ def _columns(rows: F64, at: int, count: int, main: str) -> F64:
     if at + count > rows.shape[1]:
         raise SceneError(
             Sentence(
-                "vertices-numbers",
-                "{file}: its vertices have {shape} numbers, fewer than its first line says; export it again",
+                "off-vertex-numbers-too-few",
+                "{file}: its vertices have {found} numbers, fewer than its first line says; export it again",
                 file=main,
-                shape=rows.shape[1],
+                found=rows.shape[1],
             )
         )
     return rows[:, at : at + count]

@@ -56,7 +56,7 @@ def read_data(
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
         raise SceneError(
-            Sentence("holds-no-vertices-with-x", "{file}: holds no vertices with x, y and z; export it again", file=main)
+            Sentence("ply-vertices-missing", "{file}: holds no vertices with x, y and z; export it again", file=main)
         )
     positions = exact(_positions(vertex))
     faces = _faces(found, positions, main, shelf)
@@ -89,10 +89,10 @@ def _by_picture(
         if len(named) > 1:
             shelf.warn_of_surface(
                 Sentence(
-                    "names-pictures-not-faces-each",
-                    "{file}: names {n} pictures and not which faces each is on; the first is taken.",
+                    "ply-pictures-several",
+                    "{file}: names {count} pictures and not which faces each is on; the first is taken.",
                     file=main,
-                    n=len(named),
+                    count=len(named),
                 )
             )
         return [(next(iter(named), None), None)]
@@ -100,11 +100,11 @@ def _by_picture(
     if lost.any():
         shelf.warn_of_surface(
             Sentence(
-                "triangles-name-picture-not-among",
-                "{file}: {lost} triangles name a picture that is not among its {n}; they have none.",
+                "ply-triangle-picture-invalid",
+                "{file}: {count} triangles name a picture that is not among its {pictures}; they have none.",
                 file=main,
-                lost=lost.sum(),
-                n=len(named),
+                count=lost.sum(),
+                pictures=len(named),
             )
         )
     found: list[tuple[str | None, npt.NDArray[np.int64] | None]] = [
@@ -138,7 +138,7 @@ def _faces(found: Iterable[Element], positions: F32, main: str, shelf: TextureSh
         if not np.isfinite(lists.values).all():
             raise SceneError(
                 Sentence(
-                    "face-names-vertex-by-no",
+                    "ply-face-index-not-integer",
                     "{file}: a face names a vertex by what is no number; export the file again",
                     file=main,
                 )
@@ -188,7 +188,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     elif wedges is not None and wedges.count.any():
         shelf.warn_of_surface(
             Sentence(
-                "faces-texture-coordinates-for-some",
+                "ply-face-uvs-incomplete",
                 "{file}: its faces have texture coordinates for some corners only; they are left out.",
                 file=main,
             )
@@ -245,10 +245,10 @@ def _colors(element: Element, owner: str, attribute: str, main: str, shelf: Text
     if odd:
         shelf.warn_of_surface(
             Sentence(
-                "values-not-between-0-1",
-                "{file}: {odd} values of {attribute} are not between 0 and 1; they are cut there.",
+                "ply-values-clamped",
+                "{file}: {count} values of {attribute} are not between 0 and 1; they are cut there.",
                 file=main,
-                odd=odd,
+                count=odd,
                 attribute=attribute[:60],
             )
         )

@@ -88,7 +88,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
     if header is None:
         raise SceneError(
             Sentence(
-                "damaged-no-ply-file-no",
+                "ply-header-missing",
                 "{file}: is damaged or no .ply file (it has no whole header); export it again",
                 file=file,
             )
@@ -102,10 +102,10 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
     else:
         raise SceneError(
             Sentence(
-                "ply-file-format",
-                "{file}: is a .ply file of the format {way}; export it as binary or ascii",
+                "ply-format-unknown",
+                "{file}: is a .ply file of the format {format}; export it as binary or ascii",
                 file=file,
-                way=repr(way[:40]),
+                format=repr(way[:40]),
             )
         )
     return [Element(name, count, *rows.take(name, count, properties)) for name, count, properties in declared]
@@ -125,7 +125,7 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
         elif words[:1] in (["element"], ["property"]):
             raise SceneError(
                 Sentence(
-                    "header-says",
+                    "ply-header-line-unknown",
                     "{file}: its header says {line}, which is not understood; export it again",
                     file=file,
                     line=repr(line.strip()[:60]),
@@ -134,10 +134,10 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
     if max((len(properties) for _, _, properties in found), default=0) > _MOST_PROPERTIES:
         raise SceneError(
             Sentence(
-                "rows-more-than-properties",
-                "{file}: has rows of more than {most_properties} properties; export it with fewer",
+                "ply-properties-too-many",
+                "{file}: has rows of more than {most} properties; export it with fewer",
                 file=file,
-                most_properties=_MOST_PROPERTIES,
+                most=_MOST_PROPERTIES,
             )
         )
     return way, found
@@ -152,7 +152,7 @@ def _is_property(words: list[str]) -> bool:
 def _cut(file: str, element: str) -> SceneError:
     return SceneError(
         Sentence(
-            "ends-within-rows",
+            "ply-file-cut-off",
             "{file}: ends within its {element} rows, or has damaged ones; the file was cut, take it again",
             file=file,
             element=element[:40],
@@ -169,10 +169,10 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
     if commas:
         warn(
             Sentence(
-                "numbers-decimal-commas",
-                "{file}: {commas} numbers have decimal commas, which are read as points.",
+                "mesh-decimal-commas",
+                "{file}: {count} numbers have decimal commas, which are read as points.",
                 file=file,
-                commas=commas,
+                count=commas,
             )
         )
     rows = _Text(text, file)
@@ -189,10 +189,10 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
         return found
     warn(
         Sentence(
-            "rows-more-numbers-than-header",
-            "{file}: {longer} rows have more numbers than the header declares; the further ones are left out.",
+            "ply-row-numbers-dropped",
+            "{file}: {count} rows have more numbers than the header declares; the further ones are left out.",
             file=file,
-            longer=longer,
+            count=longer,
         )
     )
     rows = _Text(trimmed, file)
@@ -316,7 +316,7 @@ class _Text:
             except (ValueError, DeprecationWarning):
                 raise SceneError(
                     Sentence(
-                        "damaged-no-ply-file-holds",
+                        "ply-words-among-numbers",
                         "{file}: is damaged or no .ply file (it holds words among its numbers); export it again",
                         file=file,
                     )

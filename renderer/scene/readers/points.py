@@ -92,7 +92,7 @@ def add_points(
     if count == 0:
         raise SceneError(
             Sentence(
-                "holds-positions-not-finite-numbers-export",
+                "mesh-positions-not-finite",
                 "{file}: holds positions that are not finite numbers; export the file again",
                 file=main,
             )
@@ -107,10 +107,10 @@ def add_points(
     some = f"{len(rows)} of {count}" if step > 1 else f"{count}"
     shelf.warn(
         Sentence(
-            "points-no-faces",
-            "{file}: has points and no faces; {some} points are shown as balls of radius {radius}.",
+            "points-shown-as-spheres",
+            "{file}: has points and no faces; {count} points are shown as balls of radius {radius}.",
             file=main,
-            some=some,
+            count=some,
             radius=f"{radius:.3g}",
         )
     )

@@ -28,11 +28,11 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
         odd = corners.min() if corners.min() < 0 else corners.max()
         raise SceneError(
             Sentence(
-                "face-names-vertex-where",
-                "{file}: a face names vertex {odd} where there are {n}; export the file again",
-                file=main,
-                odd=odd,
-                n=len(positions),
+                "face-vertex-out-of-range",
+                "{name}: a face names vertex {vertex} where there are {count}; export the file again",
+                name=main,
+                vertex=odd,
+                count=len(positions),
             )
         )
     finite = np.isfinite(positions).all(axis=1)
@@ -45,7 +45,7 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
         if not whole.any():
             raise SceneError(
                 Sentence(
-                    "holds-positions-not-finite-numbers-export",
+                    "mesh-positions-not-finite",
                     "{file}: holds positions that are not finite numbers; export the file again",
                     file=main,
                 )
@@ -53,29 +53,29 @@ def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], m
         cut = Cut(cut.triangles[whole], cut.face[whole], cut.unfilled)
         shelf.warn(
             Sentence(
-                "vertices-positions-not-finite",
-                "{file}: {finite} vertices have positions that are not finite; {shown} faces need them and are left out.",
+                "mesh-vertices-not-finite",
+                "{file}: {count} vertices have positions that are not finite; {faces} faces need them and are left out.",
                 file=main,
-                finite=(~finite).sum(),
-                shown=(~shown).sum(),
+                count=(~finite).sum(),
+                faces=(~shown).sum(),
             )
         )
     if thin := int((np.asarray(counts) < 3).sum()):
         shelf.warn(
             Sentence(
-                "faces-fewer-than-three-corners-left",
-                "{file}: {thin} faces have fewer than three corners and are left out.",
+                "mesh-faces-degenerate",
+                "{file}: {count} faces have fewer than three corners and are left out.",
                 file=main,
-                thin=thin,
+                count=thin,
             )
         )
     if cut.unfilled:
         shelf.warn(
             Sentence(
-                "concave-polygons-filled-convex",
-                "{file}: {unfilled} concave polygons are filled as if convex, as they have too many corners to cut.",
+                "mesh-concave-polygons-uncut",
+                "{file}: {count} concave polygons are filled as if convex, as they have too many corners to cut.",
                 file=main,
-                unfilled=cut.unfilled,
+                count=cut.unfilled,
             )
         )
     return cut

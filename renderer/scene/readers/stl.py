@@ -39,10 +39,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         if commas:
             shelf.warn(
                 Sentence(
-                    "numbers-decimal-commas",
-                    "{file}: {commas} numbers have decimal commas, which are read as points.",
+                    "mesh-decimal-commas",
+                    "{file}: {count} numbers have decimal commas, which are read as points.",
                     file=main,
-                    commas=commas,
+                    count=commas,
                 )
             )
         data = "\n".join(text.splitlines()).encode()
@@ -54,11 +54,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     if colors is None and (odd := int(np.count_nonzero(rows["color"]))):
         shelf.warn_of_surface(
             Sentence(
-                "triangles-attributes-no-colours",
-                "{file}: {odd} of {count} triangles have attributes that are no colours; they are left out.",
+                "stl-attributes-not-colours",
+                "{file}: {count} of {total} triangles have attributes that are no colours; they are left out.",
                 file=main,
-                odd=odd,
-                count=count,
+                count=odd,
+                total=count,
             )
         )
     whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
@@ -91,15 +91,15 @@ def _triangles_of(data: bytes, main: str) -> int | None:
     if said > there:
         raise SceneError(
             Sentence(
-                "triangles-upload-download-cut",
-                "{file}: has {there} of {said} triangles; the upload or download was cut, take it again",
+                "stl-file-cut-off",
+                "{file}: has {found} of {declared} triangles; the upload or download was cut, take it again",
                 file=main,
-                there=there,
-                said=said,
+                found=there,
+                declared=said,
             )
         )
     if there == 0:
-        raise SceneError(Sentence("no-triangles", "{file}: has no triangles; export it again", file=main))
+        raise SceneError(Sentence("stl-triangles-missing", "{file}: has no triangles; export it again", file=main))
     return said or there
 
 

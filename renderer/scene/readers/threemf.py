@@ -140,7 +140,7 @@ class _Model:
         except (expat.ExpatError, ValueError, KeyError) as error:
             raise SceneError(
                 Sentence(
-                    "part-damaged",
+                    "3mf-part-damaged",
                     "{file}: its part {path} is damaged ({error}); export it again",
                     file=file,
                     path=path[:80],
@@ -151,7 +151,7 @@ class _Model:
     def _entity(self, *_: Any) -> None:
         raise SceneError(
             Sentence(
-                "declares-xml-entities",
+                "xml-entities-forbidden",
                 "{file}: declares XML entities, which no scene needs; remove its DOCTYPE",
                 file=self._file,
             )
@@ -193,7 +193,7 @@ class _Model:
             self._group.values.append((float(said["u"]), float(said["v"])))
         elif name == "texture2d":
             words = [said.get(key, "wrap") for key in ("tilestyleu", "tilestylev")]
-            self.odd[Sentence("tile-styles-that-are-unknown-and", "tile styles that are unknown and read as wrap")] += sum(
+            self.odd[Sentence("3mf-tile-styles", "tile styles that are unknown and read as wrap")] += sum(
                 word not in _WRAPS for word in words
             )
             ways = [_WRAPS.get(word, "repeat") for word in words]
@@ -212,9 +212,7 @@ class _Model:
 
     def _color(self, word: str) -> tuple[int, int, int, int]:
         found = _color(word)
-        self.odd[Sentence("colours-that-are-not-rrggbb-or", "colours that are not #RRGGBB or #RRGGBBAA, which are white")] += (
-            found is None
-        )
+        self.odd[Sentence("3mf-colours-malformed", "colours that are not #RRGGBB or #RRGGBBAA, which are white")] += found is None
         return found or _WHITE
 
     def _placed(self, said: dict[str, str]) -> tuple[str, str, F64]:
@@ -245,7 +243,7 @@ class _Reader:
         except DAMAGED as error:
             raise SceneError(
                 Sentence(
-                    "damaged-no-3mf-file",
+                    "3mf-file-damaged",
                     "{file}: is damaged or no 3MF file ({error}); export it again",
                     file=main,
                     error=str(error)[:120],
@@ -267,7 +265,7 @@ class _Reader:
         items = root.items or [(root.path, number, np.eye(4)) for number in root.objects]
         if not root.items:
             self._shelf.warn(
-                Sentence("build-empty", "{file}: its build is empty; all of its objects are shown.", file=self._main)
+                Sentence("3mf-build-empty", "{file}: its build is empty; all of its objects are shown.", file=self._main)
             )
         self._judge([(path, number) for path, number, _ in items])
         for path, number, place in items:
@@ -278,31 +276,34 @@ class _Reader:
             listed = ", ".join(f"{count} {kind}" for kind, count in sorted(parts.items()))
             self._shelf.warn(
                 Sentence(
-                    "parts-not-printed-left-out",
-                    "{file}: parts that are not printed are left out: {listed}.",
+                    "3mf-objects-not-printed",
+                    "{file}: parts that are not printed are left out: {objects}.",
                     file=self._main,
-                    listed=listed,
+                    objects=listed,
                 )
             )
         if left:
             self._shelf.warn(
-                Sentence("not-read-left-out", "{file}: not read and left out: {left}.", file=self._main, left=[*left])
+                Sentence("3mf-parts-left-out", "{file}: not read and left out: {parts}.", file=self._main, parts=[*left])
             )
         odd = sum((model.odd for model in self._models.values()), self._odd)
         if odd:
             self._shelf.warn_of_surface(
                 Sentence(
-                    "holds", "{file}: holds {items}.", file=self._main, items=[amount(count, what) for what, count in odd.items()]
+                    "3mf-contents",
+                    "{file}: holds {contents}.",
+                    file=self._main,
+                    contents=[amount(count, what) for what, count in odd.items()],
                 )
             )
         for what, is_damaged in (("filaments", self._filaments.is_damaged), ("parts", self._not_solid.is_damaged)):
             if is_damaged:
                 self._shelf.warn(
                     Sentence(
-                        "slicer-says-damaged",
-                        "{file}: what its slicer says of {what} is damaged, and left out.",
+                        "3mf-slicer-data-damaged",
+                        "{file}: what its slicer says of {part} is damaged, and left out.",
                         file=self._main,
-                        what=what,
+                        part=what,
                     )
                 )
 
@@ -324,7 +325,7 @@ class _Reader:
                     return target
         found = [name for name in self._names if name.endswith(".model")]
         if not found:
-            raise SceneError(Sentence("holds-no-model", "{file}: holds no model; export the file again", file=self._main))
+            raise SceneError(Sentence("3mf-model-missing", "{file}: holds no model; export the file again", file=self._main))
         return min(found, key=len)
 
     def _bytes(self, path: str) -> bytes:
@@ -332,7 +333,7 @@ class _Reader:
         if name is None:
             raise SceneError(
                 Sentence(
-                    "part-missing",
+                    "3mf-part-missing",
                     "{file}: its part {path} is missing; export the file again",
                     file=self._main,
                     path=path[:120],
@@ -342,22 +343,22 @@ class _Reader:
         if entry.file_size > MAX_PART_BYTES:
             raise SceneError(
                 Sentence(
-                    "part-larger-than-gib",
-                    "{file}: its part {path} is larger than {max_part_bytes} GiB; make it smaller",
+                    "3mf-part-too-large",
+                    "{file}: its part {path} is larger than {most_gib} GiB; make it smaller",
                     file=self._main,
                     path=path[:120],
-                    max_part_bytes=MAX_PART_BYTES >> 30,
+                    most_gib=MAX_PART_BYTES >> 30,
                 )
             )
         if is_bomb(entry.file_size, entry.compress_size):
             times = entry.file_size // max(entry.compress_size, 1)
             raise SceneError(
                 Sentence(
-                    "part-unpacks-times-size",
-                    "{file}: its part {path} unpacks to {times} times its size, as zip bombs do",
+                    "3mf-part-zip-bomb",
+                    "{file}: its part {path} unpacks to {ratio} times its size, as zip bombs do",
                     file=self._main,
                     path=path[:120],
-                    times=times,
+                    ratio=times,
                 )
             )
         try:
@@ -365,7 +366,7 @@ class _Reader:
         except (*DAMAGED, OSError) as error:
             raise SceneError(
                 Sentence(
-                    "part-damaged",
+                    "3mf-part-damaged",
                     "{file}: its part {path} is damaged ({error}); export it again",
                     file=self._main,
                     path=path[:120],
@@ -389,7 +390,9 @@ class _Reader:
         found = model.objects.get(number)
         if found is None or depth > 64:
             what = "names an object that is not there" if found is None else "has components within components without end"
-            raise SceneError(Sentence("export-file-again", "{file}: {what}; export the file again", file=self._main, what=what))
+            raise SceneError(
+                Sentence("file-fault-export-again", "{file}: {fault}; export the file again", file=self._main, fault=what)
+            )
         if self._not_solid.is_left_out(number, parent, found.type, found.true):
             return
         for below, other, within in found.components:
@@ -404,10 +407,10 @@ class _Reader:
             if len(self._description.instances) > MAX_INSTANCES:
                 raise SceneError(
                     Sentence(
-                        "places-more-than-objects",
-                        "{file}: places more than {max_instances} objects; fewer fit",
+                        "3mf-objects-too-many",
+                        "{file}: places more than {most} objects; fewer fit",
                         file=self._main,
-                        max_instances=MAX_INSTANCES,
+                        most=MAX_INSTANCES,
                     )
                 )
 
@@ -417,11 +420,11 @@ class _Reader:
         if corners.min() < 0 or corners.max() >= len(points):
             raise SceneError(
                 Sentence(
-                    "triangle-names-vertex-where",
-                    "{file}: a triangle names vertex {corners} where there are {n}; export it again",
+                    "3mf-vertex-out-of-range",
+                    "{file}: a triangle names vertex {vertex} where there are {count}; export it again",
                     file=self._main,
-                    corners=corners.max(),
-                    n=len(points),
+                    vertex=corners.max(),
+                    count=len(points),
                 )
             )
         group, names = made.group_of
@@ -433,7 +436,7 @@ class _Reader:
         for i, name in enumerate(names):
             if name and name not in model.groups:
                 self._odd[
-                    Sentence("triangles-whose-properties-pid-are-not", "triangles whose properties (pid) are not in the file")
+                    Sentence("3mf-triangle-properties-missing", "triangles whose properties (pid) are not in the file")
                 ] += int((group == i).sum())
         if all(name not in model.groups for name in names):
             yield self._add(title, points, corners, None, None, plain)
@@ -459,7 +462,7 @@ class _Reader:
         if beyond := int((chosen >= count).any(axis=1).sum()):
             self._odd[
                 Sentence(
-                    "triangles-whose-property-is-beyond-the",
+                    "3mf-triangle-property-invalid",
                     "triangles whose property is beyond the end of its group, and read as the last one",
                 )
             ] += beyond

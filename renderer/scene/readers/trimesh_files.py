@@ -55,10 +55,10 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
         reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
         raise SceneError(
             Sentence(
-                "damaged-no-file-export",
-                "{file}: is damaged or no {suffix} file ({reason}); export it again",
-                file=main,
-                suffix=suffix,
+                "file-damaged-or-misnamed",
+                "{name}: is damaged or no {format} file ({reason}); export it again",
+                name=main,
+                format=suffix,
                 reason=reason,
             )
         ) from error
@@ -78,7 +78,10 @@ def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: Texture
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             shelf.warn(
                 Sentence(
-                    "no-triangles-left-out", "{file}: {name} has no triangles and is left out.", file=main, name=str(name)[:80]
+                    "trimesh-part-without-triangles",
+                    "{file}: {name} has no triangles and is left out.",
+                    file=main,
+                    name=str(name)[:80],
                 )
             )
             continue

@@ -18,7 +18,7 @@ def refuse_entities(data: bytes, file: str, doctype_too: bool = True) -> None:
     if (_DOCTYPE if doctype_too else _ENTITY).search(plain):
         raise SceneError(
             Sentence(
-                "declares-xml-entities",
+                "xml-entities-forbidden",
                 "{file}: declares XML entities, which no scene needs; remove its DOCTYPE",
                 file=file,
             )

@@ -206,9 +206,9 @@ class ArtifactTask(ABC, Generic[Wish]):
                 key,
                 TooLate(
                     Sentence(
-                        "no-worker-gave-time",
-                        "No worker gave the {name} in time; they may be busy. Try again.",
-                        name=self._name,
+                        "artifact-timeout",
+                        "No worker gave the {artifact} in time; they may be busy. Try again.",
+                        artifact=self._name,
                     )
                 ),
             )
@@ -242,7 +242,7 @@ class ArtifactTask(ABC, Generic[Wish]):
                 key,
                 NotFound(
                     Sentence(
-                        "job-deleted-while-worker-made", "The job was deleted while a worker made its {name}.", name=self._name
+                        "artifact-job-deleted", "The job was deleted while a worker made its {artifact}.", artifact=self._name
                     )
                 ),
             )
@@ -260,10 +260,10 @@ class ArtifactTask(ABC, Generic[Wish]):
     def _failed(self, why: str) -> FarmError:
         return Failed(
             Sentence(
-                "could-not-made",
-                "The {name} could not be made: {why}.",
-                name=self._name,
-                why=(why or "its file is missing, or of another size").rstrip("."),
+                "artifact-failed",
+                "The {artifact} could not be made: {reason}.",
+                artifact=self._name,
+                reason=(why or "its file is missing, or of another size").rstrip("."),
             )
         )
 

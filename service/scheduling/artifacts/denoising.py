@@ -13,7 +13,7 @@ __all__ = ["Denoising"]
 class Denoising(ArtifactTask[DenoiseFrame]):
     """Requests for denoised frames of the film's current version."""
 
-    _name = Sentence("denoised-picture", "denoised picture")
+    _name = Sentence("artifact-denoised-picture", "denoised picture")
     _doing = "denoise"
 
     def _kind(self) -> str | None:
@@ -41,7 +41,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
             )
         return Unavailable(
             Sentence(
-                "no-worker-open-image-denoise",
+                "denoising-needs-oidn",
                 "No worker has Open Image Denoise. Install it beside one (pip install 'pyoidn>=2.5,<3'), and start that anew.",
             ),
         )

@@ -15,7 +15,7 @@ MOST_BYTES = 1 << 20  # of a thumbnail
 class Environments(ArtifactTask[ShowEnvironment]):
     """Requests for thumbnails of environments. The request's `job` field identifies the image's content."""
 
-    _name = Sentence("environment-picture", "environment's picture")
+    _name = Sentence("artifact-environment-picture", "environment's picture")
     _doing = "environment"
     _patience_s = 150.0
 
@@ -35,13 +35,13 @@ class Environments(ArtifactTask[ShowEnvironment]):
         if self._workers.roster.best_kind() is not None:
             return Unavailable(
                 Sentence(
-                    "workers-older-release-knows",
+                    "environment-workers-too-old",
                     "The workers are of an older release, which knows no environments. Update them, then upload it again.",
                 )
             )
         return Unavailable(
             Sentence(
-                "checking-environment-needs-worker",
+                "environment-needs-worker",
                 "Checking an environment needs a worker, and none is ready. Start one, or resume one "
                 "that is paused, then upload it again.",
             )

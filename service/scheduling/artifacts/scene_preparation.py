@@ -138,7 +138,7 @@ class Preparing:
                 if unfit is not None:
                     self._unfit.add(scene, unfit)
                     why = str(unfit)
-                self.progress[scene] = Progress(joined(why, Sentence("it-is-tried-again", "It is tried again.")), 0.0)
+                self.progress[scene] = Progress(joined(why, Sentence("advice-retried-automatically", "It is tried again.")), 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
         """Ends the lease of an unusable answer, so that the scene is handed out again.

@@ -26,7 +26,7 @@ class Fault:
     passing: bool
 
     def __str__(self) -> str:
-        return Sentence("worker-says", "{worker}: {why}.", worker=self.worker, why=self.why.rstrip("."))
+        return Sentence("worker-reason", "{worker}: {reason}.", worker=self.worker, reason=self.why.rstrip("."))
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class UnfitMachines:
     def sentence(self, owner: str, what: str) -> str:
         """Returns the error message that lists the faults of all machines tried. what: such as "prepare this scene"."""
         return Sentence(
-            "no-worker",
-            "No worker can {what}. {faults}",
-            what=what,
+            "task-without-worker",
+            "No worker can {task}. {faults}",
+            task=what,
             faults=reduce(joined, map(str, self._faults[owner].values())),
         )

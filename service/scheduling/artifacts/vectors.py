@@ -13,7 +13,7 @@ __all__ = ["Vectors"]
 class Vectors(ArtifactTask[FrameVectors]):
     """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
 
-    _name = Sentence("motion-vectors", "motion vectors")
+    _name = Sentence("artifact-motion-vectors", "motion vectors")
     _doing = "vectors"
     _patience_s = 600.0  # the scene is read and compiled first
 
@@ -39,7 +39,7 @@ class Vectors(ArtifactTask[FrameVectors]):
             )
         return Unavailable(
             Sentence(
-                "connected-workers-older-release-makes",
+                "motion-vectors-workers-too-old",
                 "The connected workers are of an older release, which makes no motion vectors. Start newer ones.",
             )
         )

@@ -343,7 +343,7 @@ class Scheduler:
         if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
             why = Sentence(
-                "set-aside",
+                "worker-quarantined-failures",
                 "Set aside: {failures} of its batches failed while others rendered theirs. Look into its log, then let it go on.",
                 failures=failures,
             )
@@ -373,11 +373,11 @@ class Scheduler:
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]
             sentence = Sentence(
-                "samples-tile-did-not-come",
-                "The samples {first} to {first2} of the tile at {where} did not come back {losses} "
+                "samples-lost-repeatedly",
+                "The samples {first} to {last} of the tile at {where} did not come back {losses} "
                 "times. Look into the workers' logs; setting the job to running tries again.",
                 first=batch.first,
-                first2=batch.first + batch.count - 1,
+                last=batch.first + batch.count - 1,
                 where=where,
                 losses=trouble.losses,
             )

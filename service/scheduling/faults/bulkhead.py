@@ -121,7 +121,7 @@ class Bulkheads:
                     id,
                     step,
                     Sentence(
-                        "database-cannot-used", "The database cannot be used ({getattr}).", getattr=getattr(error, "orig", error)
+                        "database-unusable", "The database cannot be used ({reason}).", reason=getattr(error, "orig", error)
                     ),
                     began,
                 )
@@ -130,7 +130,7 @@ class Bulkheads:
                 id,
                 step,
                 Sentence(
-                    "service-machine-trouble",
+                    "service-machine-error",
                     "The service's machine has trouble ({name}: {error}).",
                     name=type(error).__name__,
                     error=error,
@@ -175,7 +175,7 @@ class Bulkheads:
         self._database_until = self._waits[id][step].until
 
     def _wait(self, id: str, step: Step, why: str, began: float) -> None:
-        sentence = Sentence("waits-because", "Waits: {why}", why=lowered(why))
+        sentence = Sentence("job-waits-because", "Waits: {reason}", reason=lowered(why))
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))
@@ -196,11 +196,11 @@ class Bulkheads:
         if isinstance(error, FarmError):
             sentence = str(error)
         elif isinstance(error, SettingsError):
-            sentence = Sentence("job-cannot-go", "This job cannot go on: {error}. Make a new one.", error=error)
+            sentence = Sentence("job-not-continuable", "This job cannot go on: {error}. Make a new one.", error=error)
         else:
             log.error("%s cannot go on (%s)", id, step, exc_info=error, extra=ids(owner=id))
             sentence = Sentence(
-                "job-met-fault-service",
+                "job-service-fault",
                 "This job met a fault of the service ({name}: {error}), whose log says more. Setting it to running tries again.",
                 name=type(error).__name__,
                 error=error,

@@ -18,81 +18,81 @@ RedisTrouble = tuple[str, str]  # fact and remedy
 ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"\bBUSY\b|running a script",
-        lambda error: Sentence("redis-busy-with-script", "Redis is busy with a script that does not end ({error}).", error=error),
-        Sentence("redis-busy-with-script-remedy", "End it: redis-cli SCRIPT KILL."),
+        lambda error: Sentence("redis-script-hanging", "Redis is busy with a script that does not end ({error}).", error=error),
+        Sentence("redis-script-hanging-advice", "End it: redis-cli SCRIPT KILL."),
     ),
     (
         r"\bREADONLY\b|read only (replica|slave)",
-        lambda error: Sentence("redis-is-replica", "Redis takes no writes: it is a replica of another ({error}).", error=error),
+        lambda error: Sentence("redis-replica", "Redis takes no writes: it is a replica of another ({error}).", error=error),
         Sentence(
-            "redis-is-replica-remedy",
+            "redis-replica-advice",
             "Point RAYFARM_REDIS_URL at the primary, or make this one the primary: redis-cli REPLICAOF NO ONE.",
         ),
     ),
     (
         r"\bNOREPLICAS\b",
-        lambda error: Sentence("redis-without-replicas", "Redis takes no writes without replicas ({error}).", error=error),
-        Sentence("redis-without-replicas-remedy", "Start them, or set min-replicas-to-write to 0."),
+        lambda error: Sentence("redis-replicas-missing", "Redis takes no writes without replicas ({error}).", error=error),
+        Sentence("redis-replicas-missing-advice", "Start them, or set min-replicas-to-write to 0."),
     ),
     (
         r"\bOOM\b|used memory > 'maxmemory'",
-        lambda error: Sentence("redis-full", "Redis is full ({error}).", error=error),
-        Sentence("redis-full-remedy", "Give it more memory (maxmemory)."),
+        lambda error: Sentence("redis-memory-full", "Redis is full ({error}).", error=error),
+        Sentence("redis-memory-full-advice", "Give it more memory (maxmemory)."),
     ),
     (
         r"\bMISCONF\b",
         lambda error: Sentence(
-            "redis-cannot-save", "Redis cannot save to its disk, and takes no writes for that ({error}).", error=error
+            "redis-save-failed", "Redis cannot save to its disk, and takes no writes for that ({error}).", error=error
         ),
-        Sentence("redis-cannot-save-remedy", 'Make room on its disk, or turn saving off (save "").'),
+        Sentence("redis-save-failed-advice", 'Make room on its disk, or turn saving off (save "").'),
     ),
     (
         r"\bLOADING\b|loading the dataset",
         lambda error: Sentence("redis-loading", "Redis is reading its memory from disk ({error}).", error=error),
-        Sentence("redis-loading-remedy", "It goes on by itself."),
+        Sentence("redis-loading-advice", "It goes on by itself."),
     ),
     (
         r"\bNOAUTH\b|\bWRONGPASS\b|[Aa]uthentication required|invalid password|invalid username",
-        lambda error: Sentence("redis-refuses-password", "Redis refuses the service's password ({error}).", error=error),
-        Sentence("redis-refuses-password-remedy", "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0."),
+        lambda error: Sentence("redis-password-refused", "Redis refuses the service's password ({error}).", error=error),
+        Sentence("redis-password-refused-advice", "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0."),
     ),
     (
         r"\bNOPERM\b|no permissions",
         lambda error: Sentence(
-            "redis-refuses-user", "The service's user of Redis may not do what the farm needs ({error}).", error=error
+            "redis-permission-denied", "The service's user of Redis may not do what the farm needs ({error}).", error=error
         ),
-        Sentence("redis-refuses-user-remedy", "Give it all commands and keys: ACL SETUSER NAME on ~* &* +@all."),
+        Sentence("redis-permission-denied-advice", "Give it all commands and keys: ACL SETUSER NAME on ~* &* +@all."),
     ),
     (
         r"\bNOSCRIPT\b|No matching script",
-        lambda error: Sentence("redis-forgot-script", "Redis has forgotten a script ({error}).", error=error),
-        Sentence("redis-forgot-script-remedy", "It is sent again by itself."),
+        lambda error: Sentence("redis-script-missing", "Redis has forgotten a script ({error}).", error=error),
+        Sentence("redis-script-missing-advice", "It is sent again by itself."),
     ),
     (
         r"\bWRONGTYPE\b",
         lambda error: Sentence(
-            "redis-key-of-other-type", "A key in Redis is of another type than the farm's ({error}).", error=error
+            "redis-key-type-wrong", "A key in Redis is of another type than the farm's ({error}).", error=error
         ),
-        Sentence("redis-key-of-other-type-remedy", "It is deleted by itself."),
+        Sentence("redis-key-type-wrong-advice", "It is deleted by itself."),
     ),
     (
         r"\bCLUSTERDOWN\b|\bMOVED\b|\bCROSSSLOT\b|cluster support",
-        lambda error: Sentence(
-            "redis-is-cluster", "Redis is a cluster, which the farm's queue cannot use ({error}).", error=error
-        ),
-        Sentence("redis-is-cluster-remedy", "Point RAYFARM_REDIS_URL at a single Redis."),
+        lambda error: Sentence("redis-cluster", "Redis is a cluster, which the farm's queue cannot use ({error}).", error=error),
+        Sentence("redis-cluster-advice", "Point RAYFARM_REDIS_URL at a single Redis."),
     ),
     (
         r"max number of clients",
-        lambda error: Sentence("redis-connections-used-up", "Redis has as many connections as it takes ({error}).", error=error),
-        Sentence("redis-connections-used-up-remedy", "Raise maxclients, or end programs that do not belong here."),
+        lambda error: Sentence(
+            "redis-connections-exhausted", "Redis has as many connections as it takes ({error}).", error=error
+        ),
+        Sentence("redis-connections-exhausted-advice", "Raise maxclients, or end programs that do not belong here."),
     ),
     (
         r"unknown command",
         lambda error: Sentence(
-            "redis-unknown-command", "Redis does not know a command that the farm needs ({error}).", error=error
+            "redis-command-unknown", "Redis does not know a command that the farm needs ({error}).", error=error
         ),
-        Sentence("redis-unknown-command-remedy", "Run Redis 6.2 or newer, or Valkey, with no commands renamed."),
+        Sentence("redis-command-unknown-advice", "Run Redis 6.2 or newer, or Valkey, with no commands renamed."),
     ),
 )
 
@@ -109,18 +109,18 @@ def redis_fault(error: BaseException) -> RedisTrouble:
     for cause in found:
         if isinstance(cause, redis.ResponseError):
             return (
-                Sentence("redis-refuses-command", "Redis refuses a command ({error}).", error=cause),
-                Sentence("redis-refuses-command-remedy", "Look at how it is set up."),
+                Sentence("redis-command-refused", "Redis refuses a command ({error}).", error=cause),
+                Sentence("redis-command-refused-advice", "Look at how it is set up."),
             )
     return (
-        Sentence("redis-does-not-answer", "Redis does not answer ({error}).", error=error),
-        Sentence("redis-does-not-answer-remedy", "Start it, or look at RAYFARM_REDIS_URL."),
+        Sentence("redis-not-reachable", "Redis does not answer ({error}).", error=error),
+        Sentence("redis-not-reachable-advice", "Start it, or look at RAYFARM_REDIS_URL."),
     )
 
 
 def away(error: BaseException) -> Unavailable:
     """Returns the Unavailable error for a request that needs Redis."""
-    return Unavailable(redis_fault(error)[0], advice=Sentence("try-again-when-over", "Try again when that is over."))
+    return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is over."))
 
 
 _CODES: dict[type[BaseException], str] = {

@@ -86,24 +86,24 @@ class Needs:
         if missing:
             if len(missing) == 1:
                 return Sentence(
-                    "waits-for-worker-with-tag",
+                    "job-waits-for-tag",
                     "Waits for a worker with the tag {tag}: none that is connected has it.",
                     tag=missing[0],
                 )
             return Sentence(
-                "waits-for-worker-with-tags",
+                "job-waits-for-tags",
                 "Waits for a worker with the tags {tags}: none that is connected has them.",
                 tags=missing,
             )
         if most < self.memory_gb * 1e9:
             return Sentence(
-                "waits-for-worker-with-gb",
-                "Waits for a worker with {memory_gb} GB of memory: the most that one offers is {most} GB.",
-                memory_gb=f"{self.memory_gb:g}",
+                "job-waits-for-memory",
+                "Waits for a worker with {needed} GB of memory: the most that one offers is {most} GB.",
+                needed=f"{self.memory_gb:g}",
                 most=f"{most / 1000000000.0:.1f}",
             )
         return Sentence(
-            "waits-for-worker-none-connected",
-            "Waits for a worker that has all of {texts}: none that is connected does.",
-            texts=[*self.texts],
+            "job-waits-for-properties",
+            "Waits for a worker that has all of {properties}: none that is connected does.",
+            properties=[*self.texts],
         )

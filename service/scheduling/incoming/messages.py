@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 SAME_RELEASE = Sentence(
-    "run-same-release-rayfarm-machines", "Run the same release of Rayfarm on all machines."
+    "advice-same-release", "Run the same release of Rayfarm on all machines."
 )  # ends the error of a worker that does not understand a batch
 DAY_S = 86400.0
 LONGEST_SENTENCE = 20_000  # characters

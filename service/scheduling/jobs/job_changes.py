@@ -25,14 +25,14 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
     """
     if spp is not None and more is not None:
         raise Invalid(
-            Sentence("spp-give-either-spp", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
+            Sentence("spp-and-more-given", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
         )
     is_by_samples = job.noise is None and job.seconds is None
     now = job.spp if is_by_samples else has // _pixels(job)
     if now is None:
         raise Conflict(
             Sentence(
-                "more-scene-still-being-prepared",
+                "more-scene-preparing",
                 "more: the scene is still being prepared, and how many samples it asks for is not known. Give spp.",
             )
         )
@@ -41,18 +41,18 @@ def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
     if wanted > MAX_SPP:
         raise Invalid(
             Sentence(
-                "more-samples-pixel",
-                "more: that is {wanted} samples a pixel; at most {max_spp} are rendered.",
-                wanted=wanted,
-                max_spp=MAX_SPP,
+                "more-spp-too-high",
+                "more: that is {spp} samples a pixel; at most {most} are rendered.",
+                spp=wanted,
+                most=MAX_SPP,
             )
         )
     if wanted < now or (wanted == now and not is_by_samples):
         raise Conflict(
             Sentence(
-                "spp-job-samples-pixel-already",
-                "spp: the job has {now} samples a pixel already; samples are added, never taken away.",
-                now=now,
+                "job-spp-lowered",
+                "spp: the job has {spp} samples a pixel already; samples are added, never taken away.",
+                spp=now,
             )
         )
     if is_by_samples and wanted == job.spp:
@@ -68,7 +68,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
         if job.state == "finished":
             raise Conflict(
                 Sentence(
-                    "job-finished",
+                    "job-already-finished",
                     "The job is finished; there is nothing to cancel. To remove it, delete it.",
                 )
             )
@@ -78,7 +78,7 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
         if job.state not in ACTIVE:
             raise Conflict(
                 Sentence(
-                    "job-only-queued-running-job",
+                    "job-not-pausable",
                     "The job is {state}; only a queued or running job can be paused.",
                     state=job.state,
                 )
@@ -101,7 +101,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
     if focus is not None and job.state in FINAL:
         raise Conflict(
             Sentence(
-                "job-only-one-rendered-part",
+                "job-focus-not-rendering",
                 "The job is {state}; only of one that is rendered a part can come first.",
                 state=job.state,
             )
@@ -111,7 +111,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
     if focus is not None and width and height and (focus[0] >= width or focus[1] >= height):
         raise Invalid(
             Sentence(
-                "focus-lies-beside-picture",
+                "job-focus-outside-picture",
                 "focus: {focus} lies beside the picture, which is {width} x {height}.",
                 focus=list(focus),
                 width=width,

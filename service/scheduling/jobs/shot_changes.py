@@ -116,9 +116,9 @@ def _added(frames: Mapping[int, FrameNow], request: ShotRequest) -> list[int]:
     if len(frames) + len(keys) > MAX_FRAMES:
         raise Invalid(
             Sentence(
-                "extend-shot-would-more-than",
-                "extend: the shot would have more than {max_frames} frames. Make another job for the rest.",
-                max_frames=MAX_FRAMES,
+                "shot-frames-too-many",
+                "extend: the shot would have more than {most} frames. Make another job for the rest.",
+                most=MAX_FRAMES,
             )
         )
     return keys
@@ -132,24 +132,26 @@ def _ask_for_samples(
         if request.frames is not None:
             raise Invalid(
                 Sentence(
-                    "frames-say-these-frames",
+                    "shot-frames-without-change",
                     "frames: say what of these frames: spp, or more. Those to render anew are `again`, new ones `extend`.",
                 )
             )
         return [], False
     if request.spp is not None and request.more is not None:
         raise Invalid(
-            Sentence("spp-give-either-spp", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
+            Sentence("spp-and-more-given", "spp: give either spp, for all samples of a pixel, or more, for those on top.")
         )
     if request.frames is not None and shot.order == NOISIEST:
         raise Conflict(
             Sentence(
-                "frames-noisiest-first-lays-out",
+                "shot-spp-with-noisiest",
                 "frames: noisiest first lays out the samples by itself. Give spp for the shot, or choose another order.",
             )
         )
     if request.frames is None:
-        job.spp = _more(job.spp if job.noise is None and job.seconds is None else None, request, Sentence("shot", "the shot"))
+        job.spp = _more(
+            job.spp if job.noise is None and job.seconds is None else None, request, Sentence("label-shot", "the shot")
+        )
         job.noise = job.seconds = None
         return [Step.of("aim", [*frames, *added], keep=shot.order == NOISIEST)], len(failed) < len(frames)
     chosen = _known(frames, parse_frames(request.frames), "frames")
@@ -157,7 +159,7 @@ def _ask_for_samples(
         _more(
             frames[key].spp or job.spp,
             request,
-            Sentence("frame-2", "frame {frame_text}", frame_text=frame_text(frame_number(key))),
+            Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(key))),
         )
     return [Step.of("more", chosen, spp=request.spp, more=request.more)], not failed >= set(chosen)
 
@@ -166,7 +168,7 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
     if now is None and request.spp is None:
         raise Conflict(
             Sentence(
-                "more-how-many-samples-not",
+                "shot-more-spp-unknown",
                 "more: how many samples {what} has is not known, as noise or time ends it. Give spp.",
                 what=what,
             )
@@ -175,19 +177,19 @@ def _more(now: int | None, request: ShotRequest, what: str) -> int:
     if wanted > MAX_SPP:
         raise Invalid(
             Sentence(
-                "more-samples-pixel",
-                "more: that is {wanted} samples a pixel; at most {max_spp} are rendered.",
-                wanted=wanted,
-                max_spp=MAX_SPP,
+                "more-spp-too-high",
+                "more: that is {spp} samples a pixel; at most {most} are rendered.",
+                spp=wanted,
+                most=MAX_SPP,
             )
         )
     if now is not None and wanted < now:
         raise Conflict(
             Sentence(
-                "spp-samples-pixel-already",
-                "spp: {what} has {now} samples a pixel already; samples are added, never taken away.",
+                "shot-spp-lowered",
+                "spp: {what} has {spp} samples a pixel already; samples are added, never taken away.",
                 what=what,
-                now=now,
+                spp=now,
             )
         )
     return wanted
@@ -200,11 +202,11 @@ def _known(frames: Mapping[int, FrameNow], numbers: Iterable[float], field: str)
         has = frames_text([frame_number(key) for key in frames])
         raise Invalid(
             Sentence(
-                "shot-no-frame",
-                "{field}: the shot has no frame {frames_text}; it has {has}.",
+                "shot-frame-not-found",
+                "{field}: the shot has no frame {frames}; it has {available}.",
                 field=field,
-                frames_text=frames_text(missing)[:200] or "-",
-                has=has[:200],
+                frames=frames_text(missing)[:200] or "-",
+                available=has[:200],
             )
         )
     return keys

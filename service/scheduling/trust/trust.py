@@ -163,7 +163,7 @@ class Trust:
         return {
             check.job: (
                 Sentence(
-                    "rendered-same-batch-differently",
+                    "worker-results-disputed",
                     "{workers} rendered the same batch differently, and no other worker is there to decide. "
                     "Start a third of the same kind, or pause the one that you do not trust.",
                     workers=" and ".join(sorted(check.votes.workers)),
@@ -195,7 +195,7 @@ class Trust:
         self.counts["verified"] += 1
         right = sorted(check.votes.workers - check.votes.wrong)
         for worker in check.votes.wrong:
-            self._find_out(worker, check, Sentence("rendered", "as {right} rendered them", right=" and ".join(right)))
+            self._find_out(worker, check, Sentence("worker-outvoted", "as {workers} rendered them", workers=" and ".join(right)))
         self._close(check)
 
     def _decide_by_hand(self, check: _Check) -> None:
@@ -204,16 +204,16 @@ class Trust:
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
             for worker in paused:
-                self._find_out(worker, check, Sentence("somebody-decided-by-pausing", "as somebody decided by pausing it"))
+                self._find_out(worker, check, Sentence("worker-distrusted-by-user", "as somebody decided by pausing it"))
             self._close(check)
 
     def _find_out(self, worker: str, check: _Check, how: str) -> None:
         batch = check.batch
         where = Sentence(
-            "samples-tile-job",
-            "samples {first} to {first2} of tile {tile} of job {job}",
+            "samples-of-tile",
+            "samples {first} to {last} of tile {tile} of job {job}",
             first=batch.first,
-            first2=batch.first + batch.count - 1,
+            last=batch.first + batch.count - 1,
             tile=batch.tile,
             job=check.job,
         )
@@ -221,9 +221,9 @@ class Trust:
 
     def _pause(self, worker: str, why: str) -> None:
         sentence = Sentence(
-            "sent-unfinished-jobs-rendered-again",
-            "{why}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on.",
-            why=why,
+            "worker-quarantined",
+            "{reason}. All that it has sent of unfinished jobs is rendered again. Test its memory, then let it go on.",
+            reason=why,
         )
         with suppress(redis.RedisError):  # its results are rejected meanwhile
             self._workers.pause(worker, sentence)

@@ -7,7 +7,7 @@ import { said } from "./said.js";
 const SILENCE_MS = 20_000;
 
 /** Codes of what the service says as it closes an open socket, by the close code: a reason has no room for them. */
-const CLOSED = /** @type {Record<number, string>} */ ({ 4401: "logged-out", 4404: "no-longer-yours" });
+const CLOSED = /** @type {Record<number, string>} */ ({ 4401: "login-expired", 4404: "project-membership-ended" });
 
 /**
  * @typedef {object} SocketHandlers

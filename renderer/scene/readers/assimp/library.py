@@ -227,7 +227,7 @@ def _library() -> Any:
                 return found
     raise SceneError(
         Sentence(
-            "files-kind-read-by-package",
+            "assimp-not-installed",
             "Files of this kind are read by the package assimp-py, which is not installed here: pip install assimp-py",
         )
     )
@@ -236,7 +236,7 @@ def _library() -> Any:
 def import_file(data: bytes, name: str) -> Imported:
     """Returns the contents of a file from its bytes; the name's suffix is its format. Raises SceneError."""
     if not data:
-        raise SceneError(Sentence("empty-export-again", "{name}: is empty; export it again", name=name))
+        raise SceneError(Sentence("file-empty", "{name}: is empty; export it again", name=name))
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
     said: Counter[str] = Counter()
@@ -257,10 +257,10 @@ def import_file(data: bytes, name: str) -> Imported:
             raise MemoryError
         raise SceneError(
             Sentence(
-                "damaged-no-file",
-                "{name}: is damaged or no {suffix} file ({reason}); export it again",
+                "file-damaged-or-misnamed",
+                "{name}: is damaged or no {format} file ({reason}); export it again",
                 name=name,
-                suffix=Path(name).suffix,
+                format=Path(name).suffix,
                 reason=reason[0][:160],
             )
         )
@@ -356,10 +356,10 @@ def _nodes(root: int | None, name: str) -> list[Node]:
         if len(found) > MAX_NODES:
             raise SceneError(
                 Sentence(
-                    "more-than-nodes",
-                    "{name}: has more than {max_nodes} nodes; fewer fit",
+                    "assimp-nodes-too-many",
+                    "{name}: has more than {most} nodes; fewer fit",
                     name=name,
-                    max_nodes=MAX_NODES,
+                    most=MAX_NODES,
                 )
             )
         children = _array(node.children, node.num_children, np.uint64).tolist()
@@ -379,10 +379,10 @@ def _shape(mesh: Any, name: str) -> Shape:
     if len(corners) and corners.max() >= count:
         raise SceneError(
             Sentence(
-                "face-names-vertex-where-export",
-                "{name}: a face names vertex {corners} where there are {count}; export the file again",
+                "face-vertex-out-of-range",
+                "{name}: a face names vertex {vertex} where there are {count}; export the file again",
                 name=name,
-                corners=corners.max(),
+                vertex=corners.max(),
                 count=count,
             )
         )

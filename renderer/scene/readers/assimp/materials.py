@@ -124,14 +124,14 @@ class Materials:
         if left:
             self._shelf.warn_of_surface(
                 Sentence(
-                    "material-textures-for-left-out",
-                    "Material {name}: its textures for {set} are left out.",
+                    "assimp-material-textures-dropped",
+                    "Material {name}: its textures for {textures} are left out.",
                     name=name,
-                    set=sorted(set(left)),
+                    textures=sorted(set(left)),
                 )
             )
         for key in said.left():
-            self.odd[Sentence("properties-of-materials", "properties of materials: {key}", key=key)] += 1
+            self.odd[Sentence("assimp-material-properties", "properties of materials: {key}", key=key)] += 1
         return material
 
     def _surface(self, said: dict[tuple[str, int], Any], material: Material) -> None:
@@ -151,9 +151,7 @@ class Materials:
 
     def _opacity(self, said: dict[tuple[str, int], Any], material: Material) -> None:
         opacity = unit(_number(said, "$mat.opacity", 1.0))
-        self.odd[
-            Sentence("opacities-of-0-which-many-programs", "opacities of 0, which many programs write of what is opaque")
-        ] += opacity == 0
+        self.odd[Sentence("assimp-opacities-zero", "opacities of 0, which many programs write of what is opaque")] += opacity == 0
         if 0 < opacity < 1:
             material.opacity, material.alpha_mode = opacity, "blend"
         mask = self._texture(said, _OPACITY, material.name, srgb=False)
@@ -170,7 +168,7 @@ class Materials:
             if texture is not None:
                 self._shelf.warn_of_surface(
                     Sentence(
-                        "material-bump-map-holds-heights",
+                        "material-bump-heights-dropped",
                         "Material {name}: its bump map holds heights and is left out; bake it to a normal map.",
                         name=material.name,
                     )
@@ -183,11 +181,11 @@ class Materials:
         wraps = [_WRAPS.get(int(_number(said, key, 0, kind)), "repeat") for key in ("$tex.mapmodeu", "$tex.mapmodev")]
         number = int(_number(said, "$tex.uvwsrc", 0, kind))
         uv_set = min(max(number, 0), 1)
-        self.odd[Sentence("sets-of-texture-coordinates-that-a", "sets of texture coordinates that a texture names")] += (
+        self.odd[Sentence("assimp-texture-coordinate-sets", "sets of texture coordinates that a texture names")] += (
             uv_set != number
         )
         place = _transform(said.get(("$tex.uvtrafo", kind)), self._main.lower().endswith((".x3d", ".x3db", ".wrl")))
-        image, tiled = self._image(reference, Sentence("material", "Material {name}", name=name), srgb)
+        image, tiled = self._image(reference, Sentence("label-material", "Material {name}", name=name), srgb)
         return self._shelf.texture(image, wraps[0], wraps[1], uv_set, composed(place, tiled))
 
     def _image(self, reference: str, user: str, srgb: bool) -> tuple[int | None, UvTransform]:

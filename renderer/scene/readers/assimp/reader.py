@@ -107,33 +107,31 @@ class _Reader:
         for camera in self._imported.cameras:
             self._camera(camera)
         if self._main.lower().endswith((".x3d", ".wrl")):
-            self._odd[Sentence("viewpoints-which-are-x3d-s-cameras", "viewpoints, which are X3D's cameras")] += self._files.read(
-                self._main
-            ).count(b"Viewpoint ")
-        self._odd[Sentence("meshes-of-lines-and-points", "meshes of lines and points")] += self._imported.loose
-        self._odd[Sentence("concave-polygons-which-are-filled-as-x", "concave polygons, which are filled as if convex")] += sum(
+            self._odd[Sentence("assimp-viewpoints", "viewpoints, which are X3D's cameras")] += self._files.read(self._main).count(
+                b"Viewpoint "
+            )
+        self._odd[Sentence("assimp-line-point-meshes", "meshes of lines and points")] += self._imported.loose
+        self._odd[Sentence("unit-concave-polygons", "concave polygons, which are filled as if convex")] += sum(
             m.unfilled for m in self._imported.meshes.values()
         )
-        self._odd[Sentence("sets-of-texture-coordinates-and-of", "sets of texture coordinates and of colours")] += sum(
+        self._odd[Sentence("assimp-coordinate-colour-sets", "sets of texture coordinates and of colours")] += sum(
             m.more_sets for m in self._imported.meshes.values()
         )
-        self._odd[Sentence("textures-over-others-of-the-same", "textures over others of the same kind")] += self._imported.stacked
-        self._odd[Sentence("frames-of-which-the-first-is", "frames, of which the first is shown")] += _frames(
-            self._main, self._files
-        )
-        self._odd[
-            Sentence("parts-that-the-importer-could-not", "parts that the importer could not finish")
-        ] += not self._imported.is_whole
+        self._odd[Sentence("assimp-textures-stacked", "textures over others of the same kind")] += self._imported.stacked
+        self._odd[Sentence("assimp-later-frames", "frames, of which the first is shown")] += _frames(self._main, self._files)
+        self._odd[Sentence("assimp-parts-unfinished", "parts that the importer could not finish")] += not self._imported.is_whole
         self._odd += self._materials.odd
-        self._odd[Sentence("morph-targets", "morph targets")] += self._imported.morphs
-        self._odd[Sentence("channels-that-animate-meshes", "channels that animate meshes")] += self._movement.others
+        self._odd[Sentence("assimp-morph-targets", "morph targets")] += self._imported.morphs
+        self._odd[Sentence("assimp-mesh-animation", "channels that animate meshes")] += self._movement.others
         listed = [amount(count, words) for words, count in self._odd.items() if count]
         if listed:
-            self._shelf.warn(Sentence("not-taken-over", "{file}: not taken over: {listed}.", file=self._main, listed=listed))
+            self._shelf.warn(
+                Sentence("file-features-not-read", "{file}: not taken over: {features}.", file=self._main, features=listed)
+            )
         for text, count in self._imported.said.items():
             self._shelf.warn(
                 Sentence(
-                    "importer-says",
+                    "assimp-importer-message",
                     "{file}: the importer says: {text}.",
                     file=self._main,
                     text=times(text, count),
@@ -174,7 +172,7 @@ class _Reader:
         for bone in shape.bones:
             at = self._by_name.get(bone.node)
             if at is None:
-                self._odd[Sentence("bones-without-a-node", "bones without a node")] += 1
+                self._odd[Sentence("assimp-bones-without-node", "bones without a node")] += 1
                 continue
             places.append(self._world(at) @ bone.offset)
             vertex.append(bone.vertices.astype(np.int64))
@@ -204,7 +202,7 @@ class _Reader:
             name = self._imported.nodes[node].name[:80]
             raise SceneError(
                 Sentence(
-                    "transform-not-finite-export",
+                    "node-transform-not-finite",
                     "{file}: {name} has a transform that is not finite; export the file again",
                     file=self._main,
                     name=name,
@@ -238,9 +236,7 @@ class _Reader:
         if lamp.kind != _DIRECTIONAL:
             far = float(np.linalg.norm(position - middle))
             if lamp.quadratic <= 1e-9 or lamp.linear > 1e-9:
-                self._odd[
-                    Sentence("fadings-of-lights-other-than-by", "fadings of lights other than by the square of the distance")
-                ] += 1
+                self._odd[Sentence("assimp-light-falloff", "fadings of lights other than by the square of the distance")] += 1
             scale *= 1 / lamp.quadratic if lamp.quadratic > 1e-9 else max(far, 1e-3) ** 2
         r, g, b = (clamped(float(np.nan_to_num(c)) * scale, 0.0, _MOST) for c in lamp.color)
         x, y, z = (float(c) for c in np.nan_to_num(position))

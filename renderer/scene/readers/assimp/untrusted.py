@@ -39,10 +39,10 @@ def _judge_package(data: bytes, main: str) -> None:
                 if is_bomb(entry.file_size, entry.compress_size):
                     raise SceneError(
                         Sentence(
-                            "part-unpacks-far-more-than",
-                            "{file}: its part {filename} unpacks to far more than it is, as zip bombs do",
+                            "archive-part-zip-bomb",
+                            "{file}: its part {part} unpacks to far more than it is, as zip bombs do",
                             file=main,
-                            filename=entry.filename[:120],
+                            part=entry.filename[:120],
                         )
                     )
                 if entry.filename.lower().endswith(".dae"):
@@ -53,5 +53,5 @@ def _judge_package(data: bytes, main: str) -> None:
         return
     except (*DAMAGED, OSError) as error:
         raise SceneError(
-            Sentence("damaged-pack-again", "{file}: is damaged ({error}); pack it again", file=main, error=str(error)[:120])
+            Sentence("archive-damaged", "{file}: is damaged ({error}); pack it again", file=main, error=str(error)[:120])
         ) from error

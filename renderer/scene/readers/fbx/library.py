@@ -53,7 +53,7 @@ def _library() -> ctypes.CDLL:
                 return _declared(found)
     raise SceneError(
         Sentence(
-            "fbx-files-read-by-package", "FBX files are read by the package ufbx, which is not installed here: pip install ufbx"
+            "fbx-ufbx-not-installed", "FBX files are read by the package ufbx, which is not installed here: pip install ufbx"
         )
     )
 
@@ -64,9 +64,9 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
         said = f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
         raise SceneError(
             Sentence(
-                "package-ufbx-version-library",
-                "The package ufbx here has version {said} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has",
-                said=said,
+                "fbx-ufbx-too-old",
+                "The package ufbx here has version {version} of its library, and FBX files need 0.21 of it, as ufbx 0.0.5 has",
+                version=said,
             )
         )
     opened: Any = ctypes.POINTER(layout.Scene)
@@ -176,10 +176,10 @@ def _failed(error: Any, name: str) -> Any:
     detail = f": {error.info.decode('utf-8', 'replace')[:100]}" if error.info_length else ""
     raise SceneError(
         Sentence(
-            "damaged-no-fbx-file",
-            "{name}: is damaged or no FBX file ({said}{detail}); export it again",
+            "fbx-file-damaged",
+            "{name}: is damaged or no FBX file ({error}{detail}); export it again",
             name=name,
-            said=said,
+            error=said,
             detail=detail,
         )
     )

@@ -34,13 +34,13 @@ _LOD_GROUP = 16  # ufbx_element_type
 _SMOOTH = (2, 3)  # ufbx_subdivision_display_mode
 _DUAL_QUATERNIONS = (2, 3)  # ufbx_skinning_method
 _LEFT_OUT = {
-    "line_curves": Sentence("lines", "lines"),
-    "nurbs_curves": Sentence("nurbs-curves", "NURBS curves"),
-    "nurbs_surfaces": Sentence("nurbs-surfaces", "NURBS surfaces"),
-    "procedural": Sentence("procedural-surfaces", "procedural surfaces"),
-    "constraints": Sentence("constraints", "constraints"),
-    "caches": Sentence("geometry-caches", "geometry caches"),
-    "camera_switchers": Sentence("camera-switchers", "camera switchers"),
+    "line_curves": Sentence("fbx-lines", "lines"),
+    "nurbs_curves": Sentence("fbx-nurbs-curves", "NURBS curves"),
+    "nurbs_surfaces": Sentence("fbx-nurbs-surfaces", "NURBS surfaces"),
+    "procedural": Sentence("fbx-procedural-surfaces", "procedural surfaces"),
+    "constraints": Sentence("fbx-constraints", "constraints"),
+    "caches": Sentence("fbx-geometry-caches", "geometry caches"),
+    "camera_switchers": Sentence("fbx-camera-switchers", "camera switchers"),
 }
 _NOTICES = 8  # warnings of ufbx that are passed on
 MAX_NODES = 200_000
@@ -53,11 +53,11 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     if opened.scene.nodes.count > MAX_NODES:
         raise SceneError(
             Sentence(
-                "nodes-most-fit-2",
-                "{file}: has {count} nodes; at most {max_nodes} fit",
+                "nodes-too-many",
+                "{file}: has {count} nodes; at most {most} fit",
                 file=main,
                 count=opened.scene.nodes.count,
-                max_nodes=MAX_NODES,
+                most=MAX_NODES,
             )
         )
     stacks = Stacks(opened, main)
@@ -126,11 +126,11 @@ class _Reader:
             if node.element_id in self._moving or (parent is not None and parent.element_id in restless):
                 restless.add(node.element_id)
             if parent is not None and parent.attrib_type == _LOD_GROUP and self._is_coarse(node, parent):
-                self._odd[Sentence("coarser-levels-of-detail", "coarser levels of detail")] += 1
+                self._odd[Sentence("fbx-coarser-lods", "coarser levels of detail")] += 1
             elif self._is_visible(node) and (parent is None or parent.element_id in shown):
                 shown.add(node.element_id)
             elif not self._is_visible(node) and (parent is None or parent.element_id in shown):
-                self._odd[Sentence("hidden-nodes", "hidden nodes")] += 1
+                self._odd[Sentence("fbx-hidden-nodes", "hidden nodes")] += 1
         return shown, restless
 
     def _is_visible(self, node: Any) -> bool:
@@ -147,11 +147,9 @@ class _Reader:
         made_once = ("FBX parts", self._main, mesh.element_id)
         parts, unfilled = self._files.recall(made_once, functools.partial(parts_of, mesh))
         if unfilled:
-            self._odd[Sentence("concave-polygons-which-are-filled-as", "concave polygons, which are filled as if convex")] += (
-                unfilled
-            )
+            self._odd[Sentence("unit-concave-polygons", "concave polygons, which are filled as if convex")] += unfilled
         if not parts:
-            self._odd[Sentence("meshes-without-faces", "meshes without faces")] += 1
+            self._odd[Sentence("fbx-meshes-without-faces", "meshes without faces")] += 1
             return
         name = self._unique(text(node.name) or text(mesh.name) or "mesh")
         self._note(mesh)
@@ -164,18 +162,16 @@ class _Reader:
         if len(self._description.instances) + len(parts) > MAX_INSTANCES:
             raise SceneError(
                 Sentence(
-                    "shows-more-than-parts-meshes",
-                    "{file}: shows more than {max_instances} parts of meshes; fewer fit",
+                    "fbx-mesh-parts-too-many",
+                    "{file}: shows more than {most} parts of meshes; fewer fit",
                     file=self._main,
-                    max_instances=MAX_INSTANCES,
+                    most=MAX_INSTANCES,
                 )
             )
         for i, part in enumerate(parts):
             if slots and part.slot >= len(slots):
                 self._odd[
-                    Sentence(
-                        "parts-of-meshes-whose-material-is", "parts of meshes whose material is not in the file, which are grey"
-                    )
+                    Sentence("fbx-parts-without-material", "parts of meshes whose material is not in the file, which are grey")
                 ] += 1
             material = self._materials.number(slots[part.slot] if part.slot < len(slots) else None)
             key = (source, part.slot)
@@ -191,7 +187,7 @@ class _Reader:
                 found.material = material
                 if found.colors is not None and self._description.materials[material].base_color_texture is not None:
                     found.colors = None  # a mask for a game or a tool: no program that writes FBX has it tint a texture
-                    self._odd[Sentence("vertex-colours-of-textured-meshes", "vertex colours of textured meshes")] += 1
+                    self._odd[Sentence("fbx-vertex-colours-textured", "vertex colours of textured meshes")] += 1
                 self._description.meshes.append(found)
                 self._numbers[key] = len(self._description.meshes) - 1
             number = self._numbers[key]
@@ -236,21 +232,17 @@ class _Reader:
     def _note(self, mesh: Any) -> None:
         skins = pointed(mesh.skins, layout.SkinDeformer)
         if len(skins) > 1:
-            self._odd[Sentence("further-skins-of-a-mesh", "further skins of a mesh")] += len(skins) - 1
+            self._odd[Sentence("fbx-further-skins", "further skins of a mesh")] += len(skins) - 1
         if any(skin.method in _DUAL_QUATERNIONS for skin in skins):
             self._shelf.warn(
-                Sentence("skins-by-dual-quaternions-bent", "Skins by dual quaternions are bent linearly, as the others are.")
+                Sentence("fbx-dual-quaternion-skins", "Skins by dual quaternions are bent linearly, as the others are.")
             )
         if mesh.subdivision_mode in _SMOOTH:
-            self._odd[
-                Sentence("subdivisions-of-surfaces-which-are-shown", "subdivisions of surfaces, which are shown as their cages")
-            ] += 1
+            self._odd[Sentence("fbx-subdivisions", "subdivisions of surfaces, which are shown as their cages")] += 1
         if mesh.color_sets.count > 1:
-            self._odd[Sentence("further-sets-of-vertex-colours", "further sets of vertex colours")] += mesh.color_sets.count - 1
+            self._odd[Sentence("fbx-further-colour-sets", "further sets of vertex colours")] += mesh.color_sets.count - 1
         if mesh.num_lines or mesh.num_points:
-            self._odd[Sentence("loose-edges-and-points-of-meshes", "loose edges and points of meshes")] += (
-                mesh.num_lines + mesh.num_points
-            )
+            self._odd[Sentence("fbx-loose-edges-points", "loose edges and points of meshes")] += mesh.num_lines + mesh.num_points
 
     def _middle(self, first: int) -> npt.NDArray[np.float64]:
         """Returns the centre of the bounding box of the visible geometry."""
@@ -270,14 +262,14 @@ class _Reader:
         world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), np.array(light.direction)), node)
         name = self._unique(text(node.name) or "light")
         if not is_set(light, b"CastShadows", True):
-            self._odd[Sentence("lights-without-shadows-which-cast-them", "lights without shadows, which cast them")] += 1
+            self._odd[Sentence("fbx-lights-without-shadows", "lights without shadows, which cast them")] += 1
         if is_set(light, b"EnableNearAttenuation") or is_set(light, b"EnableFarAttenuation"):
-            self._odd[Sentence("distances-within-which-alone-a-light", "distances within which alone a light shines")] += 1
+            self._odd[Sentence("fbx-light-ranges", "distances within which alone a light shines")] += 1
         if light.kind == lights.VOLUME or not light.shines:
             self._odd[
-                Sentence("volume-lights", "volume lights")
+                Sentence("fbx-volume-lights", "volume lights")
                 if light.kind == lights.VOLUME
-                else Sentence("lights-switched-off", "lights that are switched off")
+                else Sentence("fbx-lights-off", "lights that are switched off")
             ] += 1
         elif lights.is_area(light):
             self._area_light(light, name, world, moves)
@@ -287,7 +279,7 @@ class _Reader:
             if not self._by_blender and light.kind != lights.DIRECTIONAL and light.decay != 2:
                 self._odd[
                     Sentence(
-                        "lights-that-do-not-fade-as",
+                        "fbx-lights-without-falloff",
                         "lights that do not fade as real ones do, as bright as told in the scene's middle",
                     )
                 ] += 1
@@ -302,7 +294,7 @@ class _Reader:
         self._description.instances.append(Instance(len(self._description.meshes) - 1, place, name=name, moves=moves))
         self._shelf.warn(
             Sentence(
-                "fbx-not-say-how-large",
+                "fbx-area-light-size-unknown",
                 "FBX does not say how large area lights are; they are squares, a metre wide where nothing scales them.",
             )
         )
@@ -323,11 +315,11 @@ class _Reader:
             tall = float(camera.orthographic[1]) * (1.0 if self._by_blender else unit)
             view = lights.read_camera(camera, world, offset, near, tall)
             if number_of(camera, b"Roll"):
-                self._odd[Sentence("cameras-that-roll-which-are-upright", "cameras that roll, which are upright")] += 1
+                self._odd[Sentence("fbx-camera-roll", "cameras that roll, which are upright")] += 1
             if is_set(camera, b"UseDepthOfField"):
                 self._odd[
                     Sentence(
-                        "cameras-with-depth-of-field-whose",
+                        "fbx-camera-depth-of-field",
                         "cameras with depth of field, whose aperture FBX does not tell: sharp everywhere",
                     )
                 ] += 1
@@ -340,10 +332,10 @@ class _Reader:
         if not np.isfinite(found).all():
             raise SceneError(
                 Sentence(
-                    "transform-not-finite-export-file",
-                    "{file}: {text} has a transform that is not finite; export the file again",
+                    "node-transform-not-finite",
+                    "{file}: {name} has a transform that is not finite; export the file again",
                     file=self._main,
-                    text=text(node.name)[:80],
+                    name=text(node.name)[:80],
                 )
             )
         return found
@@ -362,21 +354,21 @@ class _Reader:
         if self._odd:
             listed = [amount(count, words) for words, count in self._odd.items()]
             self._shelf.warn(
-                Sentence("not-taken-over-fbx-file", "Not taken over as it is in the FBX file: {listed}.", listed=listed)
+                Sentence("fbx-features-not-read", "Not taken over as it is in the FBX file: {features}.", features=listed)
             )
         notices = each(self._scene.metadata.warnings, layout.Notice)
         if len(notices) > _NOTICES:
             self._shelf.warn(
                 Sentence(
-                    "more-warnings-importer-not-listed",
-                    "{file}: {n} more warnings of its importer are not listed.",
+                    "fbx-importer-messages-more",
+                    "{file}: {count} more warnings of its importer are not listed.",
                     file=self._main,
-                    n=len(notices) - _NOTICES,
+                    count=len(notices) - _NOTICES,
                 )
             )
         for notice in notices[:_NOTICES]:
             said = times(text(notice.description)[:160], notice.count)
-            self._shelf.warn(Sentence("importer-says-of-file", "{file}: {text}.", file=self._main, text=said))
+            self._shelf.warn(Sentence("fbx-importer-message", "{file}: {text}.", file=self._main, text=said))
 
 
 def _points(mesh: Any, part: Part) -> npt.NDArray[Any]:

@@ -45,7 +45,13 @@ class Pictures:
             what = "layers" if source.kind == _LAYERED else "a network of nodes"
             used = "its lowest picture is shown" if files else "it is left out"
             self._shelf.warn_of_surface(
-                Sentence("texture-not-read", "{user}: a texture of {what} is not read; {used}.", user=user, what=what, used=used)
+                Sentence(
+                    "fbx-texture-not-read",
+                    "{user}: a texture of {slot} is not read; {replacement}.",
+                    user=user,
+                    slot=what,
+                    replacement=used,
+                )
             )
         if not files:
             return None
@@ -55,10 +61,10 @@ class Pictures:
         if uv_set > 1:
             self._shelf.warn_of_surface(
                 Sentence(
-                    "texture-lies-by-uv-set",
-                    "{user}: a texture lies by the UV set {text}; only a mesh's first two are read, and the first is taken.",
+                    "fbx-texture-uv-set-unread",
+                    "{user}: a texture lies by the UV set {uv_set}; only a mesh's first two are read, and the first is taken.",
                     user=user,
-                    text=text(picture.uv_set)[:60],
+                    uv_set=text(picture.uv_set)[:60],
                 )
             )
             uv_set = 0

@@ -66,7 +66,7 @@ class Accessors:
                 raise DamagedError(
                     self._file,
                     accessor.where,
-                    Sentence("holds-values-not-finite-numbers", "holds values that are not finite numbers"),
+                    Sentence("gltf-values-not-finite", "holds values that are not finite numbers"),
                 )
             self._finite.add(index)
         return values
@@ -78,7 +78,7 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 self.accessors[index].where,
-                Sentence("holds-floats-where-indices-belong", "holds floats where indices belong"),
+                Sentence("gltf-indices-are-floats", "holds floats where indices belong"),
             )
         return values.reshape(-1)
 
@@ -93,12 +93,12 @@ class Accessors:
         if self._bare > MAX_BARE:
             raise SceneError(
                 Sentence(
-                    "more-than-million-vertices-indices",
-                    "{file}: more than {max_bare} million vertices or indices have no data "
-                    "({where}.bufferView is missing); export the file again",
+                    "gltf-vertices-without-data",
+                    "{file}: more than {million} million vertices or indices have no data "
+                    "({place}.bufferView is missing); export the file again",
                     file=self._file,
-                    max_bare=MAX_BARE >> 20,
-                    where=accessor.where,
+                    million=MAX_BARE >> 20,
+                    place=accessor.where,
                 )
             )
 
@@ -115,8 +115,8 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 view.where,
-                Sentence("reads-past-buffer-end", "reads past its buffer's end"),
-                Sentence("file-damaged", "the file is damaged, export it again"),
+                Sentence("gltf-buffer-view-overrun", "reads past its buffer's end"),
+                Sentence("gltf-file-damaged", "the file is damaged, export it again"),
             )
         return buffer[offset : offset + length]
 
@@ -128,8 +128,8 @@ class Accessors:
                 raise DamagedError(
                     self._file,
                     packing.where,
-                    Sentence("reads-past-buffer-end", "reads past its buffer's end"),
-                    Sentence("file-damaged", "the file is damaged, export it again"),
+                    Sentence("gltf-buffer-view-overrun", "reads past its buffer's end"),
+                    Sentence("gltf-file-damaged", "the file is damaged, export it again"),
                 )
             self._unpacked_views[index] = meshopt.decode(packing, buffer[offset : offset + packed], length)
         return self._unpacked_views[index]
@@ -150,8 +150,8 @@ class Accessors:
                 raise DamagedError(
                     self._file,
                     buffer.where,
-                    Sentence("no-data", "has no data"),
-                    Sentence("file-damaged", "the file is damaged, export it again"),
+                    Sentence("gltf-data-missing", "has no data"),
+                    Sentence("gltf-file-damaged", "the file is damaged, export it again"),
                 )
             data = self._binary
         else:
@@ -161,18 +161,20 @@ class Accessors:
             else:
                 name = self._files.resolve_uri(uri, self._file)
                 if name is None:
-                    what = Sentence("not-among-files-3", "is {uri}, which is not among the files", uri=uri[:120])
-                    raise DamagedError(self._file, buffer.where, what, Sentence("add-export-glb", "add it, or export as .glb"))
+                    what = Sentence("gltf-uri-not-in-files", "is {uri}, which is not among the files", uri=uri[:120])
+                    raise DamagedError(
+                        self._file, buffer.where, what, Sentence("advice-add-file-or-glb", "add it, or export as .glb")
+                    )
                 data = memoryview(self._files.read(name))
         length = buffer.integer("byteLength")
         if length > len(data):
             self._root.faults.note(
                 Sentence(
-                    "bytes-read",
-                    "{file}: {where} has {n} of {length} bytes; what is there is read.",
+                    "gltf-buffer-short",
+                    "{file}: {place} has {found} of {length} bytes; what is there is read.",
                     file=self._file,
-                    where=buffer.where,
-                    n=len(data),
+                    place=buffer.where,
+                    found=len(data),
                     length=length,
                 )
             )
@@ -187,10 +189,10 @@ class Accessors:
             raise accessor.wrong(
                 "type",
                 Sentence(
-                    "component-type",
-                    "is {kind} of component type {get}, which does not fit here",
+                    "gltf-accessor-type-wrong",
+                    "is {kind} of component type {component_type}, which does not fit here",
                     kind=kind[:10],
-                    get=accessor.value.get("componentType"),
+                    component_type=accessor.value.get("componentType"),
                 ),
             )
         count = accessor.integer("count", high=MAX_ELEMENTS + 1)
@@ -198,10 +200,10 @@ class Accessors:
         if self._values_given > MAX_VALUES:
             raise SceneError(
                 Sentence(
-                    "arrays-hold-more-than-million",
-                    "{file}: its arrays hold more than {max_values} million values; simplify its meshes",
+                    "gltf-arrays-too-large",
+                    "{file}: its arrays hold more than {million} million values; simplify its meshes",
                     file=self._file,
-                    max_values=MAX_VALUES >> 20,
+                    million=MAX_VALUES >> 20,
                 )
             )
         if "bufferView" not in accessor or count == 0:
@@ -222,8 +224,8 @@ class Accessors:
             raise DamagedError(
                 self._file,
                 where,
-                Sentence("reads-past-end-data", "reads past the end of its data"),
-                Sentence("file-damaged", "the file is damaged, export it again"),
+                Sentence("gltf-accessor-out-of-range", "reads past the end of its data"),
+                Sentence("gltf-file-damaged", "the file is damaged, export it again"),
             )
         little = component.newbyteorder("<")
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
@@ -233,17 +235,17 @@ class Accessors:
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")
         if places is None or replacements is None:
-            raise sparse.wrong("indices", Sentence("values-missing", "or values is missing"))
+            raise sparse.wrong("indices", Sentence("gltf-sparse-values-missing", "or values is missing"))
         component = _COMPONENT.get(places.integer("componentType"))
         if component not in (np.uint8, np.uint16, np.uint32):
-            raise places.wrong("componentType", Sentence("no-unsigned-integer", "is no unsigned integer"))
+            raise places.wrong("componentType", Sentence("gltf-not-unsigned-integer", "is no unsigned integer"))
         arrays = []
         for part, width, dtype in ((places, 1, np.dtype(component)), (replacements, values.shape[1], values.dtype)):
             view = part.integer("bufferView", high=len(self._views))
             arrays.append(self._strided(view, part.integer("byteOffset", 0), count, width, dtype, part.where))
         at = arrays[0].reshape(-1).astype(np.int64)
         if at.max() >= len(values):
-            raise places.wrong("bufferView", Sentence("holds-place-outside-array", "holds a place outside of the array"))
+            raise places.wrong("bufferView", Sentence("gltf-sparse-index-invalid", "holds a place outside of the array"))
         result = values.copy()
         result[at] = arrays[1]
         return result

@@ -136,7 +136,7 @@ class Animations:
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)
             if (np.diff(times[np.isfinite(times)]) < 0).any():
-                raise sampler.wrong("input", Sentence("times-not-grow", "has times that do not grow"))
+                raise sampler.wrong("input", Sentence("gltf-animation-times-descend", "has times that do not grow"))
             self._times[at] = times
         return self._times[at]
 
@@ -168,9 +168,9 @@ class Animations:
             moving,
             [
                 Sentence(
-                    "animated-but-not-read",
-                    "What is animated but not read here, or not there, stands still: {named}{more}.",
-                    named=named,
+                    "gltf-animation-not-read",
+                    "What is animated but not read here, or not there, stands still: {targets}{more}.",
+                    targets=named,
                     more=more,
                 )
             ],
@@ -190,13 +190,19 @@ class Animations:
         if way not in ("STEP", "LINEAR", "CUBICSPLINE"):
             sampler.fault(
                 "interpolation",
-                Sentence("known-step", "is {way}; known are STEP, LINEAR, CUBICSPLINE", way=repr(way[:20])),
+                Sentence("gltf-interpolation-unknown", "is {value}; known are STEP, LINEAR, CUBICSPLINE", value=repr(way[:20])),
             )
             way = "LINEAR"
         rows = len(times) * (3 if way == "CUBICSPLINE" else 1)
         if not rows or len(values) % rows or (kind != "list" and len(values) != rows):
             raise sampler.wrong(
-                "output", Sentence("values-for-times", "has {n} values for {n2} times", n=len(values), n2=len(times))
+                "output",
+                Sentence(
+                    "gltf-animation-value-count-wrong",
+                    "has {values} values for {times} times",
+                    values=len(values),
+                    times=len(times),
+                ),
             )
         values = values.reshape(len(times), -1)
         finite = np.isfinite(times) & np.isfinite(values).all(axis=1)

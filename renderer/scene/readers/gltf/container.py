@@ -35,7 +35,7 @@ class Json:
     def __init__(self, file: str, where: str, value: Any, faults: Faults | None = None) -> None:
         self.faults = Faults() if faults is None else faults
         if not isinstance(value, dict):
-            raise DamagedError(file, where or "the file", Sentence("not-json-object", "is not a JSON object"))
+            raise DamagedError(file, where or "the file", Sentence("gltf-not-object", "is not a JSON object"))
         self.file, self.where, self.value = file, where, value
 
     def __contains__(self, key: str) -> bool:
@@ -71,7 +71,7 @@ class Json:
         """Returns the list of objects under a key, empty if absent; an entry that is no object becomes an empty one."""
         values = self.value.get(key, [])
         if not isinstance(values, list):
-            self.fault(key, Sentence("not-list", "is not a list"))
+            self.fault(key, Sentence("gltf-not-list", "is not a list"))
             return []
         places = [f"{self.place(key)}[{i}]" for i in range(len(values))]
         return [
@@ -98,10 +98,10 @@ class Json:
             fault = self.wrong(
                 key,
                 Sentence(
-                    "points-outside-file-holds",
-                    "is {value}, which points outside of what the file holds ({held})",
+                    "gltf-index-out-of-range",
+                    "is {value}, which points outside of what the file holds ({count})",
                     value=value,
-                    held=held,
+                    count=held,
                 ),
             )
         else:
@@ -134,7 +134,7 @@ class Json:
         """Returns the finite number under a key."""
         value = self.value.get(key, default)
         if not _is_finite(value):
-            self.fault(key, Sentence("not-number", "is not a number"))
+            self.fault(key, Sentence("gltf-not-number", "is not a number"))
             return default
         return float(value)
 
@@ -143,7 +143,7 @@ class Json:
         values = self.value.get(key, default)
         good = isinstance(values, list | tuple) and len(values) == len(default)
         if not good or not all(map(_is_finite, values)):
-            self.fault(key, Sentence("not-list-numbers-2", "is not a list of {n} numbers", n=len(default)))
+            self.fault(key, Sentence("gltf-number-count-wrong", "is not a list of {count} numbers", count=len(default)))
             return default
         return tuple(float(v) for v in values)
 
@@ -151,7 +151,7 @@ class Json:
         """Returns the list of numbers under a key, empty if absent; 0 for entries that are not finite numbers."""
         values = self.value.get(key, [])
         if not isinstance(values, list) or not all(map(_is_finite, values)):
-            self.fault(key, Sentence("not-list-numbers", "is not a list of numbers"))
+            self.fault(key, Sentence("gltf-not-number-list", "is not a list of numbers"))
             return tuple(float(v) if _is_finite(v) else 0.0 for v in values) if isinstance(values, list) else ()
         return tuple(float(v) for v in values)
 
@@ -159,7 +159,7 @@ class Json:
         """Returns the string under a key."""
         value = self.value.get(key, default)
         if not isinstance(value, str):
-            self.fault(key, Sentence("not-string", "is not a string"))
+            self.fault(key, Sentence("gltf-not-string", "is not a string"))
             return default
         return value[:MAX_NAME] if key == "name" else value
 
@@ -188,7 +188,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     if len(data) < 20:
         raise SceneError(
             Sentence(
-                "ends-inside-header",
+                "gltf-header-cut-off",
                 "{file}: ends inside its header; the upload or download was cut, take it again",
                 file=file,
             )
@@ -196,17 +196,22 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
     version, length = struct.unpack_from("<II", data, 4)
     if version != 2:
         raise SceneError(
-            Sentence("glb-version", "{file}: is GLB version {version}; export it as glTF 2.0", file=file, version=version)
+            Sentence(
+                "gltf-glb-version-unsupported",
+                "{file}: is GLB version {version}; export it as glTF 2.0",
+                file=file,
+                version=version,
+            )
         )
     notes = []
     if length != len(data):
         notes.append(
             Sentence(
-                "bytes-header-says",
-                "{file}: has {n} bytes, and its header says {length}; all of them are read.",
+                "gltf-glb-length-differs",
+                "{file}: has {found} bytes, and its header says {declared}; all of them are read.",
                 file=file,
-                n=len(data),
-                length=length,
+                found=len(data),
+                declared=length,
             )
         )
     chunks: dict[int, memoryview] = {}
@@ -218,7 +223,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
             if kind == _JSON_CHUNK:
                 raise SceneError(
                     Sentence(
-                        "ends-inside-json",
+                        "gltf-json-cut-off",
                         "{file}: ends inside its JSON; the upload or download was cut, take it again",
                         file=file,
                     )
@@ -226,10 +231,10 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
             if kind in _CHUNKS:
                 notes.append(
                     Sentence(
-                        "binary-data-bytes",
-                        "{file}: its binary data has {n} of {size} bytes; what is there is read.",
+                        "gltf-binary-cut-off",
+                        "{file}: its binary data has {found} of {size} bytes; what is there is read.",
                         file=file,
-                        n=len(data) - at - 8,
+                        found=len(data) - at - 8,
                         size=size,
                     )
                 )
@@ -241,14 +246,16 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
             at += -size % 4 if is_padded else 0
             notes.append(
                 Sentence(
-                    "chunk-bytes",
+                    "gltf-chunk-unaligned",
                     "{file}: a chunk has {size} bytes, which is no multiple of four; it is read as it is.",
                     file=file,
                     size=size,
                 )
             )
     if _JSON_CHUNK not in chunks:
-        raise SceneError(Sentence("no-json-chunk", "{file}: has no JSON chunk; the file is damaged, export it again", file=file))
+        raise SceneError(
+            Sentence("gltf-json-chunk-missing", "{file}: has no JSON chunk; the file is damaged, export it again", file=file)
+        )
     root = _parse_json(bytes(chunks[_JSON_CHUNK]), file)
     for sentence in notes:
         root.faults.note(sentence)
@@ -272,10 +279,10 @@ def _parse_json(data: bytes, file: str) -> Json:
     if len(data) > MAX_JSON_BYTES:
         raise SceneError(
             Sentence(
-                "holds-mib-json",
-                "{file}: holds {n} MiB of JSON; export it as .glb, or with its buffers in files of their own",
+                "gltf-json-too-large",
+                "{file}: holds {mib} MiB of JSON; export it as .glb, or with its buffers in files of their own",
                 file=file,
-                n=len(data) >> 20,
+                mib=len(data) >> 20,
             )
         )
     try:
@@ -285,7 +292,7 @@ def _parse_json(data: bytes, file: str) -> Json:
     except (ValueError, RecursionError) as error:
         raise SceneError(
             Sentence(
-                "no-gltf",
+                "gltf-json-damaged",
                 "{file}: is no glTF: its JSON is damaged ({error}); export it again",
                 file=file,
                 error=str(error)[:120],
@@ -296,7 +303,7 @@ def _parse_json(data: bytes, file: str) -> Json:
     if not version.startswith("2."):
         raise SceneError(
             Sentence(
-                "gltf-version",
+                "gltf-version-unsupported",
                 "{file}: is glTF version {version}; only 2.0 is read, export it as that",
                 file=file,
                 version=version[:10] or "unknown",

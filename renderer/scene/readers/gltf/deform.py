@@ -38,7 +38,7 @@ def morphed(mesh: Mesh, targets: list[Json], weights: tuple[float, ...], accesso
                 target.fault(
                     key,
                     Sentence(
-                        "displacement-texture-coordinates-colours",
+                        "gltf-morph-attribute-unsupported",
                         "is a displacement of texture coordinates or colours, which are not moved",
                     ),
                 )
@@ -64,7 +64,8 @@ def _displacement(target: Json, key: str, count: int, accessors: Accessors) -> F
         return None
     if len(values) != count:
         target.fault(
-            key, Sentence("displacements-vertices", "has {n} displacements of {count} vertices", n=len(values), count=count)
+            key,
+            Sentence("gltf-morph-count-wrong", "has {found} displacements of {count} vertices", found=len(values), count=count),
         )
         return None
     return values
@@ -78,7 +79,9 @@ def bind_matrices(skin: Json, count: int, accessors: Accessors) -> Matrix:
     if len(values) < count:
         raise skin.wrong(
             "inverseBindMatrices",
-            Sentence("matrices-for-joints", "has {n} matrices for {count} joints", n=len(values), count=count),
+            Sentence(
+                "gltf-joint-matrix-count-wrong", "has {matrices} matrices for {joints} joints", matrices=len(values), joints=count
+            ),
         )
     return values[:count].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)  # column-major
 

@@ -27,7 +27,7 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
     except ImportError as error:
         raise SceneError(
             Sentence(
-                "compressed-with-draco",
+                "gltf-draco-not-installed",
                 "{file}: is compressed with Draco; install DracoPy, or export it without compression",
                 file=extension.file,
             )
@@ -40,21 +40,21 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
     except Exception as error:  # the decoder's own errors have no common type
         raise SceneError(
             Sentence(
-                "damaged-export-file-again-2",
-                "{file}: {where} is damaged ({error}); export the file again",
+                "gltf-compressed-data-damaged",
+                "{file}: {place} is damaged ({error}); export the file again",
                 file=extension.file,
-                where=extension.where,
+                place=extension.where,
                 error=error,
             )
         ) from error
     if faces.size > 3 * MAX_ELEMENTS:
         raise SceneError(
             Sentence(
-                "holds-triangles",
-                "{file}: {where} holds {size} triangles; split the mesh",
+                "gltf-triangles-too-many",
+                "{file}: {place} holds {triangles} triangles; split the mesh",
                 file=extension.file,
-                where=extension.where,
-                size=faces.size // 3,
+                place=extension.where,
+                triangles=faces.size // 3,
             )
         )
     names = extension.object("attributes")

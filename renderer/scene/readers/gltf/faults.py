@@ -10,7 +10,7 @@ from renderer.sentences import Sentence, listed
 __all__ = ["DamagedError", "Faults"]
 
 _NAMED = 6  # places that a warning lists
-EXPORT_AGAIN = Sentence("export-the-file-again", "export the file again")
+EXPORT_AGAIN = Sentence("advice-export-again", "export the file again")
 
 
 class DamagedError(SceneError):
@@ -18,7 +18,7 @@ class DamagedError(SceneError):
 
     def __init__(self, file: str, place: str, what: str, advice: str = EXPORT_AGAIN) -> None:
         super().__init__(
-            Sentence("part-is-unusable", "{file}: {place} {what}; {advice}", file=file, place=place, what=what, advice=advice)
+            Sentence("gltf-part-unusable", "{file}: {place} {fault}; {advice}", file=file, place=place, fault=what, advice=advice)
         )
         self.file, self.place, self.what, self.advice = file, place, what, advice
 
@@ -56,21 +56,21 @@ class Faults:
             if len(places) == 1:
                 warn(
                     Sentence(
-                        "unusable-part-left-out",
-                        "{file}: 1 unusable part is left out ({what}): {places}.",
+                        "gltf-part-left-out",
+                        "{file}: 1 unusable part is left out ({fault}): {places}.",
                         file=self._file,
-                        what=what,
+                        fault=what,
                         places=_listed(places),
                     )
                 )
                 continue
             warn(
                 Sentence(
-                    "unusable-parts-left-out",
-                    "{file}: {n} unusable parts are left out ({what}): {places}.",
+                    "gltf-parts-left-out",
+                    "{file}: {count} unusable parts are left out ({fault}): {places}.",
                     file=self._file,
-                    n=len(places),
-                    what=what,
+                    count=len(places),
+                    fault=what,
                     places=_listed(places),
                 )
             )
@@ -78,21 +78,21 @@ class Faults:
             if len(places) == 1:
                 warn(
                     Sentence(
-                        "value-replaced",
-                        "{file}: 1 value is {what}: {places}.",
+                        "gltf-value-replaced",
+                        "{file}: 1 value is {replacement}: {places}.",
                         file=self._file,
-                        what=what,
+                        replacement=what,
                         places=_listed(places),
                     )
                 )
                 continue
             warn(
                 Sentence(
-                    "values-replaced",
-                    "{file}: {n} values are {what}: {places}.",
+                    "gltf-values-replaced",
+                    "{file}: {count} values are {replacement}: {places}.",
                     file=self._file,
-                    n=len(places),
-                    what=what,
+                    count=len(places),
+                    replacement=what,
                     places=_listed(places),
                 )
             )

@@ -34,12 +34,12 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
                 if count > limit:
                     raise SceneError(
                         Sentence(
-                            "shows-mesh-times-where-left",
-                            "{file}: {where} shows its mesh {count} times where {limit} are left; show it less often",
+                            "gltf-instances-too-many",
+                            "{file}: {place} shows its mesh {count} times where {left} are left; show it less often",
                             file=source.file,
-                            where=source.where,
+                            place=source.where,
                             count=count,
-                            limit=limit,
+                            left=limit,
                         )
                     )
                 found[key] = accessors.floats(at, width).astype(np.float64)
@@ -47,7 +47,9 @@ def instance_transforms(source: Json, accessors: Accessors, limit: int) -> Matri
                 source.faults.add(fault)
     counts = {len(values) for values in found.values()}
     if len(counts) != 1:
-        raise source.wrong("attributes", Sentence("no-arrays-places", "has no arrays of places, or arrays of different lengths"))
+        raise source.wrong(
+            "attributes", Sentence("gltf-instancing-arrays-wrong", "has no arrays of places, or arrays of different lengths")
+        )
     (count,) = counts
     translation, rotation, scale = (found.get(k, np.tile(np.array(_DEFAULTS[k]), (count, 1))) for k in _WIDTHS)
     return compose(translation, rotation, scale)

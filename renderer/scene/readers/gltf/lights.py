@@ -24,7 +24,9 @@ def read_light(source: Json, name: str, world: Matrix) -> Light:
     """Returns the light on a node, whose scale is ignored. Its range, a hint for rasterisers, is ignored too."""
     kind = source.text("type", "")
     if kind not in _KINDS:
-        raise source.wrong("type", Sentence("known", "is {kind}; known are {kinds}", kind=repr(kind[:20]), kinds=[*_KINDS]))
+        raise source.wrong(
+            "type", Sentence("value-unknown", "is {value}; known are {choices}", value=repr(kind[:20]), choices=[*_KINDS])
+        )
     color = [source.clamped("color", value, 0.0, 1.0) for value in source.vector("color", (1.0, 1.0, 1.0))]
     photometric = source.clamped("intensity", source.number("intensity", 1.0), 0.0, _MAX_INTENSITY)
     r, g, b = (c * photometric / LUMENS_PER_WATT for c in color)

@@ -93,7 +93,7 @@ class Materials:
         if mode not in _ALPHA_MODES:
             source.fault(
                 "alphaMode",
-                Sentence("known-3", "is {mode}; known are {alpha_modes}", mode=repr(mode[:20]), alpha_modes=[*_ALPHA_MODES]),
+                Sentence("value-unknown", "is {value}; known are {choices}", value=repr(mode[:20]), choices=[*_ALPHA_MODES]),
             )
         material.alpha_mode = _ALPHA_MODES.get(mode, "opaque")
 

@@ -76,10 +76,10 @@ class Meshes:
                     raise node.wrong(
                         "skin",
                         Sentence(
-                            "joints-where-mesh-names",
-                            "has {n} joints where the mesh names {joints}",
-                            n=len(matrices),
-                            joints=int(bones.joints.max()) + 1,
+                            "gltf-joint-count-wrong",
+                            "has {found} joints where the mesh names {expected}",
+                            found=len(matrices),
+                            expected=int(bones.joints.max()) + 1,
                         ),
                     )
                 mesh = skinned(mesh, bones, matrices)
@@ -139,10 +139,10 @@ class Meshes:
         if self._vertices > MAX_VERTICES:
             raise SceneError(
                 Sentence(
-                    "meshes-more-than-vertices-each",
-                    "{file}: its meshes have more than {max_vertices} vertices, each shape of a skin by itself",
+                    "gltf-mesh-vertices-too-many",
+                    "{file}: its meshes have more than {most} vertices, each shape of a skin by itself",
                     file=self._file,
-                    max_vertices=MAX_VERTICES,
+                    most=MAX_VERTICES,
                 )
             )
         first = len(self._meshes)

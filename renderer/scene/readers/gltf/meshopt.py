@@ -30,7 +30,7 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     except ImportError as error:
         raise SceneError(
             Sentence(
-                "packed-by-meshopt",
+                "gltf-meshopt-not-installed",
                 "{file}: is packed by meshopt; install the package meshopt, or export it without",
                 file=extension.file,
             )
@@ -40,12 +40,14 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     if mode not in _MODES or filter not in _FILTERS:
         raise extension.wrong(
             "mode",
-            Sentence("filter-not-known", "or its filter is not known ({mode}, {filter})", mode=mode[:20], filter=filter[:20]),
+            Sentence(
+                "gltf-meshopt-filter-unknown", "or its filter is not known ({mode}, {filter})", mode=mode[:20], filter=filter[:20]
+            ),
         )
     if count * stride != length or length > MAX_BYTES:
         raise extension.wrong(
             "count",
-            Sentence("bytestride-not-give-view-bytes", "and byteStride do not give the view's {length} bytes", length=length),
+            Sentence("gltf-meshopt-length-wrong", "and byteStride do not give the view's {length} bytes", length=length),
         )
     if count == 0:
         return memoryview(b"")
@@ -54,10 +56,10 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     except Exception as error:  # the decoder's own errors have no common type
         raise SceneError(
             Sentence(
-                "damaged-export-file-again-2",
-                "{file}: {where} is damaged ({error}); export the file again",
+                "gltf-compressed-data-damaged",
+                "{file}: {place} is damaged ({error}); export the file again",
                 file=extension.file,
-                where=extension.where,
+                place=extension.where,
                 error=error,
             )
         ) from error
@@ -68,10 +70,10 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
     if len(data) != length:
         raise SceneError(
             Sentence(
-                "damaged-export-file-again",
-                "{file}: {where} is damaged; export the file again",
+                "gltf-meshopt-data-damaged",
+                "{file}: {place} is damaged; export the file again",
                 file=extension.file,
-                where=extension.where,
+                place=extension.where,
             )
         )
     return memoryview(data)

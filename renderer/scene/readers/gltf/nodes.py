@@ -69,11 +69,11 @@ class Nodes:
         if len(self._nodes) > MAX_NODES:
             raise SceneError(
                 Sentence(
-                    "nodes-most-fit",
-                    "{file}: has {n} nodes; at most {max_nodes} fit",
+                    "nodes-too-many",
+                    "{file}: has {count} nodes; at most {most} fit",
                     file=self._root.file,
-                    n=len(self._nodes),
-                    max_nodes=MAX_NODES,
+                    count=len(self._nodes),
+                    most=MAX_NODES,
                 )
             )
         self._parents, shown_nodes = self._tree()
@@ -203,7 +203,7 @@ class Nodes:
                     node = self._nodes[level[i]]
                     node.faults.add(
                         DamagedError(
-                            node.file, node.where, Sentence("transform-not-finite", "has a transform that is not finite")
+                            node.file, node.where, Sentence("gltf-transform-not-finite", "has a transform that is not finite")
                         )
                     )
                     places[i] = outer[i] if depth[level[0]] else np.eye(4)
@@ -237,11 +237,11 @@ class Nodes:
             if len(scenes) > 1:
                 self._shelf.warn(
                     Sentence(
-                        "scenes-left-out",
-                        "{file}: {n} of its {n2} scenes are left out.",
+                        "gltf-scenes-left-out",
+                        "{file}: {count} of its {total} scenes are left out.",
                         file=self._root.file,
-                        n=len(scenes) - 1,
-                        n2=len(scenes),
+                        count=len(scenes) - 1,
+                        total=len(scenes),
                     )
                 )
             self._description.name = scene.text("name", "") or self._description.name
@@ -324,13 +324,13 @@ class Nodes:
 
     def _carried(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
-            raise skin.wrong("joints", Sentence("none-one-outside-scene", "has none, or one outside of the scene"))
+            raise skin.wrong("joints", Sentence("gltf-skeleton-node-missing", "has none, or one outside of the scene"))
         with np.errstate(over="ignore", invalid="ignore"):
             bind = bind_matrices(skin, len(joints), self._accessors)
             matrices = product(np.stack([self._worlds[j] for j in joints]), bind)
         if not np.isfinite(matrices).all():
             raise skin.wrong(
-                "inverseBindMatrices", Sentence("joints-places-give-no-finite", "and the joints' places give no finite numbers")
+                "inverseBindMatrices", Sentence("gltf-joints-not-finite", "and the joints' places give no finite numbers")
             )
         return matrices
 

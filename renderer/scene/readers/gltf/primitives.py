@@ -50,12 +50,12 @@ def read_primitive(
     if mode < _LIST and thickness is None:
         shelf.warn(
             Sentence(
-                "mesh-points-lines-no-surface",
+                "gltf-points-lines-left-out",
                 "Mesh {name}: its points or lines have no surface and are left out. To see them, give "
-                "them a thickness in a scene file: shapes: [{type: mesh, file: {name2}, thickness: "
+                "them a thickness in a scene file: shapes: [{type: mesh, file: {file}, thickness: "
                 "0.01}].",
                 name=name,
-                name2=PurePosixPath(source.file).name,
+                file=PurePosixPath(source.file).name,
             )
         )
         return None
@@ -64,20 +64,22 @@ def read_primitive(
         accessors.count_empty_accessor(bare)
     positions = attributes.positions()
     if positions is None:
-        shelf.warn(Sentence("mesh-no-positions-left-out", "Mesh {name}: has no positions and is left out.", name=name))
+        shelf.warn(Sentence("gltf-mesh-without-positions", "Mesh {name}: has no positions and is left out.", name=name))
         return None
     indices: npt.NDArray[np.integer] | None = attributes.indices
     if indices is None:
         at = source.integer("indices", high=len(accessors.accessors)) if "indices" in source else None
         indices = np.arange(len(positions), dtype=np.int64) if at is None else accessors.integers(at)
     if not indices.size:
-        raise source.wrong("attributes" if "indices" not in source else "indices", Sentence("no-vertices", "has no vertices"))
+        raise source.wrong(
+            "attributes" if "indices" not in source else "indices", Sentence("gltf-vertices-missing", "has no vertices")
+        )
     if mode < _LIST and thickness is not None:
         if _is_bad(indices, len(positions)).any() or not np.isfinite(positions).all():
             raise source.wrong(
                 "indices",
                 Sentence(
-                    "indices-outside-vertices",
+                    "gltf-vertex-index-invalid",
                     "has indices outside of its vertices, or positions that are not finite numbers",
                 ),
             )
@@ -85,7 +87,7 @@ def read_primitive(
         if shown is None:
             shelf.warn(
                 Sentence(
-                    "mesh-points-lines-one-place",
+                    "gltf-points-lines-collapsed",
                     "Mesh {name}: its points or lines are all in one place, and left out.",
                     name=name,
                 )
@@ -94,7 +96,7 @@ def read_primitive(
         if source.objects("targets") or "JOINTS_0" in attributes:
             shelf.warn(
                 Sentence(
-                    "mesh-points-lines-not-bent",
+                    "gltf-points-lines-undeformed",
                     "Mesh {name}: its points or lines are not bent by a skin or by morph targets.",
                     name=name,
                 )
@@ -102,7 +104,7 @@ def read_primitive(
         return Primitive(shown, [], None)
     mode = _LIST if attributes.indices is not None else mode
     if mode == _LIST and (left := len(indices) % 3):
-        source.fault("indices", Sentence("end-with-triangle-three", "end with {left} of a triangle's three", left=left))
+        source.fault("indices", Sentence("gltf-triangle-incomplete", "end with {left} of a triangle's three", left=left))
     triangles = _triangles(indices, mode)
     positions, triangles = _usable(source, positions, triangles)
     mesh = Mesh(name, positions, triangles.astype(np.int32))
@@ -150,7 +152,7 @@ class _Attributes:
     def __init__(self, source: Json, accessors: Accessors) -> None:
         found = source.object("attributes")
         if found is None:
-            raise source.wrong("attributes", Sentence("missing", "is missing"))
+            raise source.wrong("attributes", Sentence("gltf-value-missing", "is missing"))
         self._source, self._attributes, self._accessors = source, found, accessors
         compressed = source.extension(draco.EXTENSION)
         self.indices: npt.NDArray[np.int64] | None = None
@@ -192,7 +194,10 @@ class _Attributes:
         values = self.get(key, widths)
         if values is not None and len(values) != count:
             self._attributes.fault(
-                key, Sentence("values-for-vertices", "has {n} values for {count} vertices", n=len(values), count=count)
+                key,
+                Sentence(
+                    "gltf-value-count-wrong", "has {found} values for {vertices} vertices", found=len(values), vertices=count
+                ),
             )
             return None
         return values
@@ -205,12 +210,10 @@ class _Attributes:
         values = as_floats(self._decoded[key], normalized)
         if values.shape[1] not in widths:
             raise self._attributes.wrong(
-                key, Sentence("numbers-for-each-vertex", "has {shape} numbers for each vertex", shape=values.shape[1])
+                key, Sentence("gltf-component-count-wrong", "has {numbers} numbers for each vertex", numbers=values.shape[1])
             )
         if finite and not np.isfinite(values).all():
-            raise self._attributes.wrong(
-                key, Sentence("holds-values-not-finite-numbers", "holds values that are not finite numbers")
-            )
+            raise self._attributes.wrong(key, Sentence("gltf-values-not-finite", "holds values that are not finite numbers"))
         return values
 
 
@@ -224,7 +227,7 @@ def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
         if of is None or by is None:
             continue
         if of.min(initial=0) < 0:
-            source.fault("attributes", Sentence("negative-joints-joints", "has negative joints in JOINTS_{k}", k=k))
+            source.fault("attributes", Sentence("gltf-joint-negative", "has negative joints in JOINTS_{set}", set=k))
             continue
         joints.append(of.astype(np.int64))
         weights.append(np.maximum(by, 0))
@@ -232,7 +235,7 @@ def _bones(attributes: _Attributes, source: Json, count: int) -> Bones | None:
         source.fault(
             "attributes",
             Sentence(
-                "joints-without-weights",
+                "gltf-joint-weights-unmatched",
                 "have joints without weights, weights without joints, or a gap between their sets",
             ),
         )

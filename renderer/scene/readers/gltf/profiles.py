@@ -39,7 +39,7 @@ class Profiles:
         try:
             photometry = self._photometry(profile)
         except SceneError as error:
-            self._shelf.warn(Sentence("light-left-out", "{error}; the light {name} is left out.", error=error, name=name))
+            self._shelf.warn(Sentence("gltf-light-left-out", "{error}; the light {name} is left out.", error=error, name=name))
             return None
         for note in photometry.notes:
             self._shelf.warn(stopped(note))
@@ -60,7 +60,7 @@ class Profiles:
             if name is None:
                 raise SceneError(
                     Sentence(
-                        "profile-not-among-files",
+                        "gltf-light-profile-missing",
                         "{place}: its profile {uri} is not among the files; add it",
                         place=place,
                         uri=uri[:120],

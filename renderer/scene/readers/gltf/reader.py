@@ -93,17 +93,19 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
     for key in ("extensionsRequired", "extensionsUsed"):
         names = root.value.get(key, [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-            raise root.wrong(key, Sentence("not-list-names", "is not a list of names"))
+            raise root.wrong(key, Sentence("gltf-not-name-list", "is not a list of names"))
         unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
         needed = [name for name in unknown if not name.startswith(_OF_CHARACTERS)]
         if needed and key == "extensionsRequired":
             raise SceneError(
                 Sentence(
-                    "needs-not-supported",
-                    "{file}: needs {needed}, which is not supported; export it without",
+                    "gltf-extension-required",
+                    "{file}: needs {extensions}, which is not supported; export it without",
                     file=root.file,
-                    needed=[*needed[:8]],
+                    extensions=[*needed[:8]],
                 )
             )
         if unknown:
-            shelf.warn(Sentence("not-supported-left-out", "Not supported and left out: {unknown}.", unknown=[*unknown[:20]]))
+            shelf.warn(
+                Sentence("gltf-extensions-left-out", "Not supported and left out: {extensions}.", extensions=[*unknown[:20]])
+            )

@@ -47,7 +47,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
         if new.object("scatterStrengthTexture") is not None:
             shelf.warn_of_surface(
                 Sentence(
-                    "material-texture-how-strongly-scatters",
+                    "gltf-scatter-texture-dropped",
                     "Material {name}: the texture of how strongly it scatters is left out.",
                     name=material.name,
                 )
@@ -58,7 +58,7 @@ def read_scatter(source: Json, material: Material, textures: Textures, shelf: Te
             if picture is not None:
                 shelf.warn_of_surface(
                     Sentence(
-                        "material-scatters-inside-mean-colour",
+                        "gltf-scatter-texture-averaged",
                         "Material {name}: what scatters inside of it has the mean colour of its texture.",
                         name=material.name,
                     )

@@ -85,12 +85,12 @@ class Textures:
             read = " and ".join(str(number) for number in self.uv_sets)
             self._shelf.warn_of_surface(
                 Sentence(
-                    "material-texture-uses-uv-set",
-                    "Material {user}: a texture uses UV set {uv_set}; only sets {read} are read, and {uv_sets} is taken.",
-                    user=user,
+                    "gltf-uv-set-unread",
+                    "Material {name}: a texture uses UV set {uv_set}; only sets {read} are read, and {used} is taken.",
+                    name=user,
                     uv_set=uv_set,
                     read=read,
-                    uv_sets=self.uv_sets[0],
+                    used=self.uv_sets[0],
                 )
             )
             uv_set = self.uv_sets[0]
@@ -123,9 +123,9 @@ class Textures:
         if index is None:
             self._shelf.warn_of_surface(
                 Sentence(
-                    "material-texture-no-image-format",
-                    "Material {user}: a texture has no image in a format that is read; rendered without it.",
-                    user=user,
+                    "gltf-texture-format-unknown",
+                    "Material {name}: a texture has no image in a format that is read; rendered without it.",
+                    name=user,
                 )
             )
             return None
@@ -137,7 +137,7 @@ class Textures:
                 return self._shelf.image_bytes(place, data_uri(uri, place), srgb)
             name = self._files.resolve_uri(uri, self._root.file)
             if name is None:
-                self._shelf.missing(uri, Sentence("material-2", "Material {user}", user=user))
+                self._shelf.missing(uri, Sentence("label-material", "Material {name}", name=user))
                 return None
             return self._shelf.image_file(name, srgb)
         view = image.integer("bufferView", high=len(self._accessors.views))

@@ -26,7 +26,7 @@ class Variants:
         for mapping in mapped.objects("mappings") if mapped else []:
             if self._chosen in mapping.indices("variants", self.names):
                 if "material" not in mapping.value:
-                    mapping.fault("material", Sentence("missing", "is missing"))
+                    mapping.fault("material", Sentence("gltf-value-missing", "is missing"))
                 elif (number := mapping.index("material", materials)) is not None:
                     return number
         return primitive.index("material", materials)

@@ -119,7 +119,7 @@ class Bsdfs:
     def _made(self, source: Element, depth: int) -> Material:
         if depth > _MAX_NESTED:
             self._document.ignore(
-                Sentence("nested-too-deep-rendered", "{what} is nested too deep: rendered grey", what=source.what)
+                Sentence("mitsuba-bsdf-nested-too-deep", "{what} is nested too deep: rendered grey", what=source.what)
             )
             return Material(source.id or source.type)
         source.take()
@@ -150,7 +150,7 @@ class Bsdfs:
                 inner[1].take()
                 self._document.ignore(
                     Sentence(
-                        "material-own-for-each-side",
+                        "mitsuba-twosided-second-ignored",
                         "{what}: has a material of its own for each side; both show the first",
                         what=source.what,
                     )
@@ -165,10 +165,14 @@ class Bsdfs:
         if source.type == "blendbsdf" and len(inner) > 1:
             return self._mixed(source, inner, depth)
         if inner:
-            self._document.ignore(Sentence("not-read", "{what} is not read: rendered by the material in it", what=source.what))
+            self._document.ignore(
+                Sentence(
+                    "mitsuba-bsdf-wrapper-unsupported", "{what} is not read: rendered by the material in it", what=source.what
+                )
+            )
             return self._made(inner[0], depth + 1)
         self._document.ignore(
-            Sentence("not-read-rendered", "{what} is not read: rendered as a grey matt surface", what=source.what)
+            Sentence("bsdf-type-unsupported", "{what} is not read: rendered as a grey matt surface", what=source.what)
         )
         return Material(name, base_color=(0.5, 0.5, 0.5))
 
@@ -179,7 +183,7 @@ class Bsdfs:
         if made is None:
             self._document.ignore(
                 Sentence(
-                    "mixes-ours-cannot-one",
+                    "bsdf-blend-unsupported",
                     "{what} mixes what ours cannot as one: the one that counts for more is rendered",
                     what=source.what,
                 )
@@ -199,7 +203,7 @@ class Bsdfs:
         if source.type == "roughdiffuse" and source.number("alpha", 0.2) > 0:
             self._document.ignore(
                 Sentence(
-                    "rendered-matt-surface-without-roughness",
+                    "mitsuba-diffuse-roughness-ignored",
                     "{what}: rendered as a matt surface without the roughness of its own",
                     what=source.what,
                 )
@@ -212,7 +216,7 @@ class Bsdfs:
         if rgb(source.get("specular_reflectance", 1.0)) != (1.0, 1.0, 1.0):
             self._document.ignore(
                 Sentence(
-                    "colour-reflection-not-taken-over", "{what}: the colour of its reflection is not taken over", what=source.what
+                    "mitsuba-specular-colour-ignored", "{what}: the colour of its reflection is not taken over", what=source.what
                 )
             )
         ior = max(inside / outside, outside / inside)
@@ -242,10 +246,10 @@ class Bsdfs:
             if known is None:
                 self._document.ignore(
                     Sentence(
-                        "metal-not-known",
-                        "{what}: the metal {named} is not known here; rendered as aluminium",
+                        "mitsuba-conductor-unknown",
+                        "{what}: the metal {metal} is not known here; rendered as aluminium",
                         what=source.what,
-                        named=str(named)[:40],
+                        metal=str(named)[:40],
                     )
                 )
             eta, k = known or CONDUCTORS["Al"]
@@ -284,7 +288,7 @@ class Bsdfs:
         if pattern is not None:
             self._document.ignore(
                 Sentence(
-                    "specular-reflectance-varies-over-surface",
+                    "mitsuba-specular-texture-averaged",
                     "specular_reflectance of {what} varies over the surface: its mean is taken",
                     what=source.what,
                 )
@@ -299,7 +303,7 @@ class Bsdfs:
     def _hair(self, source: Element) -> Material:
         self._document.ignore(
             Sentence(
-                "rendered-glossy-surface-colour",
+                "mitsuba-hair-replaced",
                 "{what} is rendered as a glossy surface in its colour: light does not go through its fibres",
                 what=source.what,
             )
@@ -320,7 +324,7 @@ class Bsdfs:
             if len({*opacity}) > 1:
                 self._document.ignore(
                     Sentence(
-                        "opacity-colour",
+                        "mitsuba-opacity-colour-averaged",
                         "{what}: its opacity is a colour, of which the mean is taken",
                         what=source.what,
                     )
@@ -336,7 +340,7 @@ class Bsdfs:
         if source.flag("use_shadowing_function", True):
             self._document.ignore(
                 Sentence(
-                    "normal-maps-not-darkened-by",
+                    "mitsuba-normal-map-shadowing",
                     "Normal maps are not darkened by a shadowing function here; to compare, set it to false in Mitsuba",
                 )
             )
@@ -356,10 +360,10 @@ class Bsdfs:
         if named not in ("ggx", "beckmann"):
             self._document.ignore(
                 Sentence(
-                    "distribution-rendered-beckmann-with-same",
-                    "{what}: its distribution {named} is rendered as Beckmann's with the same alpha",
+                    "mitsuba-microfacet-replaced",
+                    "{what}: its distribution {distribution} is rendered as Beckmann's with the same alpha",
                     what=source.what,
-                    named=repr(named[:40]),
+                    distribution=repr(named[:40]),
                 )
             )
         facets: dict[str, Any] = {"distribution": "ggx" if named == "ggx" else "beckmann"}
@@ -368,7 +372,7 @@ class Bsdfs:
             if brushes or along == across:
                 return facets | brushed(along, across)
             self._document.ignore(
-                Sentence("rough-both-directions-2", "{what}: it is as rough in both directions here", what=source.what)
+                Sentence("mitsuba-anisotropy-ignored", "{what}: it is as rough in both directions here", what=source.what)
             )
             return facets | {"roughness": math.sqrt(math.sqrt(along * across))}
         roughness, texture = self._textures.amount(source, "alpha", default, 0.5)
@@ -381,10 +385,10 @@ class Bsdfs:
             if found.lower() not in _IORS:
                 self._document.ignore(
                     Sentence(
-                        "material-not-known-index",
-                        "{what}: the material {found} is not known here; its index is taken as 1.5",
+                        "mitsuba-ior-name-unknown",
+                        "{what}: the material {material} is not known here; its index is taken as 1.5",
                         what=source.what,
-                        found=repr(found[:40]),
+                        material=repr(found[:40]),
                     )
                 )
             return _IORS.get(found.lower(), 1.5)

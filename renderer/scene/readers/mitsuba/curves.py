@@ -28,19 +28,19 @@ def mesh_of_curves(kind: str, data: bytes, name: str, world: Matrix) -> Mesh:
         if len(block) < CURVES[kind]:
             raise SceneError(
                 Sentence(
-                    "curve-points",
-                    "{name}: a curve has {n} points; a {kind} takes {curves} or more",
+                    "mitsuba-curve-points-too-few",
+                    "{name}: a curve has {found} points; a {kind} takes {least} or more",
                     name=name,
-                    n=len(block),
+                    found=len(block),
                     kind=kind,
-                    curves=CURVES[kind],
+                    least=CURVES[kind],
                 )
             )
         placed = np.column_stack([block[:, :3] @ world[:3, :3].T + world[:3, 3], np.maximum(block[:, 3], 0)])
         line = line_of(placed, "bspline") if kind == "bsplinecurve" else placed
         strands.append((line[:, :3], line[:, 3]))
     if not strands:
-        raise SceneError(Sentence("no-curves", "{name}: has no curves; export it again", name=name))
+        raise SceneError(Sentence("mitsuba-curves-missing", "{name}: has no curves; export it again", name=name))
     return together(strands)
 
 
@@ -53,15 +53,17 @@ def _blocks(text: str, name: str) -> list[Matrix]:
         try:
             row = numbers(line)
         except ValueError as error:
-            raise SceneError(Sentence("line", "{name}, line {number}: {error}", name=name, number=number, error=error)) from None
+            raise SceneError(
+                Sentence("mitsuba-curve-line-invalid", "{name}, line {line}: {error}", name=name, line=number, error=error)
+            ) from None
         if len(row) < 4:
             raise SceneError(
                 Sentence(
-                    "line-numbers",
-                    "{name}, line {number}: has {n} numbers; a curve's point has x, y, z and a radius",
+                    "mitsuba-curve-number-count-wrong",
+                    "{name}, line {line}: has {found} numbers; a curve's point has x, y, z and a radius",
                     name=name,
-                    number=number,
-                    n=len(row),
+                    line=number,
+                    found=len(row),
                 )
             )
         blocks[-1].append(row[:4])

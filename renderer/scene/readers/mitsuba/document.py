@@ -78,7 +78,7 @@ class Element:
         if isinstance(found, str):
             raise SceneError(
                 Sentence(
-                    "takes-number-2",
+                    "mitsuba-number-expected",
                     "{file}: {name} of {what} is {found}; it takes a number",
                     file=self.file,
                     name=name,
@@ -150,7 +150,7 @@ class Document:
         if root.tag != "scene":
             raise SceneError(
                 Sentence(
-                    "begins-with",
+                    "mitsuba-root-element-wrong",
                     "{file}: begins with <{tag}>; a scene of Mitsuba begins with <scene>",
                     file=main,
                     tag=root.tag[:40],
@@ -187,7 +187,12 @@ class Document:
             return ElementTree.fromstring(data)
         except ElementTree.ParseError as error:
             raise SceneError(
-                Sentence("no-xml-read", "{name}: is no XML that can be read ({error}); mend it there", name=name, error=error)
+                Sentence(
+                    "mitsuba-xml-unreadable",
+                    "{name}: is no XML that can be read ({error}); mend it there",
+                    name=name,
+                    error=error,
+                )
             ) from None
 
     def _object(self, source: ElementTree.Element, file: str, depth: int) -> Element:
@@ -195,7 +200,7 @@ class Document:
         if depth > MAX_DEPTH or self._elements > MAX_ELEMENTS:
             raise SceneError(
                 Sentence(
-                    "elements-nested-too-deep",
+                    "mitsuba-elements-too-many",
                     "{file}: its elements are nested too deep, or too many; make the scene smaller",
                     file=file,
                 )
@@ -217,7 +222,7 @@ class Document:
                 if name in made.values:
                     self.ignore(
                         Sentence(
-                            "given-more-than-once",
+                            "parameter-given-twice",
                             "{name} of {what} is given more than once: the last one counts",
                             name=name[:60],
                             what=made.what,
@@ -227,7 +232,7 @@ class Document:
         if made.id and made.id in self._by_id:
             self.ignore(
                 Sentence(
-                    "id-another-object",
+                    "mitsuba-id-duplicate",
                     "{what} has the id of another object: references after it mean the later one",
                     what=made.what,
                 )
@@ -248,16 +253,16 @@ class Document:
             if self._includes > MAX_INCLUDES:
                 raise SceneError(
                     Sentence(
-                        "more-than-files-included-include",
-                        "{file}: more than {max_includes} files are included; do they include each other?",
+                        "mitsuba-includes-too-many",
+                        "{file}: more than {most} files are included; do they include each other?",
                         file=file,
-                        max_includes=MAX_INCLUDES,
+                        most=MAX_INCLUDES,
                     )
                 )
             if found is None:
                 raise SceneError(
                     Sentence(
-                        "includes-not-among-files-add",
+                        "mitsuba-include-missing",
                         "{file}: includes {name}, which is not among the files; add it",
                         file=file,
                         name=PurePosixPath(wanted).name[:120],
@@ -278,10 +283,10 @@ class Document:
         if found is None:
             raise SceneError(
                 Sentence(
-                    "refers-not-scene",
-                    "{file}: refers to {wanted}, which is not in the scene; mend the reference",
+                    "mitsuba-reference-unknown",
+                    "{file}: refers to {id}, which is not in the scene; mend the reference",
                     file=file,
-                    wanted=repr(wanted[:80]),
+                    id=repr(wanted[:80]),
                 )
             )
         if name and name != found.name:
@@ -293,10 +298,10 @@ class Document:
         if wanted not in self._by_id:
             raise SceneError(
                 Sentence(
-                    "gives-not-stand-before",
-                    "{file}: gives {wanted}, which does not stand before, another name; mend the alias",
+                    "mitsuba-alias-unknown",
+                    "{file}: gives {id}, which does not stand before, another name; mend the alias",
                     file=file,
-                    wanted=repr(wanted[:80]),
+                    id=repr(wanted[:80]),
                 )
             )
         self._by_id[name] = self._by_id[wanted]
@@ -307,9 +312,9 @@ class Document:
             if key not in known:
                 self.ignore(
                     Sentence(
-                        "attribute-not-taken-over",
-                        "The attribute {key} of <{tag}> is not taken over",
-                        key=key[:40],
+                        "mitsuba-attribute-ignored",
+                        "The attribute {attribute} of <{tag}> is not taken over",
+                        attribute=key[:40],
                         tag=part.tag[:40],
                     )
                 )
@@ -324,14 +329,14 @@ class Document:
             inner = part if part.tag == "transform" else next(iter(part), part)
             if part.tag == "animation":
                 self.ignore(
-                    Sentence("file-moves-things-over-time", "The file moves things over time: what is shown is their first place")
+                    Sentence("mitsuba-animation-ignored", "The file moves things over time: what is shown is their first place")
                 )
             steps = [(step.tag, attributes(step)) for step in inner]
         elif len(part):
             name = part.get("name", "")
             self.ignore(
                 Sentence(
-                    "stands-within-name-not-taken",
+                    "mitsuba-children-ignored",
                     "What stands within <{tag} name={name}> is not taken over",
                     tag=part.tag[:40],
                     name=repr(name[:40]),
@@ -347,11 +352,11 @@ class Document:
         except ValueError as error:
             raise SceneError(
                 Sentence(
-                    "name",
-                    "{file}: <{tag} name={get}>: {error}",
+                    "mitsuba-element-invalid",
+                    "{file}: <{tag} name={name}>: {error}",
                     file=file,
                     tag=part.tag[:40],
-                    get=repr(written.get("name", "")[:40]),
+                    name=repr(written.get("name", "")[:40]),
                     error=error,
                 )
             ) from None
@@ -373,7 +378,7 @@ class Document:
             if name not in self._defaults:
                 raise SceneError(
                     Sentence(
-                        "no-value",
+                        "mitsuba-default-missing",
                         "{file}: ${name} has no value; write <default name={name2} value=...> before it",
                         file=file,
                         name=name[:40],

@@ -54,7 +54,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
         if sun is not None:
             description.lights.append(sun)
     else:
-        document.ignore(Sentence("no-light-read", "{what} is no light that is read: it is left out", what=source.what))
+        document.ignore(Sentence("light-type-unsupported", "{what} is no light that is read: it is left out", what=source.what))
 
 
 def _placed(light: Light, world: np.ndarray) -> Light:
@@ -100,7 +100,7 @@ def _pixels(source: Element, number: int, document: Document, shelf: TextureShel
     if shelf.texture_of(number).transform != UNMOVED:
         document.ignore(
             Sentence(
-                "picture-thrown",
+                "mitsuba-projector-texture-transform-ignored",
                 "{what}: its picture is thrown as it is, not moved, turned or scaled",
                 what=source.what,
             )
@@ -112,7 +112,7 @@ def _surround(environment: Environment, source: Element, document: Document, des
     if description.environment is not None:
         document.ignore(
             Sentence(
-                "scene-one-light-from-around",
+                "mitsuba-second-environment-dropped",
                 "{what}: a scene has one light from all around; this one is left out",
                 what=source.what,
             )

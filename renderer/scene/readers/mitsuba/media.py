@@ -57,7 +57,9 @@ class Media:
             return replace(made, **filled_with(found))
         if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
             why = "is thin" if lets_through else "has holes"
-            self._document.ignore(Sentence("no-medium-fills", "{what} {why}: no medium fills it", what=shape.what, why=why))
+            self._document.ignore(
+                Sentence("mitsuba-medium-not-filled", "{what} {reason}: no medium fills it", what=shape.what, reason=why)
+            )
         return made
 
     def surround(self, description: SceneDescription) -> None:
@@ -69,7 +71,7 @@ class Media:
         if self._unsaid and any(key != _key(NOTHING) for key in (*self._inside, *self._outside, _key(found))):
             self._document.ignore(
                 Sentence(
-                    "glass-names-no-medium-clear",
+                    "mitsuba-glass-interior-clear",
                     "Glass that names no medium is clear inside, where Mitsuba goes on with what is around it",
                 )
             )
@@ -77,7 +79,7 @@ class Media:
             if key not in self._inside and key not in (_key(found), _key(NOTHING)):
                 self._document.ignore(
                     Sentence(
-                        "medium-around-fills-no-shape",
+                        "mitsuba-exterior-medium-ignored",
                         "The medium around {what} fills no shape: what is around it is not changed",
                         what=what,
                     )
@@ -93,7 +95,7 @@ class Media:
         if source.type in _SCATTERING_SKIN:
             self._document.ignore(
                 Sentence(
-                    "light-beneath-surface-not-followed",
+                    "mitsuba-bsdf-without-subsurface",
                     "{what}: light beneath the surface is not followed by it",
                     what=source.what,
                 )
@@ -101,7 +103,7 @@ class Media:
             return NOTHING
         if source.type not in ("homogeneous", "heterogeneous"):
             self._document.ignore(
-                Sentence("no-medium-read", "{what} is no medium that is read: it is left out", what=source.what)
+                Sentence("mitsuba-medium-type-unsupported", "{what} is no medium that is read: it is left out", what=source.what)
             )
             return NOTHING
         scale, g = source.number("scale", 1.0), self._direction(source)
@@ -112,7 +114,7 @@ class Media:
                 if g:
                     self._document.ignore(
                         Sentence(
-                            "phase-function-not-taken-over",
+                            "mitsuba-medium-phase-ignored",
                             "{what}: its phase function is not taken over, as its material is named",
                             what=source.what,
                         )
@@ -120,10 +122,10 @@ class Media:
                 return medium(known[1], known[0], 0.0, scale)
             self._document.ignore(
                 Sentence(
-                    "material-not-known",
-                    "{what}: the material {named} is not known here; its numbers count",
+                    "mitsuba-medium-material-unknown",
+                    "{what}: the material {material} is not known here; its numbers count",
                     what=source.what,
-                    named=str(named)[:40],
+                    material=str(named)[:40],
                 )
             )
         absorbed, scattered = (self._color(source, name) for name in ("sigma_a", "sigma_s"))
@@ -147,7 +149,7 @@ class Media:
         if constant is None:
             self._document.ignore(
                 Sentence(
-                    "not-same-everywhere",
+                    "mitsuba-medium-heterogeneous",
                     "{what}: its {name} is not the same everywhere: it is left out, as if it were clear",
                     what=source.what,
                     name=name,
@@ -168,7 +170,7 @@ class Media:
             return phase.number("g", 0.8)
         self._document.ignore(
             Sentence(
-                "no-phase-function-read",
+                "mitsuba-phase-type-unsupported",
                 "{what} is no phase function that is read: light is scattered evenly",
                 what=phase.what,
             )

@@ -57,7 +57,7 @@ def file_of(shape: Element, document: Document) -> str:
     if name is None:
         raise SceneError(
             Sentence(
-                "not-among-files-6",
+                "mitsuba-file-missing",
                 "{file}: {name} is not among the files; add it",
                 file=shape.file,
                 name=PurePosixPath(wanted).name[:120] or shape.what,
@@ -140,7 +140,11 @@ def _between(shape: Element) -> np.ndarray:
     axis = p1 - p0
     length = float(np.linalg.norm(axis))
     if not length > 0 or not radius > 0:
-        raise SceneError(Sentence("no-length", "{file}: {what} has no length, or no radius", file=shape.file, what=shape.what))
+        raise SceneError(
+            Sentence(
+                "mitsuba-shape-without-extent", "{file}: {what} has no length, or no radius", file=shape.file, what=shape.what
+            )
+        )
     z = axis / length
     # Mitsuba's frame about an axis: Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
     sign = float(np.copysign(1.0, z[2]))

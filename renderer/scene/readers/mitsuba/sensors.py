@@ -33,7 +33,7 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
     if np.linalg.det(world[:3, :3]) < 0:
         document.ignore(
             Sentence(
-                "transform-mirrors-picture",
+                "mitsuba-mirrored-camera",
                 "{what}: its transform mirrors the picture, which is shown unmirrored",
                 what=source.what,
             )
@@ -55,13 +55,15 @@ def add_sensor(source: Element, document: Document, description: SceneDescriptio
         across = float(np.linalg.norm(world[:3, 0]))
         more = {"projection": "orthographic", "height": 2 * across * height / width, "near": near}
     else:
-        document.ignore(Sentence("no-camera-read", "{what} is no camera that is read: it is left out", what=source.what))
+        document.ignore(
+            Sentence("mitsuba-sensor-type-unsupported", "{what} is no camera that is read: it is left out", what=source.what)
+        )
         return
     try:
         view = View(**cropped(fields | more, (width, height), window))
         description.cameras.append(Camera(source.id or f"sensor {len(description.cameras)}", view))
     except SettingsError as error:
-        document.ignore(Sentence("sees-nothing", "{what} sees nothing here: {error}", what=source.what, error=error))
+        document.ignore(Sentence("camera-sees-nothing", "{what} sees nothing here: {error}", what=source.what, error=error))
 
 
 def vertical_fov(source: Element, width: int, height: int) -> float:
@@ -76,7 +78,7 @@ def vertical_fov(source: Element, width: int, height: int) -> float:
     if axis not in ("x", "y", "diagonal", "larger", "smaller"):
         raise SceneError(
             Sentence(
-                "fov-axis",
+                "mitsuba-fov-axis-unknown",
                 "{file}: {what}: its fov_axis is {axis}; it is x, y, diagonal, smaller or larger",
                 file=source.file,
                 what=source.what,
@@ -104,11 +106,11 @@ def _millimetres(source: Element) -> float:
     if not (0 < found < math.inf):
         raise SceneError(
             Sentence(
-                "focal-length",
-                "{file}: {what}: its focal_length is {written}; write it in millimetres, as 50mm",
+                "mitsuba-focal-length-invalid",
+                "{file}: {what}: its focal_length is {value}; write it in millimetres, as 50mm",
                 file=source.file,
                 what=source.what,
-                written=repr(written[:40]),
+                value=repr(written[:40]),
             )
         )
     return found
@@ -129,7 +131,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         if film.type != "hdrfilm":
             document.ignore(
                 Sentence(
-                    "image-red-green",
+                    "mitsuba-film-type-replaced",
                     "{what}: an image of red, green and blue in linear light is rendered",
                     what=film.what,
                 )
@@ -137,10 +139,10 @@ def _film(source: Element, document: Document, description: SceneDescription, is
         if (pixels := str(film.get("pixel_format", "rgb"))) not in ("rgb", "rgba"):
             document.ignore(
                 Sentence(
-                    "pixel-format-not-taken-over",
-                    "{what}: its pixel_format {pixels} is not taken over: red, green and blue are rendered",
+                    "mitsuba-pixel-format-ignored",
+                    "{what}: its pixel_format {format} is not taken over: red, green and blue are rendered",
                     what=film.what,
-                    pixels=pixels[:40],
+                    format=pixels[:40],
                 )
             )
     else:
@@ -152,7 +154,7 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             if sampler.type not in _SAMPLERS:
                 document.ignore(
                     Sentence(
-                        "not-known",
+                        "mitsuba-sampler-unknown",
                         "{what} is not known: the number of samples that it names is taken",
                         what=sampler.what,
                     )
@@ -162,12 +164,12 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             if (width_of := named.number(parameter, usual)) != usual:
                 document.ignore(
                     Sentence(
-                        "not-taken-over-5",
-                        "{what}: its {parameter} of {width_of} is not taken over: it is {usual}",
+                        "mitsuba-filter-width-ignored",
+                        "{what}: its {parameter} of {filter} is not taken over: it is {used}",
                         what=named.what,
                         parameter=parameter,
-                        width_of=f"{width_of:g}",
-                        usual=f"{usual:g}",
+                        filter=f"{width_of:g}",
+                        used=f"{usual:g}",
                     )
                 )
         if named is not None and named.type in _FILTERS:
@@ -176,14 +178,12 @@ def _film(source: Element, document: Document, description: SceneDescription, is
             description.defaults["filter"] = "tent"  # closer to Mitsuba's Gaussian than Blackman-Harris, which is half as wide
             if named is not None and named.type != "gaussian":
                 document.ignore(
-                    Sentence(
-                        "pixels-filtered-by-tent-two", "{what}: pixels are filtered by a tent of two pixels", what=named.what
-                    )
+                    Sentence("pixel-filter-replaced", "{what}: pixels are filtered by a tent of two pixels", what=named.what)
                 )
     elif (window.width, window.height) != (description.defaults["width"], description.defaults["height"]):
         document.ignore(
             Sentence(
-                "films-sensors-after-first-sizes",
+                "mitsuba-film-sizes-differ",
                 "The films of sensors after the first have sizes of their own: pictures have that of the first",
             )
         )
@@ -197,7 +197,7 @@ def _window(film: Element, width: int, height: int) -> Window:
     if not (0 <= x < x + across <= width and 0 <= y < y + down <= height):
         raise SceneError(
             Sentence(
-                "crop-window-lies-outside-x",
+                "mitsuba-crop-outside-film",
                 "{file}: {what}: its crop window lies outside of its {width}x{height} pixels",
                 file=film.file,
                 what=film.what,
@@ -216,12 +216,12 @@ def add_integrator(source: Element, document: Document, description: SceneDescri
         add_integrator(inner, document, description)
         return
     if source.flag("hide_emitters", False):
-        document.ignore(Sentence("lights-hides-seen", "{what}: lights that it hides are seen here", what=source.what))
+        document.ignore(Sentence("mitsuba-hide-emitters-ignored", "{what}: lights that it hides are seen here", what=source.what))
     if source.type == "direct":
         description.defaults["integrator"] = "direct"
         return
     if source.type not in ("path", "volpath", "volpathmis"):
-        document.ignore(Sentence("rendered-by-path-tracing", "{what}: rendered by path tracing", what=source.what))
+        document.ignore(Sentence("integrator-replaced", "{what}: rendered by path tracing", what=source.what))
     depth = int(source.number("max_depth", -1))
     description.defaults["max_depth"] = _UNBOUNDED if depth < 0 else min(max(depth, 1), MAX_DEPTH)
     if depth >= 0:
@@ -240,7 +240,7 @@ def note_far_clipping(source: Element, document: Document, description: SceneDes
         corners += list(box @ instance.transform[:3, :3].T + instance.transform[:3, 3])
     if corners and ((np.array(corners) - eye) @ forward).max() > far:
         document.ignore(
-            Sentence("lies-beyond-far-clip-seen", "{what}: what lies beyond its far_clip is seen here", what=source.what)
+            Sentence("mitsuba-far-clip-ignored", "{what}: what lies beyond its far_clip is seen here", what=source.what)
         )
 
 

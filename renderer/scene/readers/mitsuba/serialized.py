@@ -24,9 +24,7 @@ _MAX_UNPACKED = 4 << 30
 def read_serialized(data: bytes, name: str, index: int) -> Mesh:
     """Returns the mesh with an index. Raises SceneError if the file is damaged or has no such mesh."""
     damaged = SceneError(
-        Sentence(
-            "damaged-no-file-meshes-mitsuba", "{name}: is damaged, or no file of meshes of Mitsuba; export it again", name=name
-        )
+        Sentence("mitsuba-serialized-damaged", "{name}: is damaged, or no file of meshes of Mitsuba; export it again", name=name)
     )
     try:
         magic, version = struct.unpack_from("<HH", data, 0)
@@ -36,7 +34,7 @@ def read_serialized(data: bytes, name: str, index: int) -> Mesh:
         if not 0 <= index < count:
             raise SceneError(
                 Sentence(
-                    "meshes-none-with-number",
+                    "mitsuba-serialized-mesh-missing",
                     "{name}: has {count} meshes; there is none with the number {index}",
                     name=name,
                     count=count,

@@ -41,7 +41,9 @@ class Shapes:
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
         """Adds a shape at the transform of its group. Raises SceneError."""
         if depth > _MAX_NESTED:
-            raise SceneError(Sentence("nested-too-deep", "{file}: {what} is nested too deep", file=shape.file, what=shape.what))
+            raise SceneError(
+                Sentence("mitsuba-shape-nested-too-deep", "{file}: {what} is nested too deep", file=shape.file, what=shape.what)
+            )
         shape.take()
         if shape.type == "shapegroup":
             return  # added by its instances
@@ -49,7 +51,7 @@ class Shapes:
         if not np.isfinite(world).all():
             raise SceneError(
                 Sentence(
-                    "stands-nowhere",
+                    "mitsuba-transform-not-finite",
                     "{file}: {what} stands nowhere: its transform has numbers that are not finite",
                     file=shape.file,
                     what=shape.what,
@@ -70,7 +72,9 @@ class Shapes:
         elif shape.type in CURVES:
             self._curves(shape, world)
         else:
-            self._document.ignore(Sentence("no-shape-read", "{what} is no shape that is read: it is left out", what=shape.what))
+            self._document.ignore(
+                Sentence("shape-type-unsupported", "{what} is no shape that is read: it is left out", what=shape.what)
+            )
 
     def _mesh(self, shape: Element, world: Matrix) -> None:
         if id(shape) not in self._meshes:
@@ -99,7 +103,7 @@ class Shapes:
             if any(mesh.colors is None for mesh, _ in found):
                 self._document.ignore(
                     Sentence(
-                        "mesh-no-attribute",
+                        "mitsuba-mesh-attribute-missing",
                         "{what}: its mesh has no attribute {attribute}: it is rendered in one colour",
                         what=shape.what,
                         attribute=attribute[:60],

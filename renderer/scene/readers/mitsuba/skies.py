@@ -33,7 +33,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     up = _unit(world @ ((0.0, 1.0, 0.0) if document.is_old else (0.0, 0.0, 1.0)))
     document.ignore(
         Sentence(
-            "rendered-with-sky-rayfarm",
+            "mitsuba-sky-model-differs",
             "{what}: rendered with the sky of Rayfarm, which is another model, as bright as Mitsuba's",
             what=source.what,
         )
@@ -42,7 +42,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     if towards is None:
         document.ignore(
             Sentence(
-                "where-sun-stands-not-told",
+                "mitsuba-sun-direction-missing",
                 "{what}: where its sun stands is not told as sun_direction; it stands at 45 degrees",
                 what=source.what,
             )

@@ -46,10 +46,10 @@ class Textures:
             if not 0 <= scale <= 1:
                 self._document.ignore(
                     Sentence(
-                        "scale-taken",
-                        "{what}: its scale of {scale} is taken as {unit}",
+                        "mitsuba-sky-scale-units",
+                        "{what}: its scale of {value} is taken as {unit}",
                         what=texture.what,
-                        scale=f"{scale:g}",
+                        value=f"{scale:g}",
                         unit=f"{unit(scale):g}",
                     )
                 )
@@ -70,7 +70,7 @@ class Textures:
             return default
         self._document.ignore(
             Sentence(
-                "varies-over-surface",
+                "texture-averaged",
                 "{name} of {what} varies over the surface: its mean is taken",
                 name=name,
                 what=owner.what,
@@ -120,7 +120,7 @@ class Textures:
         """Returns glTF's metallic-roughness texture from two grey ones; white for None."""
         if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
             self._document.ignore(
-                Sentence("texture-metallic-lies-roughness", "A texture of metallic lies here as that of roughness does")
+                Sentence("mitsuba-metallic-texture-placement", "A texture of metallic lies here as that of roughness does")
             )
         return with_roughness_and_metal(self.shelf, roughness, metal)
 
@@ -128,7 +128,7 @@ class Textures:
         """Returns a colour texture (white for None) with the brightness of another as alpha."""
         if color is not None and not self._lie_alike(color, opacity):
             self._document.ignore(
-                Sentence("mask-lies-texture-colour-beneath", "A mask lies here as the texture of the colour beneath does")
+                Sentence("mitsuba-mask-texture-placement", "A mask lies here as the texture of the colour beneath does")
             )
         grey = self._grey(opacity)
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
@@ -158,10 +158,14 @@ class Textures:
             image = self.shelf.add(Image(f"checkerboard {len(source.values)} {dark} {light}", pixels, srgb=False))
             return self.shelf.texture(image, transform=transform, filter="nearest")
         if source.type in ("scale", "volume") and source.children:
-            self._document.ignore(Sentence("texture-taken-without", "{what}: its texture is taken without it", what=source.what))
+            self._document.ignore(
+                Sentence("mitsuba-texture-wrapper-ignored", "{what}: its texture is taken without it", what=source.what)
+            )
             return self.texture(source.children[0], is_color)
         self._document.ignore(
-            Sentence("not-read-surface", "{what} is not read: its surface is rendered in one colour", what=source.what)
+            Sentence(
+                "mitsuba-texture-type-unsupported", "{what} is not read: its surface is rendered in one colour", what=source.what
+            )
         )
         return None
 
@@ -175,7 +179,7 @@ class Textures:
         if not is_raw and not is_color:
             self._document.ignore(
                 Sentence(
-                    "decoded-colour",
+                    "mitsuba-texture-decoded-as-colour",
                     "{what}: {name} is decoded as a colour, as in Mitsuba; where it holds numbers or normals, set raw to true",
                     what=source.what,
                     name=name,
@@ -185,7 +189,7 @@ class Textures:
         if gamma not in (-1.0, 1.0):
             self._document.ignore(
                 Sentence(
-                    "gamma-not-taken-over",
+                    "mitsuba-texture-gamma-ignored",
                     "{what}: its gamma of {gamma} is not taken over: the picture is decoded as its kind says",
                     what=source.what,
                     gamma=f"{gamma:g}",
@@ -194,7 +198,7 @@ class Textures:
         if mode not in _WRAPS:
             self._document.ignore(
                 Sentence(
-                    "wrap-mode-not-known",
+                    "mitsuba-wrap-mode-unknown",
                     "{what}: the wrap_mode {mode} is not known: the picture repeats",
                     what=source.what,
                     mode=repr(mode[:40]),
@@ -243,7 +247,7 @@ def constant_of(source: Element) -> Any:
         return Spectrum(list(np.linspace(first, last, len(values))), list(values))
     except ValueError as error:
         raise SceneError(
-            Sentence("fault-of-object", "{file}: {what}: {fault}", file=source.file, what=source.what, fault=error)
+            Sentence("mitsuba-object-invalid", "{file}: {what}: {fault}", file=source.file, what=source.what, fault=error)
         ) from None
 
 

@@ -48,7 +48,11 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
             if name not in element.used and name and _counts(element, name):
                 of_type = f" of the type {element.type}" if element.type else ""
                 yield Sentence(
-                    "s-not-taken-over", "{name} of {tag}s{of_type} is not taken over", name=name, tag=element.tag, of_type=of_type
+                    "mitsuba-property-ignored",
+                    "{name} of {kind}s{type} is not taken over",
+                    name=name,
+                    kind=element.tag,
+                    type=of_type,
                 )
         for child in element.children:
             if child.tag == "volume":
@@ -59,7 +63,7 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
             elif not is_named:
                 owner = f"a {element.tag} ({element.type})" if element.type else f"the {element.tag}"
                 yield Sentence(
-                    "not-taken-over-4",
+                    "mitsuba-object-ignored",
                     "The {tag} ({type}) of {owner} is not taken over",
                     tag=child.tag,
                     type=child.type,

@@ -49,9 +49,9 @@ def exposure_of(camera: Parameters | None, film: Parameters | None) -> float:
     if not 0 < found < 1e9:
         raise (film or camera).place.wrong(  # type: ignore[union-attr]
             Sentence(
-                "film-sees-times-light",
-                "the film sees {found} times the light: give an iso above 0, and a shutterclose after shutteropen",
-                found=f"{found:g}",
+                "pbrt-film-exposure-zero",
+                "the film sees {factor} times the light: give an iso above 0, and a shutterclose after shutteropen",
+                factor=f"{found:g}",
             )
         )
     return found
@@ -62,19 +62,21 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
     for key, name, default in (("width", "xresolution", _FILM[0]), ("height", "yresolution", _FILM[1])):
         size = source.integer(name, default)
         if size < 1:
-            raise source.place.wrong(Sentence("least-1", "{name} is {size}; it is at least 1", name=name, size=size))
+            raise source.place.wrong(
+                Sentence("pbrt-size-too-small", "{name} is {value}; it is at least 1", name=name, value=size)
+            )
         description.defaults[key] = min(size, MAX_SIZE)
     if source.type not in ("rgb", "gbuffer"):
         notes.add(
             source.place,
-            Sentence("image-red", "{source}: an image of red, green and blue is rendered", source=source),
+            Sentence("pbrt-film-type-replaced", "{source}: an image of red, green and blue is rendered", source=source),
         )
     sensor = source.text("sensor", "cie1931")
     if sensor != "cie1931":
         notes.add(
             source.place,
             Sentence(
-                "film-sees-cie-observer",
+                "pbrt-film-sensor-replaced",
                 "The film sees as the CIE's observer, and not as the sensor {sensor}",
                 sensor=repr(sensor[:40]),
             ),
@@ -96,7 +98,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
     else:
         raise source.place.wrong(
             Sentence(
-                "pixelbounds-cropwindow-take-four-numbers",
+                "pbrt-pixel-bounds-malformed",
                 "pixelbounds and cropwindow take four numbers: left, right, top and bottom",
             )
         )
@@ -104,7 +106,7 @@ def _rendered(source: Parameters, width: int, height: int) -> Window:
     if not (left < right and top < bottom):
         raise source.place.wrong(
             Sentence(
-                "no-pixel-film-x-lies",
+                "pbrt-pixel-bounds-empty",
                 "no pixel of the film of {width}x{height} lies within its pixelbounds or cropwindow",
                 width=width,
                 height=height,
@@ -119,7 +121,7 @@ def set_sampler(source: Parameters, description: SceneDescription, notes: Notes)
         notes.add(
             source.place,
             Sentence(
-                "no-sampler-pbrt",
+                "pbrt-sampler-unknown",
                 "{source} is no sampler of pbrt's: the number of samples that it names is taken",
                 source=source,
             ),
@@ -139,7 +141,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
     if not 1000 <= kelvin <= 1e5:
         raise film.place.wrong(
             Sentence(
-                "whitebalance-kelvins",
+                "pbrt-white-balance-invalid",
                 "whitebalance is {kelvin} kelvins; give a temperature from 1000 to 100000",
                 kelvin=f"{kelvin:g}",
             )
@@ -147,7 +149,7 @@ def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:
     notes.add(
         film.place,
         Sentence(
-            "whitebalance-lights",
+            "pbrt-white-balance-differs",
             "whitebalance is that of the lights here: strongly coloured surfaces come out a little otherwise",
         ),
     )
@@ -160,9 +162,7 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
     if source.type not in _FILTERS:
         notes.add(
             source.place,
-            Sentence(
-                "pixels-filtered-by-tent-two-pixels", "{source}: pixels are filtered by a tent of two pixels", source=source
-            ),
+            Sentence("pixel-filter-replaced", "{what}: pixels are filtered by a tent of two pixels", what=source),
         )
     elif source.type == "triangle":
         radii = [source.number(f"{axis}radius", 2.0) for axis in "xy"]
@@ -170,11 +170,11 @@ def set_filter(source: Parameters, description: SceneDescription, notes: Notes) 
             notes.add(
                 source.place,
                 Sentence(
-                    "two-pixels-wide",
-                    "{source} is two pixels wide here, and not {value} by {value2}",
+                    "pbrt-filter-size-ignored",
+                    "{source} is two pixels wide here, and not {width} by {height}",
                     source=source,
-                    value=f"{2 * radii[0]:g}",
-                    value2=f"{2 * radii[1]:g}",
+                    width=f"{2 * radii[0]:g}",
+                    height=f"{2 * radii[1]:g}",
                 ),
             )
     source.used.add("")  # so that its parameters are reported as unused
@@ -190,13 +190,11 @@ def set_integrator(source: Parameters, description: SceneDescription, notes: Not
         source.used.add("cossample")
         return
     if source.type not in ("path", "volpath", "simplepath", "simplevolpath", "randomwalk"):
-        notes.add(source.place, Sentence("rendered-by-path-tracing-2", "{source}: rendered by path tracing", source=source))
+        notes.add(source.place, Sentence("integrator-replaced", "{what}: rendered by path tracing", what=source))
     if source.flag("regularize", False):
         notes.add(
             source.place,
-            Sentence(
-                "regularize-integrator-not-taken-over", "regularize of the integrator is not taken over: nothing is made rougher"
-            ),
+            Sentence("pbrt-regularize-ignored", "regularize of the integrator is not taken over: nothing is made rougher"),
         )
     description.defaults["max_depth"] = min(max(source.integer("maxdepth", 5) + 1, 1), MAX_DEPTH)
     description.defaults["transmission_depth"] = 0  # pbrt counts every bounce
@@ -219,7 +217,7 @@ def add_camera(
         tall = (high - low) * float(np.linalg.norm(up))
         if source.number("lensradius", 0.0) > 0:
             notes.add(
-                source.place, Sentence("orthographic-camera-sharp-everywhere", "An orthographic camera is sharp everywhere here")
+                source.place, Sentence("pbrt-orthographic-focus-ignored", "An orthographic camera is sharp everywhere here")
             )
         source.used.add("focaldistance")
         fields |= {"projection": "orthographic", "height": tall, **shift}
@@ -228,7 +226,7 @@ def add_camera(
             notes.add(
                 source.place,
                 Sentence(
-                    "spherical-camera-picture-equirectangular",
+                    "pbrt-spherical-mapping-differs",
                     "A spherical camera's picture is equirectangular here, and not of equal area",
                 ),
             )
@@ -239,7 +237,7 @@ def add_camera(
             notes.add(
                 source.place,
                 Sentence(
-                    "rendered-perspective-camera-40-degrees",
+                    "pbrt-realistic-camera-replaced",
                     "{source} is rendered as a perspective camera of 40 degrees; its lenses are not followed",
                     source=source,
                 ),
@@ -258,7 +256,7 @@ def add_camera(
             notes.add(
                 source.place,
                 Sentence(
-                    "spherical-camera-picture-rendered-whole",
+                    "pbrt-spherical-window-ignored",
                     "A spherical camera's picture is rendered as a whole, without the window of its film",
                 ),
             )
@@ -268,7 +266,7 @@ def add_camera(
     try:
         description.cameras.append(Camera(source.type, View(**fields)))
     except SettingsError as error:
-        notes.add(source.place, Sentence("sees-nothing-2", "{source} sees nothing here: {error}", source=source, error=error))
+        notes.add(source.place, Sentence("camera-sees-nothing", "{what} sees nothing here: {error}", what=source, error=error))
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
@@ -277,10 +275,10 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
     if not frame > 0:
         raise source.place.wrong(
             Sentence(
-                "frameaspectratio-above-0",
-                "frameaspectratio of {source} is {frame}; it is above 0",
+                "pbrt-frame-aspect-ratio-invalid",
+                "frameaspectratio of {source} is {value}; it is above 0",
                 source=source,
-                frame=f"{frame:g}",
+                value=f"{frame:g}",
             )
         )
     window = (-frame, frame, -1.0, 1.0) if frame > 1 else (-1.0, 1.0, -1 / frame, 1 / frame)
@@ -288,7 +286,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
     if said is not None:
         if len(said) != 4 or not said[0] < said[1] or not said[2] < said[3]:
             raise source.place.wrong(
-                Sentence("screenwindow-takes-four-numbers", "screenwindow takes four numbers: left, right, low and high")
+                Sentence("pbrt-screen-window-malformed", "screenwindow takes four numbers: left, right, low and high")
             )
         window = (float(said[0]), float(said[1]), float(said[2]), float(said[3]))
     left, right, low, high = window
@@ -296,7 +294,7 @@ def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, floa
         notes.add(
             source.place,
             Sentence(
-                "picture-shape-not-screenwindow-frameaspectratio",
+                "pbrt-screen-window-shape-ignored",
                 "The picture's shape is not that of screenwindow or frameaspectratio: it is not stretched here",
             ),
         )

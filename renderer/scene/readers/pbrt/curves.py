@@ -21,17 +21,19 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
     if kind != "cylinder":
-        notes.add(source.place, Sentence("curves-type-tubes-wide", "curves of the type {kind} are tubes as wide", kind=kind[:20]))
+        notes.add(
+            source.place, Sentence("pbrt-curve-type-replaced", "curves of the type {kind} are tubes as wide", kind=kind[:20])
+        )
     source.used.update(("N", "splitdepth"))
     if basis not in ("bezier", "bspline") or degree not in (2, 3):
         raise source.place.wrong(
-            Sentence("curve-basis-bezier-bspline", "a curve is of the basis bezier or bspline, and of the degree 2 or 3")
+            Sentence("pbrt-curve-basis-unknown", "a curve is of the basis bezier or bspline, and of the degree 2 or 3")
         )
     least = degree + 1
     if points is None or len(points) < least or (basis == "bezier" and (len(points) - 1) % degree):
         raise source.place.wrong(
             Sentence(
-                "curve-degree-takes-points",
+                "pbrt-curve-points-too-few",
                 "a curve of degree {degree} takes {least} points, and for a bezier {degree} more for each part",
                 degree=degree,
                 least=least,

@@ -82,7 +82,7 @@ class Graphics:
             if do is None:
                 raise statement.place.wrong(
                     Sentence(
-                        "no-directive-pbrt-v4",
+                        "pbrt-directive-unknown",
                         "{directive} is no directive of pbrt-v4; an older scene becomes one by `pbrt --upgrade`",
                         directive=repr(statement.directive[:40]),
                     )
@@ -93,11 +93,11 @@ class Graphics:
         """Ends the scene. Raises SceneError if a block is open or WorldBegin is missing."""
         if self._shapes is None:
             raise Place(PurePosixPath(main).name, 1).wrong(
-                Sentence("no-worldbegin", "has no WorldBegin: nothing is in its world; give the scene's main file")
+                Sentence("pbrt-world-begin-missing", "has no WorldBegin: nothing is in its world; give the scene's main file")
             )
         if self._saved:
             raise Place(PurePosixPath(main).name, 1).wrong(
-                Sentence("no-end", "{saved} has no end to it; close it", saved=self._saved[-1][0])
+                Sentence("pbrt-block-not-closed", "{block} has no end to it; close it", block=self._saved[-1][0])
             )
         self._shapes.flush()
         place = self._camera[0].place if self._camera is not None else Place(PurePosixPath(main).name, 1)
@@ -114,7 +114,7 @@ class Graphics:
         if found is None:
             raise statement.place.wrong(
                 Sentence(
-                    "includes-not-among-files",
+                    "pbrt-include-missing",
                     "includes {name}, which is not among the files; add it",
                     name=repr(PurePosixPath(wanted).name[:120]),
                 )
@@ -122,9 +122,9 @@ class Graphics:
         if self._depth >= MAX_DEPTH:
             raise statement.place.wrong(
                 Sentence(
-                    "files-include-each-other-deep",
-                    "files include each other {max_depth} deep; take one out of the circle",
-                    max_depth=MAX_DEPTH,
+                    "pbrt-includes-circular",
+                    "files include each other {depth} deep; take one out of the circle",
+                    depth=MAX_DEPTH,
                 )
             )
         self._depth += 1
@@ -144,7 +144,7 @@ class Graphics:
         if len(found) != len(statement.arguments) or len(numbers) != count:
             raise statement.place.wrong(
                 Sentence(
-                    "takes-number",
+                    "pbrt-directive-number-count",
                     "{directive} takes {count} number{value}",
                     directive=statement.directive,
                     count=count,
@@ -193,7 +193,7 @@ class Graphics:
         if name not in self._named:
             raise statement.place.wrong(
                 Sentence(
-                    "no-coordinate-system",
+                    "pbrt-coordinate-system-unknown",
                     "there is no coordinate system {name}; CoordinateSystem names one before",
                     name=repr(name[:60]),
                 )
@@ -215,9 +215,7 @@ class Graphics:
     def _on_transform_times(self, statement: Statement) -> None:
         start, end = (float(v) for v in self._numbers(statement, 2))
         if not start < end:
-            raise statement.place.wrong(
-                Sentence("transformtimes-takes-time-later-one", "TransformTimes takes a time and a later one")
-            )
+            raise statement.place.wrong(Sentence("pbrt-transform-times-malformed", "TransformTimes takes a time and a later one"))
         self._times = start, end
 
     # Blocks
@@ -226,9 +224,9 @@ class Graphics:
         if len(self._saved) >= _MOST_STATES:
             raise statement.place.wrong(
                 Sentence(
-                    "blocks-nested-more-than-deep",
-                    "blocks are nested more than {most_states} deep; close some",
-                    most_states=_MOST_STATES,
+                    "pbrt-blocks-nested-too-deep",
+                    "blocks are nested more than {most} deep; close some",
+                    most=_MOST_STATES,
                 )
             )
         self._saved.append((statement.directive, replace(self._state)))
@@ -237,7 +235,10 @@ class Graphics:
         if not self._saved or self._saved[-1][0] != opened:
             raise statement.place.wrong(
                 Sentence(
-                    "no-could-end", "{directive} has no {opened} that it could end", directive=statement.directive, opened=opened
+                    "pbrt-block-end-unmatched",
+                    "{directive} has no {block} that it could end",
+                    directive=statement.directive,
+                    block=opened,
                 )
             )
         return self._saved.pop()[1]
@@ -259,7 +260,7 @@ class Graphics:
         shapes = self._in_world(statement)
         if shapes.in_object:
             raise statement.place.wrong(
-                Sentence("object-cannot-stand-another", "an object cannot stand in another; end the first one before")
+                Sentence("pbrt-object-nested", "an object cannot stand in another; end the first one before")
             )
         self._save(statement)
         shapes.begin(self._name(statement))
@@ -271,9 +272,7 @@ class Graphics:
     def _on_object_instance(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
         if shapes.in_object:
-            raise statement.place.wrong(
-                Sentence("object-cannot-shown-within-another", "an object cannot be shown within another")
-            )
+            raise statement.place.wrong(Sentence("pbrt-object-instance-nested", "an object cannot be shown within another"))
         shapes.instance(self._name(statement), self._state.ctm, statement.place)
 
     def _on_attribute(self, statement: Statement) -> None:
@@ -281,9 +280,9 @@ class Graphics:
         if target not in _ATTRIBUTES:
             raise statement.place.wrong(
                 Sentence(
-                    "attribute-speaks",
-                    "Attribute speaks of {attributes}, and not of {target}",
-                    attributes=[*_ATTRIBUTES],
+                    "pbrt-attribute-target-unknown",
+                    "Attribute speaks of {targets}, and not of {target}",
+                    targets=[*_ATTRIBUTES],
                     target=repr(target[:40]),
                 )
             )
@@ -300,7 +299,7 @@ class Graphics:
         if name not in SPACES:
             raise statement.place.wrong(
                 Sentence(
-                    "no-colour-space-pbrt",
+                    "pbrt-colour-space-unknown",
                     "{name} is no colour space of pbrt's; they are {spaces}",
                     name=repr(name[:40]),
                     spaces=[*SPACES],
@@ -337,7 +336,9 @@ class Graphics:
 
     def _on_world_begin(self, statement: Statement) -> None:
         if self._shapes is not None:
-            raise statement.place.wrong(Sentence("world-begun-before", "the world has begun before; take this WorldBegin out"))
+            raise statement.place.wrong(
+                Sentence("pbrt-world-begin-repeated", "the world has begun before; take this WorldBegin out")
+            )
         description = self._description
         source = self._camera[0] if self._camera else None
         self._lights.exposure = cameras.exposure_of(source, self._film)
@@ -381,7 +382,7 @@ class Graphics:
             self._notes.add(
                 statement.place,
                 Sentence(
-                    "material-made-again",
+                    "pbrt-material-redefined",
                     "The material {name} is made again: what follows has the later one",
                     name=repr(name[:60]),
                 ),
@@ -393,7 +394,7 @@ class Graphics:
         if name not in self._materials.named:
             raise statement.place.wrong(
                 Sentence(
-                    "no-material",
+                    "pbrt-material-undefined",
                     "there is no material {name}; MakeNamedMaterial names one before it is used",
                     name=repr(name[:60]),
                 )
@@ -405,7 +406,7 @@ class Graphics:
         if kind not in ("float", "spectrum", "color"):
             raise statement.place.wrong(
                 Sentence(
-                    "texture-floats-spectra", "a texture is of floats or of spectra, and not of {kind}", kind=repr(kind[:40])
+                    "pbrt-texture-kind-unknown", "a texture is of floats or of spectra, and not of {kind}", kind=repr(kind[:40])
                 )
             )
         found.defaults = self._state.attributes.get("texture", {})
@@ -413,7 +414,7 @@ class Graphics:
             self._notes.add(
                 statement.place,
                 Sentence(
-                    "texture-made-again",
+                    "pbrt-texture-redefined",
                     "The texture {name} is made again: what follows has the later one",
                     name=repr(name[:60]),
                 ),
@@ -426,7 +427,7 @@ class Graphics:
         source = self._parameters(statement, "light")
         ctm = self._state.ctm
         if ctm[0] is not ctm[1]:
-            self._notes.add(statement.place, Sentence("light-moves-stands-still", "A light that moves stands still, as in pbrt"))
+            self._notes.add(statement.place, Sentence("pbrt-light-motion-ignored", "A light that moves stands still, as in pbrt"))
         self._lights.add(source, product(self._outer, ctm[0]))
         source.say_unused(self._notes)
 
@@ -452,7 +453,7 @@ class Graphics:
         if len(names) != len(statement.arguments) or not 1 <= len(names) <= 2:
             raise statement.place.wrong(
                 Sentence(
-                    "mediuminterface-takes-names-one-medium",
+                    "pbrt-medium-interface-malformed",
                     "MediumInterface takes the names of one medium or two in quotes: inside and outside",
                 )
             )
@@ -464,7 +465,7 @@ class Graphics:
         if self._shapes is None:
             raise statement.place.wrong(
                 Sentence(
-                    "stands-before-worldbegin",
+                    "pbrt-directive-before-world",
                     "{directive} stands before WorldBegin; put it behind that",
                     directive=statement.directive,
                 )
@@ -476,7 +477,7 @@ class Graphics:
         name = first if isinstance(first, str) else first[0] if isinstance(first, tuple) and first else ""
         if not isinstance(name, str) or not name:
             raise statement.place.wrong(
-                Sentence("takes-name-quotes", "{directive} takes a name in quotes", directive=statement.directive)
+                Sentence("pbrt-directive-name-expected", "{directive} takes a name in quotes", directive=statement.directive)
             )
         return name
 

@@ -19,7 +19,7 @@ def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
     notes.add(
         source.place,
         Sentence(
-            "hair-rendered-glossy-surface-colour",
+            "pbrt-hair-replaced",
             "hair is rendered as a glossy surface in its colour: light does not go through its fibres",
         ),
     )

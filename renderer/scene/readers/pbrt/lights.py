@@ -43,9 +43,9 @@ class Lights:
         if len(self._description.lights) >= _MOST_LIGHTS:
             raise place.wrong(
                 Sentence(
-                    "more-than-lights",
-                    "there are more than {most_lights} lights; leave some out",
-                    most_lights=_MOST_LIGHTS,
+                    "pbrt-lights-too-many",
+                    "there are more than {most} lights; leave some out",
+                    most=_MOST_LIGHTS,
                 )
             )
         if source.type == "infinite":
@@ -70,7 +70,7 @@ class Lights:
         else:
             source.used.update(source.values)
             self._notes.add(
-                place, Sentence("no-light-read-left", "{source} is no light that is read: it is left out", source=source)
+                place, Sentence("light-type-unsupported", "{what} is no light that is read: it is left out", what=source)
             )
 
     def shines(self, source: Parameters, areas: np.ndarray) -> Emission:
@@ -78,7 +78,11 @@ class Lights:
         if source.type != "diffuse":
             self._notes.add(
                 source.place,
-                Sentence("no-light-read-surface", "{source} is no light that is read: its surface does not shine", source=source),
+                Sentence(
+                    "pbrt-area-light-type-unsupported",
+                    "{source} is no light that is read: its surface does not shine",
+                    source=source,
+                ),
             )
             return Emission()
         both = source.flag("twosided", False)
@@ -97,7 +101,7 @@ class Lights:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "light-power-for-each-triangles",
+                        "pbrt-area-light-power-spread",
                         "A light of a power has it for each of its triangles; they shine evenly here, with as much",
                     ),
                 )
@@ -139,7 +143,7 @@ class Lights:
         if image is None and is_projection:
             self._notes.add(
                 source.place,
-                Sentence("projection-light-without-picture-left", "A projection light without a picture is left out"),
+                Sentence("pbrt-projection-light-without-picture", "A projection light without a picture is left out"),
             )
             return
         scale, power, fov = source.number("scale", 1.0), source.number("power", -1.0), source.number("fov", 90.0)
@@ -148,7 +152,7 @@ class Lights:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "picture-goniometric-light-not-square",
+                    "pbrt-goniometric-picture-not-square",
                     "The picture of a goniometric light is not square, as pbrt's are: it shines evenly",
                 ),
             )
@@ -195,7 +199,7 @@ class Lights:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "portal-infinite-light-not-taken",
+                    "pbrt-infinite-light-portal-ignored",
                     "The portal of an infinite light is not taken over: it shines from everywhere",
                 ),
             )
@@ -217,7 +221,7 @@ class Lights:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "picture-infinite-light-not-square",
+                    "pbrt-infinite-light-not-square",
                     "The picture of an infinite light is not square, as pbrt's are: it is taken as equirectangular, +Z up",
                 ),
             )
@@ -242,7 +246,7 @@ class Lights:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "scene-one-picture-light-from", "A scene has one picture of light from all around: this one is left out"
+                    "pbrt-second-environment-dropped", "A scene has one picture of light from all around: this one is left out"
                 ),
             )
             return

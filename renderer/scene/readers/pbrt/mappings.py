@@ -61,7 +61,7 @@ def mapping_of(source: Parameters, ctm: Matrix) -> Mapping | None:
     if kind not in ("planar", "spherical", "cylindrical"):
         raise source.place.wrong(
             Sentence(
-                "mapping-uv",
+                "pbrt-mapping-unknown",
                 "{source} has the mapping {kind}; there are uv, planar, spherical and cylindrical",
                 source=source,
                 kind=repr(kind[:30]),

@@ -109,7 +109,7 @@ class Materials:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "textures-lie-things-several-ways",
+                        "pbrt-material-mappings-differ",
                         "The textures of {source} lie on things in several ways: all lie as the first",
                         source=source,
                     ),
@@ -130,7 +130,7 @@ class Materials:
         if depth > _MAX_NESTED:
             raise source.place.wrong(
                 Sentence(
-                    "made-materials-nested-too-deep", "{source} is made of materials that are nested too deep", source=source
+                    "pbrt-materials-nested-too-deep", "{source} is made of materials that are nested too deep", source=source
                 )
             )
         make = {
@@ -235,7 +235,7 @@ class Materials:
         self._notes.add(
             source.place,
             Sentence(
-                "coatedconductor-rendered-metal-under-clear",
+                "pbrt-coated-conductor-replaced",
                 "coatedconductor is rendered as a metal under a clear coat of index 1.5, with what bounces between them head on",
             ),
         )
@@ -249,14 +249,12 @@ class Materials:
         ior, dispersion = self._textures.colors.index(self._textures.index(source, "eta"))
         if not ior > 0:
             raise source.place.wrong(
-                Sentence("index-above-0", "{source} has the index {ior}; it is above 0", source=source, ior=f"{ior:g}")
+                Sentence("pbrt-ior-invalid", "{source} has the index {ior}; it is above 0", source=source, ior=f"{ior:g}")
             )
         if ior < 1:
             self._notes.add(
                 source.place,
-                Sentence(
-                    "index-below-1-rendered-inverse", "{source}: an index below 1 is rendered as its inverse", source=source
-                ),
+                Sentence("pbrt-ior-below-one", "{source}: an index below 1 is rendered as its inverse", source=source),
             )
         thin = source.type == "thindielectric"
         rough = {} if thin else self._rough(source, "", brushes=False)
@@ -306,7 +304,11 @@ class Materials:
             missing = [name for name, part in zip(names, parts, strict=True) if part is None]
             raise source.place.wrong(
                 f"{source} takes the names of two materials that stand before"
-                + (Sentence("no", "; there is no {missing}", missing=repr(missing[0][:60])) if missing else "")
+                + (
+                    Sentence("pbrt-nested-material-missing", "; there is no {missing}", missing=repr(missing[0][:60]))
+                    if missing
+                    else ""
+                )
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)
         first, second = (self.of(part, depth + 1) for part in parts if part is not None)
@@ -315,9 +317,9 @@ class Materials:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "mixes-ours-cannot-one-one",
-                    "{source} mixes what ours cannot as one: the one that counts for more is rendered",
-                    source=source,
+                    "bsdf-blend-unsupported",
+                    "{what} mixes what ours cannot as one: the one that counts for more is rendered",
+                    what=source,
                 ),
             )
             return second if amount > 0.5 else first
@@ -329,7 +331,7 @@ class Materials:
             return Material(kind="interface")
         self._notes.add(
             source.place,
-            Sentence("not-read-rendered-grey", "{source} is not read: rendered as a grey matt surface", source=source),
+            Sentence("bsdf-type-unsupported", "{what} is not read: rendered as a grey matt surface", what=source),
         )
         source.used.update(source.values)
         return Material(base_color=_HALF)
@@ -358,9 +360,7 @@ class Materials:
         ):
             self._notes.add(
                 source.place,
-                Sentence(
-                    "scatters-within-coat-not-taken", "{source}: what scatters within its coat is not taken over", source=source
-                ),
+                Sentence("pbrt-coat-medium-ignored", "{source}: what scatters within its coat is not taken over", source=source),
             )
 
     def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
@@ -387,7 +387,7 @@ class Materials:
         along, across = (value**2 for value in rough)
         if not brushes and along != across:
             self._notes.add(
-                source.place, Sentence("rough-both-directions", "{source} is as rough in both directions here", source=source)
+                source.place, Sentence("pbrt-anisotropy-ignored", "{source} is as rough in both directions here", source=source)
             )
             return {
                 "roughness": math.sqrt(math.sqrt(along * across)) if along * across > 0 else math.sqrt(max(along, across) / 2)
@@ -404,7 +404,7 @@ class Materials:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "holes-another-place-than-colour",
+                        "pbrt-alpha-mapping-averaged",
                         "Holes of another place than the colour's are not cut: their mean is taken",
                     ),
                 )

@@ -42,7 +42,7 @@ class Media:
         if name in self._named:
             self._notes.add(
                 source.place,
-                Sentence("medium-made-again", "The medium {name} is made again: the later one counts", name=repr(name[:60])),
+                Sentence("pbrt-medium-redefined", "The medium {name} is made again: the later one counts", name=repr(name[:60])),
             )
         if kind == "homogeneous":
             self._named[name] = self._homogeneous(source)
@@ -52,7 +52,7 @@ class Media:
         self._notes.add(
             source.place,
             Sentence(
-                "medium-not-same-everywhere",
+                "pbrt-medium-heterogeneous",
                 "The medium {name} is not the same everywhere ({kind}): it is left out, as if it were clear",
                 name=repr(name[:60]),
                 kind=kind[:40],
@@ -64,7 +64,7 @@ class Media:
         if name not in self._named:
             raise place.wrong(
                 Sentence(
-                    "no-medium",
+                    "pbrt-medium-undefined",
                     "there is no medium {name}; MakeNamedMedium names one before it is used",
                     name=repr(name[:60]),
                 )
@@ -92,7 +92,7 @@ class Media:
         if lets_through and not made.thin:
             return replace(made, **filled_with(found))
         if found != NOTHING and lets_through:
-            self._notes.add(place, Sentence("thin-no-medium-fills", "{source} is thin: no medium fills it", source=source))
+            self._notes.add(place, Sentence("pbrt-thin-shape-with-medium", "{source} is thin: no medium fills it", source=source))
         return made
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
@@ -102,7 +102,7 @@ class Media:
             self._notes.add(
                 place,
                 Sentence(
-                    "glass-without-mediuminterface-clear-inside",
+                    "pbrt-glass-interior-clear",
                     "Glass without a MediumInterface is clear inside, where pbrt goes on with what is around it",
                 ),
             )
@@ -111,7 +111,7 @@ class Media:
                 self._notes.add(
                     where,
                     Sentence(
-                        "medium-said-around-shape",
+                        "pbrt-exterior-medium-ignored",
                         "The medium {name} is said to be around a shape, but fills none: what is around is not changed",
                         name=repr(name[:60]),
                     ),
@@ -123,9 +123,9 @@ class Media:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "no-substance-known",
-                    "{text} is no substance that is known: its numbers count",
-                    text=repr(source.text("preset")[:40]),
+                    "pbrt-medium-preset-unknown",
+                    "{preset} is no substance that is known: its numbers count",
+                    preset=repr(source.text("preset")[:40]),
                 ),
             )
         source.used.update(("sigma_a", "sigma_s", "type", "Le", "Lescale"))
@@ -134,7 +134,9 @@ class Media:
             coefficients(source, "sigma_a", (1.0,) * 3, self._textures),
         )
         if source.get("Le") is not None:
-            self._notes.add(source.place, Sentence("not-shine-le", "{source}: it does not shine (Le) here", source=source))
+            self._notes.add(
+                source.place, Sentence("pbrt-medium-emission-ignored", "{source}: it does not shine (Le) here", source=source)
+            )
         return medium(absorbed, scattered, source.number("g", 0.0), source.number("scale", 1.0))
 
 
@@ -159,7 +161,7 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
             notes.add(
                 source.place,
                 Sentence(
-                    "g-not-taken-over-where", "'g' of {source} is not taken over where its reflectance is given", source=source
+                    "pbrt-medium-g-ignored", "'g' of {source} is not taken over where its reflectance is given", source=source
                 ),
             )
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
@@ -170,9 +172,9 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
         notes.add(
             source.place,
             Sentence(
-                "no-substance-known-rendered",
-                "{wanted} is no substance that is known: rendered as milk",
-                wanted=repr(wanted[:40]),
+                "pbrt-subsurface-preset-unknown",
+                "{preset} is no substance that is known: rendered as milk",
+                preset=repr(wanted[:40]),
             ),
         )
     scattered, absorbed = SUBSTANCES.get(wanted, _MILK)

@@ -50,7 +50,7 @@ def _triangles(source: Parameters, notes: Notes) -> Mesh:
     if source.get("S") is not None:
         notes.add(
             source.place,
-            Sentence("tangents-mesh-s-not-taken", "Tangents of a mesh (S) are not taken over: they are those of its UVs"),
+            Sentence("pbrt-mesh-tangents-ignored", "Tangents of a mesh (S) are not taken over: they are those of its UVs"),
         )
     return _facing(mesh)
 
@@ -61,7 +61,7 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
     if name is None:
         raise source.place.wrong(
             Sentence(
-                "not-among-files-add",
+                "file-missing",
                 "{name} is not among the files; add it",
                 name=repr(PurePosixPath(wanted).name[:120] or "its file"),
             )
@@ -70,9 +70,7 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
         if source.get(each) is not None:
             notes.add(
                 source.place,
-                Sentence(
-                    "displacement-meshes-not-taken-over", "displacement of meshes is not taken over: they are as in their file"
-                ),
+                Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes is not taken over: they are as in their file"),
             )
     part: SceneDescription = files.recall(("ply", name), lambda: _read(files, name))
     mesh = _one(part)
@@ -104,7 +102,7 @@ def _patches(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mesh:
         notes.add(
             source.place,
             Sentence(
-                "emissionfilename-bilinearmesh-not-taken-over",
+                "pbrt-emission-texture-ignored",
                 "emissionfilename of a bilinearmesh is not taken over: it shines evenly",
             ),
         )
@@ -150,11 +148,11 @@ def _subdivided(source: Parameters, notes: Notes, growth: TriangleBudget) -> Mes
         notes.add(
             source.place,
             Sentence(
-                "refined-times-not",
-                "{source} is refined {levels} times and not {wanted}, so that it does not grow too large",
+                "pbrt-subdivision-limited",
+                "{source} is refined {levels} times and not {asked}, so that it does not grow too large",
                 source=source,
                 levels=levels,
-                wanted=wanted,
+                asked=wanted,
             ),
         )
     fine, faces = subdivided(points, triangles, levels)
@@ -193,7 +191,9 @@ def _facing(mesh: Mesh) -> Mesh:
 def _points(source: Parameters) -> npt.NDArray[np.float64]:
     found = source.numbers("P", "point3", "point")
     if found is None or not len(found):
-        raise source.place.wrong(Sentence("no-points", '{source} has no points; give them as "point3 P" [ ... ]', source=source))
+        raise source.place.wrong(
+            Sentence("pbrt-mesh-points-missing", '{source} has no points; give them as "point3 P" [ ... ]', source=source)
+        )
     return found
 
 
@@ -203,7 +203,7 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
         if default is None:
             raise source.place.wrong(
                 Sentence(
-                    "no-indices",
+                    "pbrt-mesh-indices-missing",
                     '{source} has no indices; give them as "integer indices" [ ... ]',
                     source=source,
                 )
@@ -212,21 +212,21 @@ def _indices(source: Parameters, count: int, corners: int, default: npt.NDArray[
     if len(found) % corners or not len(found):
         raise source.place.wrong(
             Sentence(
-                "indices-takes-multiple",
-                "{source} has {n} indices; it takes a multiple of {corners}",
+                "pbrt-mesh-index-count-wrong",
+                "{source} has {count} indices; it takes a multiple of {multiple}",
                 source=source,
-                n=len(found),
-                corners=corners,
+                count=len(found),
+                multiple=corners,
             )
         )
     if found.min() < 0 or found.max() >= count:
         worst = found.max() if found.max() >= count else found.min()
         raise source.place.wrong(
             Sentence(
-                "index-where-points",
-                "{source} has the index {worst} where there are {count} points",
+                "pbrt-mesh-index-invalid",
+                "{source} has the index {index} where there are {count} points",
                 source=source,
-                worst=f"{worst:.0f}",
+                index=f"{worst:.0f}",
                 count=count,
             )
         )
@@ -240,7 +240,12 @@ def _vectors(source: Parameters, name: str, count: int) -> npt.NDArray[np.float3
     if len(found) != count:
         raise source.place.wrong(
             Sentence(
-                "points", "{source} has {n} of {name} and {count} points", source=source, n=len(found), name=name, count=count
+                "pbrt-mesh-value-count-wrong",
+                "{source} has {found} of {name} and {count} points",
+                source=source,
+                found=len(found),
+                name=name,
+                count=count,
             )
         )
     return found.astype(np.float32)
@@ -255,7 +260,11 @@ def _uvs(source: Parameters, count: int) -> npt.NDArray[np.float32] | None:
     if found.size != 2 * count:
         raise source.place.wrong(
             Sentence(
-                "uv-points", "{source} has {size} of uv and {count} points", source=source, size=found.size // 2, count=count
+                "pbrt-mesh-uv-count-wrong",
+                "{source} has {found} of uv and {count} points",
+                source=source,
+                found=found.size // 2,
+                count=count,
             )
         )
     pairs = found.reshape(-1, 2)

@@ -24,7 +24,7 @@ class Place(NamedTuple):
 
     def wrong(self, sentence: str) -> SceneError:
         """Returns an error with the position and the sentence."""
-        return SceneError(Sentence("at-place", "{place}: {fault}", place=self, fault=sentence))
+        return SceneError(Sentence("fault-at-place", "{place}: {fault}", place=self, fault=sentence))
 
 
 class Notes:
@@ -45,8 +45,8 @@ class Notes:
     def say(self, description: SceneDescription) -> None:
         """Adds one warning per note."""
         for sentence, (place, count) in self._found.items():
-            description.warnings.append(Sentence("at-place", "{place}: {fault}", place=place, fault=times(sentence, count)))
+            description.warnings.append(Sentence("fault-at-place", "{place}: {fault}", place=place, fault=times(sentence, count)))
         if self._left:
             description.warnings.append(
-                Sentence("more-things-file-not-taken", "{left} more things of this file are not taken over", left=self._left)
+                Sentence("pbrt-omissions-more", "{count} more things of this file are not taken over", count=self._left)
             )

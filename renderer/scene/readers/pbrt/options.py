@@ -29,14 +29,14 @@ def note_option(name: str, statement: Statement, notes: Notes) -> None:
         notes.add(
             statement.place,
             Sentence(
-                "option-not-taken-over",
-                "The option {key} is not taken over: {of_the_picture}",
-                key=key,
-                of_the_picture=_OF_THE_PICTURE[key],
+                "pbrt-option-ignored",
+                "The option {option} is not taken over: {reason}",
+                option=key,
+                reason=_OF_THE_PICTURE[key],
             ),
         )
     elif key not in _OF_THE_PICTURE and key not in _OF_THE_RUN:
         notes.add(
             statement.place,
-            Sentence("option-not-known", "The option {name} is not known, and not taken over", name=repr(name[:60])),
+            Sentence("pbrt-option-unknown", "The option {name} is not known, and not taken over", name=repr(name[:60])),
         )

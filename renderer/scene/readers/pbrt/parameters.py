@@ -57,10 +57,10 @@ class Parameters:
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
             raise place.wrong(
                 Sentence(
-                    "takes-name-quotes-diffuse",
-                    '{directive} takes {names} name{value} in quotes, as "diffuse"',
+                    "pbrt-directive-names-expected",
+                    '{directive} takes {count} name{value} in quotes, as "diffuse"',
                     directive=statement.directive,
-                    names=names,
+                    count=names,
                     value="s" if names > 1 else "",
                 )
             )
@@ -75,9 +75,9 @@ class Parameters:
         if len(rest) % 2:
             raise place.wrong(
                 Sentence(
-                    "parameter-without-value",
-                    '{made} has a parameter without a value; write it as "float radius" 2',
-                    made=made,
+                    "pbrt-parameter-without-value",
+                    '{what} has a parameter without a value; write it as "float radius" 2',
+                    what=made,
                 )
             )
         return called, made
@@ -97,12 +97,12 @@ class Parameters:
         if types and found.type not in types:
             raise found.place.wrong(
                 Sentence(
-                    "type-takes",
-                    "{name} of {what} is of type {type}; it takes {fromkeys}",
+                    "pbrt-parameter-type-wrong",
+                    "{name} of {what} is of type {type}; it takes {types}",
                     name=repr(name),
                     what=self,
                     type=found.type,
-                    fromkeys=" or ".join(dict.fromkeys(types)),
+                    types=" or ".join(dict.fromkeys(types)),
                 )
             )
         return found
@@ -154,12 +154,12 @@ class Parameters:
         if len(values) % width:
             raise found.place.wrong(
                 Sentence(
-                    "numbers-takes-multiple",
-                    "{name} of {what} has {n} numbers; it takes a multiple of {width}",
+                    "pbrt-parameter-number-count",
+                    "{name} of {what} has {count} numbers; it takes a multiple of {multiple}",
                     name=repr(name),
                     what=self,
-                    n=len(values),
-                    width=width,
+                    count=len(values),
+                    multiple=width,
                 )
             )
         return values.reshape(-1, width) if width > 1 else values
@@ -179,13 +179,13 @@ class Parameters:
             if name not in self.used:
                 notes.add(
                     parameter.place,
-                    Sentence("not-taken-over-2", "{name} of {what} is not taken over", name=repr(name[:60]), what=self),
+                    Sentence("pbrt-parameter-ignored", "{name} of {what} is not taken over", name=repr(name[:60]), what=self),
                 )
             elif name in self.repeated:
                 notes.add(
                     parameter.place,
                     Sentence(
-                        "given-more-than-once",
+                        "parameter-given-twice",
                         "{name} of {what} is given more than once: the last one counts",
                         name=repr(name[:60]),
                         what=self,
@@ -196,12 +196,12 @@ class Parameters:
                 notes.add(
                     parameter.place,
                     Sentence(
-                        "numbers-first-count",
-                        "{name} of {what} has {count} numbers: the first {least} count",
+                        "pbrt-parameter-numbers-dropped",
+                        "{name} of {what} has {count} numbers: the first {used} count",
                         name=repr(name[:60]),
                         what=self,
                         count=count,
-                        least=least,
+                        used=least,
                     ),
                 )
 
@@ -209,11 +209,11 @@ class Parameters:
         if not isinstance(found.value, np.ndarray) or len(found.value) < least:
             raise found.place.wrong(
                 Sentence(
-                    "takes",
-                    "{name} of {what} takes {value}",
+                    "pbrt-parameter-value-wrong",
+                    "{name} of {what} takes {expected}",
                     name=repr(name),
                     what=self,
-                    value="numbers" if least != 1 else "a number",
+                    expected="numbers" if least != 1 else "a number",
                 )
             )
         if 0 < least < len(found.value):
@@ -235,15 +235,20 @@ def _declared(declared: Argument, value: Argument, statement: Statement, space: 
         said = declared[:40] if isinstance(declared, str) else "a value"
         raise statement.place.wrong(
             Sentence(
-                "no-parameter",
-                '{said} of {directive} is no parameter; it takes a type and a name, as "float radius"',
-                said=repr(said),
+                "pbrt-parameter-malformed",
+                '{text} of {directive} is no parameter; it takes a type and a name, as "float radius"',
+                text=repr(said),
                 directive=statement.directive,
             )
         )
     kind, name = words
     if kind in _NUMBERS and not isinstance(value, np.ndarray):
         raise statement.place.wrong(
-            Sentence("takes-numbers", "{name} of {directive} takes numbers", name=repr(name[:60]), directive=statement.directive)
+            Sentence(
+                "pbrt-parameter-not-numbers",
+                "{name} of {directive} takes numbers",
+                name=repr(name[:60]),
+                directive=statement.directive,
+            )
         )
     return Parameter(kind, value, statement.place, space), name

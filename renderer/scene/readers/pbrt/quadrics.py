@@ -67,7 +67,7 @@ def quadric(source: Parameters, coarser: int = 1) -> Quadric:
     if not high > low or not turn > 0:
         raise source.place.wrong(
             Sentence(
-                "nothing-left",
+                "pbrt-quadric-cut-away",
                 "nothing is left of {source}: its zmin, zmax or phimax cut all of it off",
                 source=source,
             )
@@ -81,7 +81,7 @@ def _disk(source: Parameters, radius: float, turn: float, around: F64) -> Quadri
     if not inner < radius or not turn > 0:
         raise source.place.wrong(
             Sentence(
-                "nothing-left-innerradius",
+                "pbrt-disk-cut-away",
                 "nothing is left of {source}: its innerradius or phimax cut all of it off",
                 source=source,
             )
@@ -95,7 +95,9 @@ def _radius(source: Parameters) -> float:
     radius = source.number("radius", 1.0)
     if not 0 < radius < 1e15:
         raise source.place.wrong(
-            Sentence("radius-above-0", "{source} has the radius {radius}; it is above 0", source=source, radius=f"{radius:g}")
+            Sentence(
+                "pbrt-radius-invalid", "{source} has the radius {radius}; it is above 0", source=source, radius=f"{radius:g}"
+            )
         )
     return radius
 

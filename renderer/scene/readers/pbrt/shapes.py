@@ -100,7 +100,7 @@ class Shapes:
         if name not in self.objects:
             raise place.wrong(
                 Sentence(
-                    "no-object",
+                    "pbrt-object-undefined",
                     "there is no object {name}; its ObjectBegin stands before it is shown",
                     name=repr(name[:60]),
                 )
@@ -121,7 +121,7 @@ class Shapes:
             source.used.update(source.values)
             self._notes.add(
                 source.place,
-                Sentence("no-shape-read-left", "{source} is no shape that is read: it is left out", source=source),
+                Sentence("shape-type-unsupported", "{what} is no shape that is read: it is left out", what=source),
             )
             return
         is_idle = looks.area is None and not self._materials.bounds_media(looks.medium, source.place)
@@ -130,7 +130,7 @@ class Shapes:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "surface-without-material",
+                    "pbrt-surface-without-material",
                     "A surface without a material, and with no medium on either side, is left out",
                 ),
             )
@@ -170,7 +170,7 @@ class Shapes:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "textures-lie-by-place-move",
+                        "pbrt-instance-texture-placement",
                         "Textures that lie by place move with the objects that are shown many times",
                     ),
                 )
@@ -186,9 +186,7 @@ class Shapes:
         if self.in_object:
             self._notes.add(
                 source.place,
-                Sentence(
-                    "bumps-object-shown-several-sizes", "Bumps of an object that is shown in several sizes are as steep in each"
-                ),
+                Sentence("pbrt-instance-bump-scale", "Bumps of an object that is shown in several sizes are as steep in each"),
             )
         bumpy = with_uvs(mesh if mesh is not None else self._quadric(source).mesh)
         place = between(looks.ctm, self._time)
@@ -203,7 +201,7 @@ class Shapes:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "mirrored-inside-stays-inside",
+                    "pbrt-mirrored-shape-not-inverted",
                     "{source} is mirrored: its inside stays inside, where pbrt turns it inside out",
                     source=source,
                 ),
@@ -239,7 +237,7 @@ class Shapes:
             if coarser > 1:
                 self._notes.add(
                     source.place,
-                    Sentence("very-many-round-shapes-later", "Of very many round shapes the later ones are drawn coarser"),
+                    Sentence("pbrt-round-shapes-coarsened", "Of very many round shapes the later ones are drawn coarser"),
                 )
             self._made[key] = quadric(source, coarser)
         return self._made[key]
@@ -250,9 +248,7 @@ class Shapes:
         if self.in_object:
             self._notes.add(
                 looks.area.place,
-                Sentence(
-                    "shapes-object-shown-many-times", "Shapes of an object that is shown many times do not shine, as in pbrt"
-                ),
+                Sentence("pbrt-instance-lights-ignored", "Shapes of an object that is shown many times do not shine, as in pbrt"),
             )
             return Emission()
         return self._lights.shines(looks.area, areas)
@@ -284,9 +280,9 @@ class Shapes:
         if len(self._description.instances) + len(self._description.spheres) + more > _MOST_INSTANCES:
             raise place.wrong(
                 Sentence(
-                    "with-more-than-shapes-shown",
-                    "with it more than {most_instances} shapes are shown; show fewer",
-                    most_instances=_MOST_INSTANCES,
+                    "pbrt-shapes-too-many",
+                    "with it more than {most} shapes are shown; show fewer",
+                    most=_MOST_INSTANCES,
                 )
             )
 

@@ -91,7 +91,7 @@ class Colors:
             kelvin = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             if not 0 < kelvin < 1e9:
                 raise found.place.wrong(
-                    Sentence("black-body-temperature-above-0", "a black body has a temperature above 0, in kelvins")
+                    Sentence("pbrt-blackbody-temperature-invalid", "a black body has a temperature above 0, in kelvins")
                 )
             return self._shown(planck(kelvin), found)
         name = text_of(found)
@@ -107,7 +107,9 @@ class Colors:
             rgb = (into @ self._three(found)) / into.sum(axis=1)
         elif found.type == "blackbody":
             raise found.place.wrong(
-                Sentence("black-body-shines", "a black body shines, it is no colour of a surface; give an rgb or a spectrum")
+                Sentence(
+                    "pbrt-blackbody-as-colour", "a black body shines, it is no colour of a surface; give an rgb or a spectrum"
+                )
             )
         else:
             rgb = WEIGHTS @ self.spectrum(found)
@@ -144,7 +146,7 @@ class Colors:
         if len(values) < 2 or len(values) % 2:
             raise found.place.wrong(
                 Sentence(
-                    "spectrum-takes-pairs-wavelength-nanometres",
+                    "pbrt-spectrum-malformed",
                     "a spectrum takes pairs of a wavelength in nanometres and a value",
                 )
             )
@@ -154,13 +156,13 @@ class Colors:
         metal = wanted.removeprefix("metal-").rpartition("-")
         if metal[0] in METALS and metal[2] in ("eta", "k"):
             raise found.place.wrong(
-                Sentence("index-refraction", "{wanted} is an index of refraction, and no colour", wanted=repr(wanted[:60]))
+                Sentence("pbrt-spectrum-is-ior", "{name} is an index of refraction, and no colour", name=repr(wanted[:60]))
             )
         name = self._files.find(wanted, found.place.file)
         if name is None:
             raise found.place.wrong(
                 Sentence(
-                    "no-spectrum-known",
+                    "pbrt-spectrum-unknown",
                     "{name} is no spectrum that is known, and no file of the scene; add the file",
                     name=repr(PurePosixPath(wanted).name[:80]),
                 )
@@ -171,14 +173,14 @@ class Colors:
         except ValueError:
             raise found.place.wrong(
                 Sentence(
-                    "holds-no-numbers",
+                    "pbrt-spectrum-file-malformed",
                     "{name} holds what are no numbers; a spectrum's file has pairs of them",
                     name=name,
                 )
             ) from None
         if not np.isfinite(values).all():
             raise found.place.wrong(
-                Sentence("holds-numbers-infinite", "{name} holds numbers that are infinite, or none", name=name)
+                Sentence("pbrt-spectrum-file-not-finite", "{name} holds numbers that are infinite, or none", name=name)
             )
         return values
 
@@ -187,7 +189,7 @@ class Colors:
         if not xyz[1] > 0:
             raise found.place.wrong(
                 Sentence(
-                    "light-spectrum-dark-wherever-eye",
+                    "pbrt-light-spectrum-invisible",
                     "a light's spectrum is dark wherever an eye sees; give one between 380 and 780 nanometres",
                 )
             )
@@ -198,7 +200,7 @@ class Colors:
             self._notes.add(
                 found.place,
                 Sentence(
-                    "colour-stronger-than-rec-709",
+                    "pbrt-colour-outside-gamut",
                     "A colour is stronger than Rec.709 has any: it is the nearest that a screen shows",
                 ),
             )
@@ -209,5 +211,5 @@ class Colors:
     def _three(found: Parameter) -> F64:
         values = np.asarray(found.value, float).reshape(-1)
         if len(values) != 3:
-            raise found.place.wrong(Sentence("rgb-takes-three-numbers", "an rgb takes three numbers"))
+            raise found.place.wrong(Sentence("pbrt-rgb-malformed", "an rgb takes three numbers"))
         return values

@@ -60,20 +60,20 @@ class Statements:
         if depth > MAX_DEPTH:
             raise SceneError(
                 Sentence(
-                    "included-files-deep",
-                    "{name}: is included {max_depth} files deep; do files include each other?",
+                    "pbrt-includes-too-deep",
+                    "{name}: is included {depth} files deep; do files include each other?",
                     name=name,
-                    max_depth=MAX_DEPTH,
+                    depth=MAX_DEPTH,
                 )
             )
         self._opened += 1
         if self._opened > MAX_FILES:
             raise SceneError(
                 Sentence(
-                    "more-than-files-included",
-                    "{name}: more than {max_files} files are included; put them together",
+                    "pbrt-includes-too-many",
+                    "{name}: more than {most} files are included; put them together",
                     name=name,
-                    max_files=MAX_FILES,
+                    most=MAX_FILES,
                 )
             )
         data = self._files.read(name)
@@ -83,10 +83,10 @@ class Statements:
         if self._bytes > MAX_TEXT:
             raise SceneError(
                 Sentence(
-                    "with-scene-more-than-gib",
-                    "{name}: with it the scene has more than {max_text} GiB of text; make it smaller",
+                    "pbrt-text-too-large",
+                    "{name}: with it the scene has more than {most_gib} GiB of text; make it smaller",
                     name=name,
-                    max_text=MAX_TEXT >> 30,
+                    most_gib=MAX_TEXT >> 30,
                 )
             )
         if name in self._seen:
@@ -94,11 +94,11 @@ class Statements:
         if self._again > MAX_AGAIN:
             raise SceneError(
                 Sentence(
-                    "more-than-mib-included-included",
-                    "{name}: more than {max_again} MiB are included that were included before; make an "
+                    "pbrt-includes-repeated-too-large",
+                    "{name}: more than {most_mib} MiB are included that were included before; make an "
                     "object of what is shown many times (ObjectBegin)",
                     name=name,
-                    max_again=MAX_AGAIN >> 20,
+                    most_mib=MAX_AGAIN >> 20,
                 )
             )
         self._seen.add(name)
@@ -113,7 +113,7 @@ class Statements:
                 line += text.count("\n", counted, at)
                 raise Place(file, line).wrong(
                     Sentence(
-                        "nothing-pbrt-knows",
+                        "pbrt-token-unknown",
                         "{text} is nothing that pbrt knows; mend it there",
                         text=repr(text[at : at + 20]),
                     )
@@ -129,7 +129,7 @@ class Statements:
                 if not directive:
                     raise place.wrong(
                         Sentence(
-                            "begins-with-not",
+                            "pbrt-directive-expected",
                             "begins with {text}, and not with a directive; is it a scene of pbrt?",
                             text=repr(text[at : at + 20]),
                         )
@@ -148,9 +148,9 @@ class Statements:
         if self._count > MAX_STATEMENTS:
             raise statement.place.wrong(
                 Sentence(
-                    "more-than-million-statements",
-                    "there are more than {max_statements} million statements; make the scene smaller",
-                    max_statements=MAX_STATEMENTS // 10**6,
+                    "pbrt-statements-too-many",
+                    "there are more than {million} million statements; make the scene smaller",
+                    million=MAX_STATEMENTS // 10**6,
                 )
             )
         return statement
@@ -164,7 +164,7 @@ def unpacked(data: bytes, name: str) -> bytes:
         found = packed.decompress(data, most)
     except zlib.error as error:
         raise SceneError(
-            Sentence("could-not-unpacked", "{name}: could not be unpacked ({error}); pack it again", name=name, error=error)
+            Sentence("pbrt-gzip-damaged", "{name}: could not be unpacked ({error}); pack it again", name=name, error=error)
         ) from None
     if not packed.eof:
         is_bomb = len(found) >= most
@@ -191,7 +191,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
         end = whole.end() - 1 if whole is not None else -1
         inside = text[start:end]
     if end < 0:
-        raise place.wrong(Sentence("list-brackets-not-end", "a list in brackets does not end; close it with ]"))
+        raise place.wrong(Sentence("pbrt-list-not-closed", "a list in brackets does not end; close it with ]"))
     if "#" in inside:
         inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
@@ -202,9 +202,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
     if words and words[0] in _TRUTHS:
         if any(word not in _TRUTHS for word in words):
             raise place.wrong(
-                Sentence(
-                    "neither-numbers-nor-true-false", "{inside} are neither numbers nor true and false", inside=repr(inside[:40])
-                )
+                Sentence("pbrt-booleans-malformed", "{text} are neither numbers nor true and false", text=repr(inside[:40]))
             )
         return tuple(_TRUTHS[word] for word in words), end + 1
     return _numbers(words, place), end + 1
@@ -215,7 +213,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
         found: npt.NDArray[Any] = np.array(words, np.float64)
     except ValueError:
         odd = next((word for word in words if not _is_number(word)), "")
-        raise place.wrong(Sentence("no-number", "{odd} is no number; mend it there", odd=repr(odd[:40]))) from None
+        raise place.wrong(Sentence("pbrt-number-malformed", "{text} is no number; mend it there", text=repr(odd[:40]))) from None
     return _finite(found, place)
 
 
@@ -231,7 +229,7 @@ def _at_once(text: str) -> npt.NDArray[np.float64] | None:
 
 def _finite(found: npt.NDArray[np.float64], place: Place) -> npt.NDArray[np.float64]:
     if not np.isfinite(found).all():
-        raise place.wrong(Sentence("number-infinite", "a number is infinite, or none; mend it there"))
+        raise place.wrong(Sentence("pbrt-number-not-finite", "a number is infinite, or none; mend it there"))
     return found
 
 

@@ -104,10 +104,10 @@ class Textures:
         self._notes.add(
             owner.place,
             Sentence(
-                "varies-over-surface-mean",
-                "{name} of {owner} varies over the surface: its mean is taken",
+                "texture-averaged",
+                "{name} of {what} varies over the surface: its mean is taken",
                 name=name,
-                owner=owner,
+                what=owner,
             ),
         )
         return Parameter("rgb", np.array(mean), owner.place, owner.space)
@@ -126,10 +126,10 @@ class Textures:
             self._notes.add(
                 owner.place,
                 Sentence(
-                    "varies-over-surface-mean",
-                    "{name} of {owner} varies over the surface: its mean is taken",
+                    "texture-averaged",
+                    "{name} of {what} varies over the surface: its mean is taken",
                     name=name,
-                    owner=owner,
+                    what=owner,
                 ),
             )
         return self.mean(found)[0]
@@ -185,10 +185,10 @@ class Textures:
         if definition is None:
             raise owner.place.wrong(
                 Sentence(
-                    "texture-but-no-texture-name",
-                    "{owner} has the texture {wanted} as {name}, but no {kind} texture of this name stands before",
+                    "pbrt-texture-undefined",
+                    "{owner} has the texture {texture} as {name}, but no {kind} texture of this name stands before",
                     owner=owner,
-                    wanted=repr(wanted[:60]),
+                    texture=repr(wanted[:60]),
                     name=name,
                     kind=kind,
                 )
@@ -211,7 +211,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
             )
         if source.type == "imagemap":
             return self._image(definition, default)
@@ -219,7 +219,7 @@ class Textures:
             value = _SOLID.get(source.type, 0.5)
             self._notes.add(
                 source.place,
-                Sentence("not-read-one", "{source} is not read: one value stands for all of it", source=source),
+                Sentence("pbrt-texture-type-unsupported", "{source} is not read: one value stands for all of it", source=source),
             )
             source.used.update(source.values)
             return Varying((value,) * 3)
@@ -250,7 +250,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
             )
         if source.type == "constant":
             return self._value(source, "value", kind, _ONE)
@@ -277,10 +277,10 @@ class Textures:
         if found is None:
             raise source.place.wrong(
                 Sentence(
-                    "made-texture",
-                    "{source} is made of the texture {wanted}, which does not stand before",
+                    "pbrt-texture-input-undefined",
+                    "{source} is made of the texture {texture}, which does not stand before",
                     source=source,
-                    wanted=repr(wanted[:60]),
+                    texture=repr(wanted[:60]),
                 )
             )
         return found
@@ -316,7 +316,7 @@ class Textures:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "encoding-taken-srgb",
+                    "pbrt-texture-encoding-replaced",
                     "{source}: its encoding {encoding} is taken as sRGB",
                     source=source,
                     encoding=repr(encoding[:20]),
@@ -330,10 +330,10 @@ class Textures:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "beyond-edges",
-                    "{source}: beyond its edges it is {said}; its edges go on here",
+                    "pbrt-texture-wrap-replaced",
+                    "{source}: beyond its edges it is {wrap}; its edges go on here",
                     source=source,
-                    said=said[:30],
+                    wrap=said[:30],
                 ),
             )
         wrap = _WRAPS.get(said, "clamp")
@@ -380,7 +380,7 @@ class Textures:
         self._notes.add(
             source.place,
             Sentence(
-                "worked-out-picture-x",
+                "pbrt-texture-baked",
                 "{source} is worked out as a picture of {size} x {size}, which repeats with the UVs",
                 source=source,
                 size=SIZE,
@@ -392,7 +392,7 @@ class Textures:
             self._notes.add(
                 source.place,
                 Sentence(
-                    "made-textures-lie-things-several",
+                    "pbrt-texture-mappings-differ",
                     "{source} is made of textures that lie on things in several ways: all lie as one",
                     source=source,
                 ),
@@ -417,9 +417,9 @@ class Textures:
             if len(known) >= _MOST_PARTS:
                 raise definition.parameters.place.wrong(
                     Sentence(
-                        "texture-made-more-than-others",
-                        "a texture is made of more than {most_parts} others; make it of fewer",
-                        most_parts=_MOST_PARTS,
+                        "pbrt-texture-inputs-too-many",
+                        "a texture is made of more than {most} others; make it of fewer",
+                        most=_MOST_PARTS,
                     )
                 )
             known[key] = np.asarray(self._on_new_grid(definition, at, depth, known), np.float32)
@@ -429,7 +429,7 @@ class Textures:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.wrong(
-                Sentence("made-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
+                Sentence("pbrt-textures-nested-too-deep", "{source} is made of textures that are nested too deep", source=source)
             )
 
         def part(name: str, of: str, default: Vec3) -> np.ndarray:
@@ -447,7 +447,7 @@ class Textures:
                 self._notes.add(
                     source.place,
                     Sentence(
-                        "cubes-space-laid-squares", "{source} of cubes in space is laid on as squares, by UVs", source=source
+                        "pbrt-texture-3d-flattened", "{source} of cubes in space is laid on as squares, by UVs", source=source
                     ),
                 )
             return np.where(checks(at, self._place(definition)), part("tex1", kind, _ONE), part("tex2", kind, _BLACK))
@@ -465,7 +465,7 @@ class Textures:
             )
         self._notes.add(
             source.place,
-            Sentence("not-read-one", "{source} is not read: one value stands for all of it", source=source),
+            Sentence("pbrt-texture-type-unsupported", "{source} is not read: one value stands for all of it", source=source),
         )
         source.used.update(source.values)
         return np.full((SIZE, SIZE, 3), 0.5)

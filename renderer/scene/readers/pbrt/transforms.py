@@ -28,7 +28,7 @@ def translation(numbers: Matrix) -> Matrix:
 def scaling(numbers: Matrix, place: Place) -> Matrix:
     """Returns a scale by three numbers. Raises SceneError if any is 0."""
     if not np.abs(numbers).min() > 0:
-        raise place.wrong(Sentence("scale-0", "a scale is 0: nothing is left of what it scales; give another"))
+        raise place.wrong(Sentence("pbrt-scale-zero", "a scale is 0: nothing is left of what it scales; give another"))
     return np.diag([*numbers, 1.0])
 
 
@@ -36,7 +36,7 @@ def rotation(degrees: float, axis: Matrix, place: Place) -> Matrix:
     """Returns a rotation about an axis. Raises SceneError."""
     length = math.sqrt(float((axis * axis).sum()))
     if not length > 0 or abs(degrees) > 1e6:
-        raise place.wrong(Sentence("rotate-takes-degrees-axis-not", "Rotate takes degrees and an axis that is not 0 0 0"))
+        raise place.wrong(Sentence("pbrt-rotate-malformed", "Rotate takes degrees and an axis that is not 0 0 0"))
     x, y, z = (float(v) / length for v in axis)
     sine, cosine = sin_cos(math.radians(degrees))
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -56,7 +56,7 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
     if not forward.any() or not right.any():
         raise place.wrong(
             Sentence(
-                "lookat-looks-nowhere",
+                "pbrt-look-at-degenerate",
                 "LookAt looks nowhere, or along its up direction; move the eye, or give another up",
             )
         )
@@ -147,7 +147,7 @@ def inverse(transform: Matrix, place: Place) -> Matrix:
     if not np.array_equal(transform[3], (0.0, 0.0, 0.0, 1.0)):
         raise place.wrong(
             Sentence(
-                "transformation-perspective-no-place",
+                "pbrt-transform-projective",
                 "a transformation of a perspective has no place here; its last row is 0 0 0 1",
             )
         )
@@ -157,7 +157,7 @@ def inverse(transform: Matrix, place: Place) -> Matrix:
     if determinant == 0 or not np.isfinite(determinant):
         raise place.wrong(
             Sentence(
-                "transformation-leaves-nothing-space",
+                "pbrt-transform-singular",
                 "a transformation leaves nothing of space: it cannot be undone; mend it",
             )
         )

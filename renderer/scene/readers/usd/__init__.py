@@ -23,7 +23,7 @@ def read(
     except ImportError as error:
         raise SceneError(
             Sentence(
-                "reading-usd-takes-pixar-usd",
+                "usd-package-not-installed",
                 "{file}: reading USD takes Pixar's usd-core, which is not installed here: pip install "
                 "usd-core. Where it has no wheel for this machine, export glTF (.glb) instead",
                 file=main,

@@ -32,7 +32,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
         return follow(shader.GetInput("input"), False, depth + 1)
     if node != "image":
         network.notes.add(
-            Sentence("nodes-arnold-these-kinds-not", "Nodes of Arnold of these kinds are not known here, and left out"), node
+            Sentence("usd-arnold-nodes-unknown", "Nodes of Arnold of these kinds are not known here, and left out"), node
         )
         return Input()
     file = shader.GetInput("filename")
@@ -41,7 +41,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
         return Input()
     space = str(said("color_space", "auto")).lower()
     encoded = srgb if space in ("auto", "") else "srgb" in space
-    image = network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), encoded, network.time)
+    image = network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), encoded, network.time)
     if image is None:
         return Input()
     uv_set = network.uv_set(str(said("uvset", "")) or "st")

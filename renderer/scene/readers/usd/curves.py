@@ -45,14 +45,17 @@ def balls_of(prim: Any, time: Any, notes: Notes) -> PointSpheres:
     sound = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
     if lost := int((~sound).sum()):
         notes.add(
-            Sentence(
-                "points-without-finite-place-width", "{lost} points without a finite place or a width are left out", lost=lost
-            ),
+            Sentence("usd-points-not-finite", "{count} points without a finite place or a width are left out", count=lost),
             path,
         )
     if colors is not None and len(colors) not in (1, len(centers)):
         notes.add(
-            Sentence("colours-points", "The colours of points, {n} for {n2}, are left out", n=len(colors), n2=len(centers)),
+            Sentence(
+                "usd-point-colours-dropped",
+                "The colours of points, {colours} for {points}, are left out",
+                colours=len(colors),
+                points=len(centers),
+            ),
             path,
         )
     if colors is not None and len(colors) == len(centers):
@@ -77,12 +80,12 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     basis = "linear" if kind == "linear" else basis
     path = str(prim.GetPath())
     if len(counts) == 0 or counts.min() < 0 or counts.sum() != len(points) or not np.isfinite(points).all():
-        notes.add(Sentence("curves-damaged-left-out", "Curves that are damaged are left out"), path)
+        notes.add(Sentence("usd-curves-damaged", "Curves that are damaged are left out"), path)
         return None
     if basis != "linear" and basis not in BASES:
         notes.add(
             Sentence(
-                "curves-basis-drawn-straight-from",
+                "usd-curve-basis-replaced",
                 "Curves of the basis {basis} are drawn straight from point to point",
                 basis=basis,
             ),
@@ -97,15 +100,13 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
     if len(widths) == 0:
         widths, interpolation = np.ones((1, 1)), "constant"
     if not np.isfinite(widths).all():
-        notes.add(Sentence("widths-curves-not-finite-0", "Widths of curves that are not finite are 0"), path)
+        notes.add(Sentence("usd-curve-widths-not-finite", "Widths of curves that are not finite are 0"), path)
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.found(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     sides = 12 if len(counts) <= _FEW else 4
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.found(prim, "normals") is not None:
-        notes.add(
-            Sentence("curves-ribbons-by-normals-drawn", "Curves that are ribbons by their normals are drawn as tubes"), path
-        )
+        notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Curves that are ribbons by their normals are drawn as tubes"), path)
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
@@ -116,15 +117,15 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         which = np.flatnonzero(counts == count)
         total += len(which) * (len(weights) + 2) * (sides + 1)
         if total > MAX_VERTICES:
-            notes.add(Sentence("curves-too-many-left-out", "Curves of which there are too many are left out"), path)
+            notes.add(Sentence("usd-curves-too-many", "Curves of which there are too many are left out"), path)
             break
         if len(weights) < 2:
             notes.add(
                 Sentence(
-                    "curves-points-too-short-left",
-                    "{n} curves of {count} points are too short and left out",
-                    n=len(which),
-                    count=count,
+                    "usd-curves-too-short",
+                    "{curves} curves of {points} points are too short and left out",
+                    curves=len(which),
+                    points=count,
                 ),
                 path,
             )

@@ -37,7 +37,7 @@ def add_dome(
     """
     name = str(prim.GetPath())
     if description.environment is not None:
-        notes.add(Sentence("several-dome-lights-first-taken", "Of several dome lights the first is taken; left out are"), name)
+        notes.add(Sentence("usd-dome-lights-several", "Of several dome lights the first is taken; left out are"), name)
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
@@ -51,25 +51,21 @@ def add_dome(
         dome = UsdLux.DomeLight(prim)
     if dome.GetTextureFormatAttr().Get(time) not in ("automatic", "latlong", None):
         notes.add(
-            Sentence(
-                "dome-lights-texture-not-latitudes", "Dome lights whose texture is not in latitudes and longitudes shine evenly"
-            ),
+            Sentence("usd-dome-texture-format", "Dome lights whose texture is not in latitudes and longitudes shine evenly"),
             name,
         )
         description.environment = Environment(color)
         return
     file = dome.GetTextureFileAttr()
     found = (
-        images.find(file, Sentence("light-2", "Light {getname}", getname=prim.GetName()), True, time, is_environment=True)
+        images.find(file, Sentence("label-light", "Light {name}", name=prim.GetName()), True, time, is_environment=True)
         if images.named(file, time)
         else None
     )
     if found is None:
         if images.named(file, time):
             notes.add(
-                Sentence(
-                    "dome-lights-picture-cannot-read", "Dome lights whose picture cannot be read shine evenly in their colour"
-                ),
+                Sentence("usd-dome-texture-unreadable", "Dome lights whose picture cannot be read shine evenly in their colour"),
                 name,
             )
         description.environment = Environment(color)

@@ -47,7 +47,7 @@ class Profiles:
         file = self._images.file(attribute, self._time)
         if file is None:
             self._notes.add(
-                Sentence("ies-profiles-not-among-files", "IES profiles that are not among the files are left out; add them"),
+                Sentence("usd-ies-profile-missing", "IES profiles that are not among the files are left out; add them"),
                 str(prim.GetPath()),
             )
             return None
@@ -60,7 +60,7 @@ class Profiles:
                 key, lambda: _shaped(read_ies(file[1](), file[0]), scale, even, is_flat)
             )
         except SceneError as error:
-            self._notes.say(Sentence("lights-shine-without", "{error}; lights shine without it.", error=error))
+            self._notes.say(Sentence("usd-ies-profile-invalid", "{error}; lights shine without it.", error=error))
             return None
         for note in found[1]:
             self._notes.say(stopped(note))

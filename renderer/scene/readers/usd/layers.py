@@ -71,10 +71,10 @@ def as_scene_errors(main: str) -> Iterator[None]:
         reason = _reason(error, "")
         raise SceneError(
             Sentence(
-                "damaged-export-again",
-                "{file}: is damaged{value}; export it again",
+                "usd-file-damaged",
+                "{file}: is damaged{detail}; export it again",
                 file=main,
-                value=f" ({reason})" if reason else "",
+                detail=f" ({reason})" if reason else "",
             )
         ) from None
 
@@ -95,9 +95,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
             if name in prim.GetVariantSets().GetNames():
                 prim.GetVariantSet(name).SetVariantSelection(choice)
     for error in stage.GetCompositionErrors():
-        notes.add(
-            Sentence("references-lead-nowhere-left-out", "References that lead nowhere are left out"), _place(error, opener.names)
-        )
+        notes.add(Sentence("usd-references-unresolved", "References that lead nowhere are left out"), _place(error, opener.names))
     return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
 
 
@@ -141,7 +139,7 @@ class _Opener:
                     try:
                         self._read(found)
                     except SceneError as error:
-                        self._notes.say(Sentence("rendered-without", "{error}; rendered without it.", error=error))
+                        self._notes.say(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
                         found = None
                     else:
                         waiting.append(found)
@@ -157,7 +155,7 @@ class _Opener:
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
         what = "Sublayers that are the layer itself" if found == beside else "Sublayers that a layer names twice"
-        self._notes.add(Sentence("left-out", "{what} are left out", what=what), beside)
+        self._notes.add(Sentence("usd-left-out", "{things} are left out", things=what), beside)
         return True
 
     @staticmethod
@@ -172,48 +170,46 @@ class _Opener:
     def _found(self, reference: str, beside: str) -> str | None:
         if reference.startswith("`"):
             self._notes.add(
-                Sentence("paths-made-variables-not-read", "Paths made of variables are not read here and lead nowhere"), beside
+                Sentence("usd-path-variables-unsupported", "Paths made of variables are not read here and lead nowhere"), beside
             )
             return None
         found = self._sources.find(reference, beside)
         if found is None:
-            why = Sentence("not-among-files", "is not among the files; add it")
+            why = Sentence("usd-file-not-in-files", "is not among the files; add it")
             if self._sources.is_outside(reference, beside):
                 why = Sentence(
-                    "lies-above-scene-folder",
+                    "usd-path-above-scene-folder",
                     "lies above the scene's folder; give the folder that holds both, by --root or as the scene",
                 )
             said = reference.split(":SDF_FORMAT_ARGS:")[0].replace("\\", "/")
             wanted = said if not PurePosixPath(said).is_absolute() and ":" not in said else PurePosixPath(said).name
             self._notes.say(
                 Sentence(
-                    "layer-rendered-without-meanwhile",
-                    "{beside}: its layer {wanted} {why}. Rendered without it meanwhile.",
-                    beside=beside,
-                    wanted=wanted[:200],
-                    why=why,
+                    "usd-layer-left-out",
+                    "{file}: its layer {layer} {fault}. Rendered without it meanwhile.",
+                    file=beside,
+                    layer=wanted[:200],
+                    fault=why,
                 )
             )
             return None
         if PurePosixPath(found.rstrip("]")).suffix.lower() not in (*LAYER_SUFFIXES, mtlx.SUFFIX):
-            self._notes.add(
-                Sentence("referenced-files-no-usd-layers", "Referenced files that are no USD layers are left out"), found
-            )
+            self._notes.add(Sentence("usd-references-not-layers", "Referenced files that are no USD layers are left out"), found)
             return None
         try:
             return self._sources.root_of(found)
         except SceneError as error:
-            self._notes.say(Sentence("rendered-without", "{error}; rendered without it.", error=error))
+            self._notes.say(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
             return None
 
     def _read(self, name: str) -> None:
         if len(self.opened) >= MAX_LAYERS:
             raise SceneError(
                 Sentence(
-                    "th-layer",
-                    "{name}: is the {max_layers}th layer; flatten the stage",
+                    "usd-layers-too-many",
+                    "{name}: is the {number}th layer; flatten the stage",
                     name=name,
-                    max_layers=MAX_LAYERS + 1,
+                    number=MAX_LAYERS + 1,
                 )
             )
         if name.rstrip("]").lower().endswith(mtlx.SUFFIX):
@@ -227,14 +223,14 @@ class _Opener:
         except Tf.ErrorException as error:
             raise SceneError(
                 Sentence(
-                    "damaged-no-usd-layer-export",
-                    "{name}: is damaged or no USD layer ({reason}); export it again",
+                    "usd-layer-unreadable",
+                    "{name}: is damaged or no USD layer ({error}); export it again",
                     name=name,
-                    reason=_reason(error, path),
+                    error=_reason(error, path),
                 )
             ) from None
         if layer is None:
-            raise SceneError(Sentence("damaged-no-usd-layer", "{name}: is damaged or no USD layer; export it again", name=name))
+            raise SceneError(Sentence("usd-layer-damaged", "{name}: is damaged or no USD layer; export it again", name=name))
         self.opened[name] = layer
         self.names[layer.identifier] = name
 
@@ -251,7 +247,7 @@ class _Opener:
                 if spec is not None and spec.HasInfo("clips"):
                     spec.ClearInfo("clips")
                     self._notes.add(
-                        Sentence("value-clips-not-read", "Value clips are not read here; what plays them stands still"),
+                        Sentence("usd-value-clips-ignored", "Value clips are not read here; what plays them stands still"),
                         str(path),
                     )
 

@@ -154,13 +154,13 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
         _cone(prim, time, notes, False)
         if cylinder.GetTreatAsLineAttr().Get(time):
-            notes.add(Sentence("lights-lines-body-say", "Lights that are to be lines have the body that they say"), name)
+            notes.add(Sentence("usd-line-lights-replaced", "Lights that are to be lines have the body that they say"), name)
         area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
         tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
         tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
         return _shining(tube, light, time, area, name, notes)
     notes.add(
-        Sentence("lights-kind-left-out", "Lights of the kind {gettypename} are left out", gettypename=prim.GetTypeName()),
+        Sentence("usd-light-type-unsupported", "Lights of the kind {type} are left out", type=prim.GetTypeName()),
         str(prim.GetPath()),
     )
     return None
@@ -190,13 +190,11 @@ def _with_profile(
         whole = facing = _number(rect.GetWidthAttr(), time) * x * _number(rect.GetHeightAttr(), time) * y
         radius = math.sqrt(max(facing, 0.0) / math.pi)
         if (picture := rect.GetTextureFileAttr().Get(time)) is not None and picture.path:
-            notes.add(
-                Sentence("textures-lights-ies-profile-left", "Textures of lights that have an IES profile are left out"), name
-            )
+            notes.add(Sentence("usd-light-texture-with-ies", "Textures of lights that have an IES profile are left out"), name)
     else:
         notes.add(
             Sentence(
-                "ies-profiles-left-out-lights", "IES profiles are left out of lights that are neither balls, disks nor rectangles"
+                "usd-light-shape-with-ies", "IES profiles are left out of lights that are neither balls, disks nor rectangles"
             ),
             name,
         )
@@ -207,7 +205,7 @@ def _with_profile(
     if is_flat and radius > 0:
         notes.add(
             Sentence(
-                "disks-rectangles-ies-profile-shapes",
+                "usd-area-light-with-ies",
                 "Disks and rectangles that an IES profile shapes shine as balls of their size, which are not seen",
             ),
             name,
@@ -228,7 +226,7 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
 
 def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, notes: Notes, image: Any = None) -> Lamp | None:
     if area <= 0:
-        notes.add(Sentence("lights-without-area-left-out", "Lights without an area are left out"), name)
+        notes.add(Sentence("usd-light-without-area", "Lights without an area are left out"), name)
         return None
     return Lamp(mesh=mesh, material=_glowing(name, radiance_of(light, time, area)), image=image)
 
@@ -269,13 +267,13 @@ def _cone(prim: Any, time: Any, notes: Notes, is_known: bool) -> tuple[float, fl
     shaping = UsdLux.ShapingAPI(prim)
     name = str(prim.GetPath())
     if (shaping.GetShapingFocusAttr().Get(time) or 0.0) != 0:
-        notes.add(Sentence("focus-lights-left-out", "The focus of lights is left out"), name)
+        notes.add(Sentence("usd-light-focus-ignored", "The focus of lights is left out"), name)
     angle = min(max(_number(shaping.GetShapingConeAngleAttr(), time, 90.0), 0.01), 180.0)
     if not shaping.GetShapingConeAngleAttr().HasAuthoredValue() or angle >= 180:
         return None
     if not is_known:
         notes.add(
-            Sentence("cones-rectangular-cylindrical-lights-left", "The cones of rectangular and cylindrical lights are left out"),
+            Sentence("usd-light-cone-ignored", "The cones of rectangular and cylindrical lights are left out"),
             name,
         )
         return None
@@ -289,21 +287,21 @@ def _note(light: Any, prim: Any, time: Any, notes: Notes) -> None:
         if attribute.Get(time) not in (None, 1.0):
             notes.add(
                 Sentence(
-                    "lights-shine-differently-diffuse-glossy",
+                    "usd-light-multipliers-ignored",
                     "Lights that shine differently on diffuse and glossy surfaces shine on both alike",
                 ),
                 name,
             )
     shadow = UsdLux.ShadowAPI(prim) if prim.HasAPI(UsdLux.ShadowAPI) else None
     if shadow and shadow.GetShadowEnableAttr().Get(time) is False:
-        notes.add(Sentence("lights-without-shadows-cast", "Lights without shadows cast them"), name)
+        notes.add(Sentence("usd-light-shadows-forced", "Lights without shadows cast them"), name)
     if shadow and (any(shadow.GetShadowColorAttr().Get(time) or ()) or (shadow.GetShadowDistanceAttr().Get(time) or -1.0) > 0):
         notes.add(
-            Sentence("shadows-colour", "Shadows of a colour, or that end at a distance, are black and go on"),
+            Sentence("usd-light-shadow-options-ignored", "Shadows of a colour, or that end at a distance, are black and go on"),
             name,
         )
     if light.GetFiltersRel().HasAuthoredTargets():
-        notes.add(Sentence("filters-lights-left-out", "Filters of lights are left out"), name)
+        notes.add(Sentence("usd-light-filters-ignored", "Filters of lights are left out"), name)
     for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):
         if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
-            notes.add(Sentence("lights-linked-some-objects-shine", "Lights that are linked to some objects shine on all"), name)
+            notes.add(Sentence("usd-light-linking-ignored", "Lights that are linked to some objects shine on all"), name)

@@ -83,15 +83,15 @@ def read_mesh(
     counts = primvars.integers(mesh.GetFaceVertexCountsAttr().Get(time))
     corners = primvars.integers(mesh.GetFaceVertexIndicesAttr().Get(time))
     if not _is_whole(points, counts, corners):
-        notes.add(Sentence("meshes-faces-damaged-left-out", "Meshes whose faces are damaged are left out"), str(prim.GetPath()))
+        notes.add(Sentence("usd-mesh-faces-damaged", "Meshes whose faces are damaged are left out"), str(prim.GetPath()))
         return [None for _ in parts]
     if len(corners) > MAX_VERTICES:
         raise SceneError(
             Sentence(
-                "faces-more-than-corners",
-                "{getpath}: its faces have more than {max_vertices} corners; split it",
-                getpath=prim.GetPath(),
-                max_vertices=MAX_VERTICES,
+                "usd-mesh-corners-too-many",
+                "{prim}: its faces have more than {most} corners; split it",
+                prim=prim.GetPath(),
+                most=MAX_VERTICES,
             )
         )
     faces = Faces(counts, corners)
@@ -108,7 +108,7 @@ def read_mesh(
     solid = counts >= 3
     if thin := int((~solid).sum()):
         notes.add(
-            Sentence("faces-fewer-than-three-corners", "{thin} faces of fewer than three corners are left out", thin=thin),
+            Sentence("usd-mesh-faces-degenerate", "{count} faces of fewer than three corners are left out", count=thin),
             str(prim.GetPath()),
         )
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(time) or (), np.int64)

@@ -38,9 +38,9 @@ def unit_of(stage: Any, notes: Notes) -> float:
     if not (math.isfinite(found) and found > 0):
         notes.say(
             Sentence(
-                "stage-metersperunit",
-                "The stage's metersPerUnit is {found}, which is no length; {unit} is taken.",
-                found=found,
+                "usd-meters-per-unit-invalid",
+                "The stage's metersPerUnit is {value}, which is no length; {unit} is taken.",
+                value=found,
                 unit=_UNIT,
             )
         )
@@ -56,10 +56,10 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
         found = stored(stage, "upAxis")
     notes.say(
         Sentence(
-            "stage-upaxis-stored",
-            "The stage's upAxis is stored as {name} {found}; it is read as that.",
-            name=type(found).__name__,
-            found=repr(str(found)[:20]),
+            "usd-up-axis-type-wrong",
+            "The stage's upAxis is stored as {type} {value}; it is read as that.",
+            type=type(found).__name__,
+            value=repr(str(found)[:20]),
         )
     )
     return str(found).strip().upper() == "Z"
@@ -82,10 +82,10 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
     except (TypeError, ValueError):
         notes.say(
             Sentence(
-                "stage-stored",
-                "The stage's {key} is stored as {name} {value}; {default} is taken.",
+                "usd-metadata-type-wrong",
+                "The stage's {key} is stored as {type} {value}; {default} is taken.",
                 key=key,
-                name=type(value).__name__,
+                type=type(value).__name__,
                 value=repr(str(value)[:20]),
                 default=f"{default:g}",
             )
@@ -93,10 +93,10 @@ def _number(stage: Any, key: str, default: float, notes: Notes) -> float:
         return default
     notes.say(
         Sentence(
-            "stage-not-stored-double",
-            "The stage's {key} is not stored as a double; {found} is read.",
+            "usd-metadata-not-double",
+            "The stage's {key} is not stored as a double; {value} is read.",
             key=key,
-            found=f"{found:g}",
+            value=f"{found:g}",
         )
     )
     return found

@@ -54,10 +54,10 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
             if found is None:
                 notes.say(
                     Sentence(
-                        "document-includes-not-among-files",
-                        "{file}: the document {basename} that it includes is not among the files.",
+                        "usd-materialx-include-missing",
+                        "{file}: the document {document} that it includes is not among the files.",
                         file=file,
-                        basename=posixpath.basename(reference)[:120],
+                        document=posixpath.basename(reference)[:120],
                     )
                 )
             elif found[0] not in known and len(known) < MAX_INCLUDES:
@@ -82,7 +82,7 @@ class _Document:
         except (ElementTree.ParseError, ValueError, LookupError) as error:
             raise SceneError(
                 Sentence(
-                    "no-whole-materialx-document",
+                    "usd-materialx-damaged",
                     "{file}: is no whole MaterialX document ({error}); export it again",
                     file=file,
                     error=error,
@@ -91,7 +91,7 @@ class _Document:
         if root.tag != "materialx":
             raise SceneError(
                 Sentence(
-                    "no-materialx-document",
+                    "usd-materialx-root-wrong",
                     "{file}: is no MaterialX document; it begins with {tag}",
                     file=file,
                     tag=root.tag[:40],
@@ -100,7 +100,7 @@ class _Document:
         if _number(root.get("version", "")) < 1.38:
             self._notes.add(
                 Sentence(
-                    "documents-materialx-before-1-38",
+                    "usd-materialx-too-old",
                     "Documents of MaterialX before 1.38 may lack parts here; save them by a newer program",
                 ),
                 file,
@@ -144,10 +144,10 @@ class _Document:
                 if self._count > MAX_NODES:
                     raise SceneError(
                         Sentence(
-                            "materials-come-more-than-nodes",
-                            "{name}: its materials come to more than {max_nodes} nodes",
+                            "usd-materialx-nodes-too-many",
+                            "{name}: its materials come to more than {most} nodes",
                             name=self._name,
-                            max_nodes=MAX_NODES,
+                            most=MAX_NODES,
                         )
                     )
                 known[place] = UsdShade.Shader.Define(stage, place)
@@ -218,14 +218,12 @@ class _Document:
                 shader.CreateInput(name, _OTHERS[kind]).Set(numbers[0] if kind == "float" else int(numbers[0]))
             else:
                 self._notes.add(
-                    Sentence("values-these-types-left-out", "Values of these types are left out of MaterialX documents"),
+                    Sentence("usd-materialx-value-types-unknown", "Values of these types are left out of MaterialX documents"),
                     f"{name} ({kind})",
                 )
         except (ValueError, IndexError, OverflowError, TypeError, Tf.ErrorException):
             self._notes.add(
-                Sentence(
-                    "values-materialx-documents-no-numbers", "Values of MaterialX documents that are no numbers are left out"
-                ),
+                Sentence("usd-materialx-values-not-numbers", "Values of MaterialX documents that are no numbers are left out"),
                 f"{self._name} {name}",
             )
 

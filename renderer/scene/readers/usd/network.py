@@ -79,7 +79,7 @@ class Network:
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
         self.notes.add(
-            Sentence("shaders-these-kinds-not-known", "Shaders of these kinds are not known here, and left out"),
+            Sentence("usd-shaders-unknown", "Shaders of these kinds are not known here, and left out"),
             kind or "one without a kind",
         )
         return Input()
@@ -109,7 +109,7 @@ class Network:
         space = str(said("sourceColorSpace", "auto"))
         encoded = srgb if space == "auto" else space.lower() == "srgb"
         image = (
-            self.images.find(found[0], Sentence("material-2", "Material {user}", user=self.user), encoded, self.time)
+            self.images.find(found[0], Sentence("label-material", "Material {name}", name=self.user), encoded, self.time)
             if found
             else None
         )
@@ -154,7 +154,7 @@ class Network:
                     return self.uv_set(name), transform
                 continue
             self.notes.add(
-                Sentence("shaders-these-kinds-not-known", "Shaders of these kinds are not known here, and left out"),
+                Sentence("usd-shaders-unknown", "Shaders of these kinds are not known here, and left out"),
                 kind or "one without a kind",
             )
             break
@@ -174,7 +174,7 @@ class Network:
             if len(self.uvs) == _UV_SETS:
                 self.notes.add(
                     Sentence(
-                        "materials-with-more-than-two",
+                        "usd-uv-sets-too-many",
                         "Materials with more than two sets of UVs have the first in place of others",
                     ),
                     self.user,

@@ -50,17 +50,17 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     )
     if first.taken is None:
         note = Sentence(
-            "nodes-materialx-these-kinds-not-known",
+            "usd-materialx-nodes-left-out",
             "Nodes of MaterialX of these kinds are not known here for pictures, and left out",
         )
     elif calculates(kind):
         note = Sentence(
-            "nodes-materialx-between-pictures-lie",
+            "usd-materialx-placements-merged",
             "Nodes of MaterialX between pictures that lie in different ways are passed over: one picture is shown as it is",
         )
     else:
         note = Sentence(
-            "nodes-materialx-these-kinds-not-known-for",
+            "usd-materialx-nodes-passed-over",
             "Nodes of MaterialX of these kinds are not known here for pictures, and passed over: a "
             "picture is shown as it is before them",
         )
@@ -90,7 +90,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
         space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
     is_color = node == "UsdUVTexture" or "color" in kind  # scalars and vectors are linear
     encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb and is_color
-    image = network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), encoded, network.time)
+    image = network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), encoded, network.time)
     if image is None:
         return missing
     is_preview = node == "UsdUVTexture"
@@ -105,7 +105,7 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
     wraps = (str(modes[0] or "periodic"), str(modes[1] or "periodic"))
     if "constant" in wraps:
         network.notes.add(
-            Sentence("textures-end-image-edge-go", "Textures that end at their image's edge go on there as at that edge"),
+            Sentence("usd-texture-wrap-clamped", "Textures that end at their image's edge go on there as at that edge"),
             network.user,
         )
         wraps = (wraps[0].replace("constant", "clamp"), wraps[1].replace("constant", "clamp"))
@@ -157,7 +157,7 @@ def _combined(network: NetworkContext, kind: str, found: list[Input]) -> Input:
     if result is None:
         network.notes.add(
             Sentence(
-                "nodes-materialx-make-one-picture",
+                "usd-materialx-placements-unmixable",
                 "Nodes of MaterialX that make one picture of several which lie in different ways are left out",
             ),
             kind,
@@ -208,7 +208,7 @@ def follow_coordinates(
         }[node]()
         return None, own, shader.GetInput("in1")
     network.notes.add(
-        Sentence("nodes-materialx-these-kinds-not", "Nodes of MaterialX of these kinds do not move textures here"), kind
+        Sentence("usd-materialx-placement-nodes-ignored", "Nodes of MaterialX of these kinds do not move textures here"), kind
     )
     further = shader.GetInput("in")
     return (None, UNMOVED, further) if further else ("st", UNMOVED, None)

@@ -38,6 +38,6 @@ class Notes:
         for what, names in self._names.items():
             first = [name[-80:] for name in list(names)[:_NAMED]]
             if len(names) > _NAMED:
-                warn(Sentence("note-of-some", "{what} ({n}): {names} and others.", what=what, n=len(names), names=first))
+                warn(Sentence("usd-note-some", "{note} ({count}): {names} and others.", note=what, count=len(names), names=first))
             else:
-                warn(Sentence("note-of-all", "{what} ({n}): {names}.", what=what, n=len(names), names=first))
+                warn(Sentence("usd-note-all", "{note} ({count}): {names}.", note=what, count=len(names), names=first))

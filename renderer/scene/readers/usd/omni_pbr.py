@@ -90,7 +90,7 @@ class _Said:
         network, given = self._network, self._shader.GetInput(name)
         found = given.GetValueProducingAttributes() if given else []
         image = (
-            network.images.find(found[0], Sentence("material-2", "Material {user}", user=network.user), srgb, network.time)
+            network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), srgb, network.time)
             if found
             else None
         )

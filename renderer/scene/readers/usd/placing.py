@@ -74,7 +74,7 @@ class DescriptionBuilder:
                 self._place_one(each)
             except UNREADABLE:
                 self._notes.add(
-                    Sentence("prims-damaged", "Prims that are damaged, or have values of other types, are left out"),
+                    Sentence("usd-prims-damaged", "Prims that are damaged, or have values of other types, are left out"),
                     str(each.prim.GetPath()),
                 )
 
@@ -93,7 +93,7 @@ class DescriptionBuilder:
             self._gprim(each)
         elif prim.IsA(UsdLux.PluginLight):
             self._notes.add(
-                Sentence("lights-kind-left-out", "Lights of the kind {gettypename} are left out", gettypename=prim.GetTypeName()),
+                Sentence("usd-light-type-unsupported", "Lights of the kind {type} are left out", type=prim.GetTypeName()),
                 str(prim.GetPath()),
             )
 
@@ -109,7 +109,7 @@ class DescriptionBuilder:
             self._points(each)
         else:
             self._notes.add(
-                Sentence("prims-type-left-out", "Prims of the type {gettypename} are left out", gettypename=prim.GetTypeName()),
+                Sentence("usd-prim-type-left-out", "Prims of the type {type} are left out", type=prim.GetTypeName()),
                 str(prim.GetPath()),
             )
 
@@ -143,7 +143,7 @@ class DescriptionBuilder:
         bends = shape is not None or (not self._is_still and deforms(prim))
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._counts(prim).max(initial=3) > 3:
             note = Sentence(
-                "subdivision-surfaces-after-loop-faces",
+                "usd-loop-subdivision-not-triangles",
                 "Subdivision surfaces after Loop whose faces are not all triangles are drawn as their cage",
             )
             self._notes.add(note, str(prim.GetPath()))
@@ -183,18 +183,18 @@ class DescriptionBuilder:
             if taken := len(inside) - len(free):
                 self._notes.add(
                     Sentence(
-                        "faces-several-subsets-material-first",
-                        "{taken} faces of several subsets have the material of the first",
-                        taken=taken,
+                        "usd-subset-faces-overlapping",
+                        "{count} faces of several subsets have the material of the first",
+                        count=taken,
                     ),
                     str(subset.GetPath()),
                 )
             if beyond := len(indices) - len(inside):
                 self._notes.add(
                     Sentence(
-                        "faces-subsets-mesh-not-left",
-                        "{beyond} faces of subsets that their mesh does not have are left out",
-                        beyond=beyond,
+                        "usd-subset-faces-invalid",
+                        "{count} faces of subsets that their mesh does not have are left out",
+                        count=beyond,
                     ),
                     str(subset.GetPath()),
                 )
@@ -214,10 +214,10 @@ class DescriptionBuilder:
         if self._vertices > MAX_VERTICES:
             raise SceneError(
                 Sentence(
-                    "meshes-more-than-vertices",
-                    "{name}: its meshes have more than {max_vertices} vertices",
+                    "usd-mesh-vertices-too-many",
+                    "{name}: its meshes have more than {most} vertices",
                     name=self._description.name,
-                    max_vertices=MAX_VERTICES,
+                    most=MAX_VERTICES,
                 )
             )
         self._description.meshes.append(replace(mesh, material=surface.number, deforms=bends))
@@ -228,10 +228,10 @@ class DescriptionBuilder:
         if len(instances) + len(each.places) * len(meshes) > MAX_INSTANCES:
             raise SceneError(
                 Sentence(
-                    "shown-once-too-often",
-                    "{getpath}: is shown once too often; at most {max_instances} instances fit",
-                    getpath=each.prim.GetPath(),
-                    max_instances=MAX_INSTANCES,
+                    "usd-instances-too-many",
+                    "{prim}: is shown once too often; at most {most} instances fit",
+                    prim=each.prim.GetPath(),
+                    most=MAX_INSTANCES,
                 )
             )
         for i, place in enumerate(each.places):
@@ -279,9 +279,9 @@ class DescriptionBuilder:
         if len(balls.centers) * len(each.places) > MAX_INSTANCES:
             self._notes.add(
                 Sentence(
-                    "points-more-than-left-out",
-                    "Points of which there are more than {max_instances} are left out",
-                    max_instances=MAX_INSTANCES,
+                    "usd-points-too-many",
+                    "Points of which there are more than {most} are left out",
+                    most=MAX_INSTANCES,
                 ),
                 str(prim.GetPath()),
             )
@@ -308,9 +308,9 @@ class DescriptionBuilder:
         if steps < 255:
             self._notes.add(
                 Sentence(
-                    "points-more-than-colours-drawn",
-                    "Points of more than {max_colors} colours are drawn in the nearest of so many",
-                    max_colors=MAX_COLORS,
+                    "usd-point-colours-reduced",
+                    "Points of more than {most} colours are drawn in the nearest of so many",
+                    most=MAX_COLORS,
                 ),
                 path,
             )
@@ -346,7 +346,7 @@ class DescriptionBuilder:
                 continue
             assert lamp.material is not None
             if lamp.image is not None and (
-                found := self._images.find(lamp.image, Sentence("light", "Light {name}", name=name), True, self._time)
+                found := self._images.find(lamp.image, Sentence("label-light", "Light {name}", name=name), True, self._time)
             ):
                 lamp.material.emission_texture = self._images.texture(found[0], ("clamp", "clamp"), 0, found[1], name)
             one = replace(each, places=place[None], name=name)

@@ -61,7 +61,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
         if not any(each.prim.IsA(UsdGeom.Gprim) for each in found):
             notes.say(
                 Sentence(
-                    "stage-shows-purpose-proxy",
+                    "usd-proxy-drawn",
                     "All that the stage shows has the purpose proxy, which renderers do not draw; it is drawn here.",
                 )
             )
@@ -71,7 +71,7 @@ def walk(stage: Any, time: Any, notes: Notes) -> list[PlacedPrim]:
             for path in walked.proxies:
                 notes.add(
                     Sentence(
-                        "prims-purpose-proxy-not-drawn",
+                        "usd-proxy-left-out",
                         "Prims of the purpose proxy are not drawn, and none of the purpose render stands in for them",
                     ),
                     path,
@@ -104,25 +104,25 @@ class _Walk:
             if self._seen > MAX_PRIMS or prim.GetPath().pathElementCount > MAX_DEPTH:
                 raise SceneError(
                     Sentence(
-                        "one-prim-too-many",
-                        "{getpath}: is one prim too many, or too deep; at most {max_prims} fit",
-                        getpath=prim.GetPath(),
-                        max_prims=MAX_PRIMS,
+                        "usd-prims-too-many",
+                        "{prim}: is one prim too many, or too deep; at most {most} fit",
+                        prim=prim.GetPath(),
+                        most=MAX_PRIMS,
                     )
                 )
             if prim.GetTypeName() and not prim.IsA(Usd.Typed):
                 self._notes.add(
                     Sentence(
-                        "prims-type",
-                        "Prims of the type {gettypename}, which USD itself does not know, are left out",
-                        gettypename=prim.GetTypeName(),
+                        "usd-prim-type-unknown",
+                        "Prims of the type {type}, which USD itself does not know, are left out",
+                        type=prim.GetTypeName(),
                     ),
                     str(prim.GetPath()),
                 )
             if prim.IsA(UsdPhysics.Scene):
                 self._notes.say(
                     Sentence(
-                        "physics-not-simulated",
+                        "usd-physics-ignored",
                         "Physics are not simulated: what would fall stands where the file has it.",
                     )
                 )
@@ -162,7 +162,7 @@ class _Walk:
             index = int((said.Get(self._time) if said else None) or 0)
             children = [children[min(max(index, 0), len(children) - 1)]]
             self._notes.add(
-                Sentence("levels-detail-default-alone-drawn", "Of levels of detail the default alone is drawn"),
+                Sentence("usd-lods-left-out", "Of levels of detail the default alone is drawn"),
                 str(prim.GetPath()),
             )
         return children
@@ -180,7 +180,7 @@ class _Walk:
         inner = product(outer, matrix(own))
         if not np.isfinite(inner).all():
             self._notes.add(
-                Sentence("transforms-not-finite-taken-for", "Transforms that are not finite are taken for none"),
+                Sentence("usd-transforms-not-finite", "Transforms that are not finite are taken for none"),
                 str(prim.GetPath()),
             )
             inner = outer
@@ -193,10 +193,10 @@ class _Walk:
         if len(said) > MAX_INSTANCES:
             raise SceneError(
                 Sentence(
-                    "shows-prototypes-more-than-times",
-                    "{getpath}: shows its prototypes more than {max_instances} times; show them less often",
-                    getpath=prim.GetPath(),
-                    max_instances=MAX_INSTANCES,
+                    "usd-instancer-too-large",
+                    "{prim}: shows its prototypes more than {most} times; show them less often",
+                    prim=prim.GetPath(),
+                    most=MAX_INSTANCES,
                 )
             )
         indices = np.asarray(said, np.int64)
@@ -212,9 +212,9 @@ class _Walk:
         if lost := int((kept & ~usable).sum()):
             self._notes.add(
                 Sentence(
-                    "instances-without-prototype-finite-place",
-                    "{lost} instances without a prototype or a finite place are left out",
-                    lost=lost,
+                    "usd-instances-invalid",
+                    "{count} instances without a prototype or a finite place are left out",
+                    count=lost,
                 ),
                 str(prim.GetPath()),
             )
@@ -222,7 +222,7 @@ class _Walk:
         if count == 0 or len(places) != len(indices) or depth > 8:
             self._notes.add(
                 Sentence(
-                    "point-instancers-damaged",
+                    "usd-instancers-damaged",
                     "Point instancers that are damaged, empty or nested too deeply are left out",
                 ),
                 str(prim.GetPath()),
@@ -233,9 +233,9 @@ class _Walk:
             named = ", ".join(str(primvar.GetPrimvarName()) for primvar in said_of_each[:3])
             self._notes.add(
                 Sentence(
-                    "point-instancers-say-each-instance",
-                    "What point instancers say of each instance ({named}) is left out",
-                    named=named,
+                    "usd-instance-primvars-dropped",
+                    "What point instancers say of each instance ({primvars}) is left out",
+                    primvars=named,
                 ),
                 str(prim.GetPath()),
             )
@@ -247,9 +247,9 @@ class _Walk:
             if len(which) and not prototype:
                 self._notes.add(
                     Sentence(
-                        "prototypes-not-stage-left-out",
-                        "Prototypes that are not in the stage are left out, {n} times",
-                        n=len(which),
+                        "usd-prototypes-missing",
+                        "Prototypes that are not in the stage are left out, {count} times",
+                        count=len(which),
                     ),
                     str(target),
                 )
@@ -259,10 +259,10 @@ class _Walk:
             if self._copies > MAX_INSTANCES:
                 raise SceneError(
                     Sentence(
-                        "shows-prototypes-more-than-times",
-                        "{getpath}: shows its prototypes more than {max_instances} times; show them less often",
-                        getpath=prim.GetPath(),
-                        max_instances=MAX_INSTANCES,
+                        "usd-instancer-too-large",
+                        "{prim}: shows its prototypes more than {most} times; show them less often",
+                        prim=prim.GetPath(),
+                        most=MAX_INSTANCES,
                     )
                 )
             own = product(outer[:, None], places[which][None]).reshape(-1, 4, 4)

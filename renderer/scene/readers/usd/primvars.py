@@ -100,7 +100,7 @@ def spread(
         fits = indices.min(initial=0) >= 0 and indices.max(initial=-1) < len(values)
         code = indices[code] if fits else code
     if not fits:
-        notes.add(Sentence("primvars-not-fit-meshes-left", "Primvars that do not fit their meshes are left out"), str(path))
+        notes.add(Sentence("usd-primvars-mismatched", "Primvars that do not fit their meshes are left out"), str(path))
         return None
     is_indexed = indices is not None and interpolation == "faceVarying"
     return AtCorners(values, code, interpolation in ("constant", "vertex", "varying"), is_indexed=is_indexed)

@@ -65,14 +65,14 @@ class Skeletons:
         transforms = self._in_order(transforms, query.GetJointOrder(), skinning)
         if len(transforms) == 0 or joints.max(initial=0) >= len(transforms) or joints.min(initial=0) < 0:
             self._notes.add(
-                Sentence("meshes-joints-not-skeleton-not", "Meshes whose joints are not in their skeleton are not bent"),
+                Sentence("usd-joints-not-in-skeleton", "Meshes whose joints are not in their skeleton are not bent"),
                 str(prim.GetPath()),
             )
             return None
         bind = matrix(skinning.GetGeomBindTransform(self._time))
         if str(skinning.GetSkinningMethod()) == "dualQuaternion":
             self._notes.add(
-                Sentence("skins-dual-quaternions-bent-by", "Skins of dual quaternions are bent by matrices"),
+                Sentence("usd-dual-quaternion-skins", "Skins of dual quaternions are bent by matrices"),
                 str(prim.GetPath()),
             )
         whole = transforms @ bind
@@ -135,14 +135,14 @@ class Skeletons:
         indices = blend.ComputeBlendShapePointIndices()
         if any(blend.GetBlendShape(i).GetNormalOffsetsAttr().HasAuthoredValue() for i in range(blend.GetNumBlendShapes())):
             self._notes.add(
-                Sentence("normals-blend-shapes-move-stay", "Normals that blend shapes move stay as they are"),
+                Sentence("usd-blend-shape-normals-ignored", "Normals that blend shapes move stay as they are"),
                 str(skinning.GetPrim().GetPath()),
             )
         result = points.copy()
         for weight, shape, sub in zip(sub_weights, blend_indices, sub_indices, strict=True):
             if sub >= len(offsets) or shape >= len(indices):
                 self._notes.add(
-                    Sentence("blend-shapes-damaged-left-out", "Blend shapes that are damaged are left out"),
+                    Sentence("usd-blend-shapes-damaged", "Blend shapes that are damaged are left out"),
                     str(skinning.GetPrim().GetPath()),
                 )
                 continue

@@ -63,7 +63,7 @@ class Sources:
         if entry.compress_type != zipfile.ZIP_STORED or entry.file_size > min(MAX_FILE_BYTES, self._size(outer)):
             raise SceneError(
                 Sentence(
-                    "compressed-usd-not-know",
+                    "usd-package-compressed",
                     "{name}: is compressed, which USD does not know; package it again by usdzip",
                     name=name,
                 )
@@ -73,7 +73,7 @@ class Sources:
         except (*DAMAGED, OSError) as error:
             raise SceneError(
                 Sentence(
-                    "could-not-read-package",
+                    "usd-package-unreadable",
                     "{name}: could not be read ({error}); package it again",
                     name=name,
                     error=error,
@@ -89,9 +89,9 @@ class Sources:
         if first is None or PurePosixPath(first).suffix.lower() not in LAYER_SUFFIXES[:3]:
             raise SceneError(
                 Sentence(
-                    "not-begin-with-usd-layer",
-                    "{outer}: does not begin with a USD layer, as a package must; package it again by usdzip",
-                    outer=outer,
+                    "usd-package-without-layer",
+                    "{package}: does not begin with a USD layer, as a package must; package it again by usdzip",
+                    package=outer,
                 )
             )
         return f"{outer}[{first}]"
@@ -128,9 +128,9 @@ class Sources:
             except DAMAGED as error:
                 raise SceneError(
                     Sentence(
-                        "no-whole-usdz-package",
-                        "{outer}: is no whole .usdz package ({error}); package it again",
-                        outer=outer,
+                        "usd-package-damaged",
+                        "{package}: is no whole .usdz package ({error}); package it again",
+                        package=outer,
                         error=error,
                     )
                 ) from error

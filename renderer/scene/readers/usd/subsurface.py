@@ -55,7 +55,7 @@ def mixed_color(said: SurfaceInputs, read: Read, names: Names, weight: float, de
         return Input(tuple(weight * (1 - share) * a + share * b for a, b in pairs)), 1.0
     if share < 1:
         note = Sentence(
-            "base-colour-colour-beneath-surface",
+            "usd-materialx-subsurface-mix",
             "Of the base colour and the colour beneath the surface of MaterialX, the one that there is more of is taken",
         )
         read.network.notes.add(note, read.network.user)

@@ -45,7 +45,9 @@ class SurfaceInputs:
             plain = (value,) * 3 if isinstance(value, (int, float)) else value
             if given.taken is not None or max(abs(a - b) for a, b in zip(given.color(plain), plain, strict=True)) > 1e-6:
                 self._note(
-                    Sentence("materialx-surfaces-left-out", "The {words} of MaterialX surfaces is left out", words=_words(name))
+                    Sentence(
+                        "usd-materialx-inputs-left-out", "The {inputs} of MaterialX surfaces is left out", inputs=_words(name)
+                    )
                 )
 
     def _note(self, what: str) -> None:

@@ -147,10 +147,10 @@ class Surfaces:
             what = kind or "none"
             self._notes.add(
                 Sentence(
-                    "materials-surface-no-usdpreviewsurface-no",
+                    "usd-surface-unknown",
                     "Materials whose surface is no UsdPreviewSurface and no MaterialX surface known here "
-                    "({what}) are drawn in the display colour",
-                    what=what,
+                    "({surfaces}) are drawn in the display colour",
+                    surfaces=what,
                 ),
                 name,
             )
@@ -158,14 +158,14 @@ class Surfaces:
         if any(self._state(prim, each) is _VARIES for each in network.asked if each not in (read.color, read.opacity)):
             self._notes.add(
                 Sentence(
-                    "primvars-vary-over-mesh-give",
+                    "usd-primvar-inputs-fallback",
                     "Primvars that vary over a mesh give colours and opacities alone; others have their fallback",
                 ),
                 name,
             )
         heights = heights_of(material, shader, read)
         if material.ComputeVolumeSource()[0]:
-            self._notes.add(Sentence("volumes-inside-materials-not-drawn", "Volumes inside of materials are not drawn"), name)
+            self._notes.add(Sentence("usd-volumes-ignored", "Volumes inside of materials are not drawn"), name)
         found = self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
         if heights is not None:
             self._heights[found.number] = heights

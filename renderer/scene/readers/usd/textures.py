@@ -98,9 +98,7 @@ class Images:
         """Returns the texture of an image."""
         if "black" in wraps:
             self._notes.add(
-                Sentence(
-                    "textures-black-beyond-image-go", "Textures that are black beyond their image go on there as at its edge"
-                ),
+                Sentence("usd-texture-border-clamped", "Textures that are black beyond their image go on there as at its edge"),
                 user,
             )
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)

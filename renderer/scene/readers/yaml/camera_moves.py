@@ -36,7 +36,7 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
         raise document.error(
             (*path, "through"),
             Sentence(
-                "names-cameras-different-projections",
+                "camera-move-projections-differ",
                 "names cameras of different projections; nothing lies between these",
             ),
         )
@@ -50,7 +50,7 @@ def between(views: Sequence[View], seconds: float, time: float, document: Yaml, 
         raise document.error(
             (*path, "through"),
             Sentence(
-                "leads-where-nothing-seen",
+                "camera-move-sees-nothing",
                 "leads where nothing is seen, after {time} s: {error}",
                 time=f"{time:g}",
                 error=error,

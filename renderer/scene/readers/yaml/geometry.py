@@ -107,9 +107,9 @@ class Shapes:
             raise self._document.error(
                 path,
                 Sentence(
-                    "with-scene-shows-more-than",
-                    "with it the scene shows more than {max_places} shapes; use fewer instances",
-                    max_places=MAX_PLACES,
+                    "scene-shapes-too-many",
+                    "with it the scene shows more than {most} shapes; use fewer instances",
+                    most=MAX_PLACES,
                 ),
             )
 
@@ -128,9 +128,9 @@ class Shapes:
             raise self._document.error(
                 path,
                 Sentence(
-                    "with-scene-more-than-triangles",
-                    "with it the scene has more than {max_triangles} triangles; use fewer segments",
-                    max_triangles=MAX_TRIANGLES,
+                    "scene-triangles-too-many",
+                    "with it the scene has more than {most} triangles; use fewer segments",
+                    most=MAX_TRIANGLES,
                 ),
             )
         mesh.material = self._plain_material() if material is None else material
@@ -148,7 +148,10 @@ class Shapes:
                 raise self._document.error(
                     (*path, "uvs"),
                     Sentence(
-                        "points-where-positions", "has {n} points where there are {n2} positions", n=len(uvs), n2=len(positions)
+                        "mesh-point-count-wrong",
+                        "has {found} points where there are {positions} positions",
+                        found=len(uvs),
+                        positions=len(positions),
                     ),
                 )
         triangles = []
@@ -156,11 +159,11 @@ class Shapes:
             here = (*path, "faces", i)
             if not isinstance(polygon, list) or len(polygon) < 3 or not all(type(corner) is int for corner in polygon):
                 raise self._document.error(
-                    here, Sentence("no-list-three-more-numbers", "is no list of three or more numbers of positions")
+                    here, Sentence("mesh-face-malformed", "is no list of three or more numbers of positions")
                 )
             if not all(0 <= corner < len(positions) for corner in polygon):
                 raise self._document.error(
-                    here, Sentence("names-position-beyond-0", "names a position beyond 0 to {n}", n=len(positions) - 1)
+                    here, Sentence("mesh-face-out-of-range", "names a position beyond 0 to {highest}", highest=len(positions) - 1)
                 )
             triangles += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
         mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
@@ -170,13 +173,15 @@ class Shapes:
         """Returns an (N, width) array of rows. Checked here rather than by the schema, which takes far longer for each number."""
         for i, row in enumerate(rows):
             if not isinstance(row, list) or len(row) != width or not all(type(v) in (int, float) for v in row):
-                raise self._document.error((*path, i), Sentence("no-list-numbers", "is no list of {width} numbers", width=width))
+                raise self._document.error(
+                    (*path, i), Sentence("number-list-malformed", "is no list of {count} numbers", count=width)
+                )
         with np.errstate(over="ignore"):
             found = np.array(rows, np.float64).reshape(-1, width)
             is_held = np.isfinite(found.astype(np.float32)).all(axis=1)
         if not is_held.all():
             raise self._document.error(
-                (*path, int(np.argmin(is_held))), Sentence("beyond-numbers-hold", "is beyond what numbers hold")
+                (*path, int(np.argmin(is_held))), Sentence("number-overflow", "is beyond what numbers hold")
             )
         return found
 
@@ -187,7 +192,7 @@ class Shapes:
                 raise self._document.error(
                     path,
                     Sentence(
-                        "sphere-scaled-alike-directions",
+                        "sphere-scaled-unevenly",
                         "a sphere is scaled alike in all directions; a transform here is not so",
                     ),
                 )
@@ -203,13 +208,13 @@ class Shapes:
         if name is None:
             raise self._document.error(
                 (*path, "file"),
-                Sentence("not-among-files-2", "{file} is not among the files; add it", file=source["file"][:120]),
+                Sentence("file-missing", "{name} is not among the files; add it", name=source["file"][:120]),
             )
         if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
             others = ", ".join(format.suffix for format in MESH_FORMATS)
             raise self._document.error(
                 (*path, "file"),
-                Sentence("no-mesh-file", "{name} is no mesh file; give one of {others}", name=name[:120], others=others),
+                Sentence("mesh-format-unknown", "{name} is no mesh file; give one of {formats}", name=name[:120], formats=others),
             )
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
         thickness = source.get("thickness")
@@ -253,7 +258,7 @@ class Shapes:
             known = ", ".join(sorted(self._materials)[:10]) or "none"
             raise self._document.error(
                 (*path, "material"),
-                Sentence("no-material-called", "no material is called {name}; known are {known}", name=name[:80], known=known),
+                Sentence("material-name-unknown", "no material is called {name}; known are {known}", name=name[:80], known=known),
             )
         return self._materials[name]
 

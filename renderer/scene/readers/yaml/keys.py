@@ -85,7 +85,7 @@ def find_keys(document: Yaml) -> Keys:
     for path, source in _found(document.data, ()):
         if path[0] in _OF_THE_WHOLE:
             raise document.error(
-                path, Sentence("keys-same-for-frames", "has keys, and {path} is the same for all frames", path=path[0])
+                path, Sentence("keys-not-allowed", "has keys, and {path} is the same for all frames", path=path[0])
             )
         times = _times(source["keys"], document, (*path, "keys"))
         make = _maker(source.get("curve", "linear"), times, document, (*path, "curve"))
@@ -122,13 +122,13 @@ def _patterns(value: Any, path: Path) -> list[Path]:
 def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float64]:
     if not 1 <= len(keys) <= MAX_KEYS:
         raise document.error(
-            path, Sentence("keys-takes-from-1", "has {n} keys; it takes from 1 to {max_keys}", n=len(keys), max_keys=MAX_KEYS)
+            path, Sentence("keys-count-wrong", "has {count} keys; it takes from 1 to {most}", count=len(keys), most=MAX_KEYS)
         )
     for i, key in enumerate(keys):
         if not isinstance(key, list) or len(key) != 2 or not _is_number(key[0]) or abs(key[0]) > 1e9:
-            raise document.error((*path, i), Sentence("no-key", "is no key; one is [seconds, value]"))
+            raise document.error((*path, i), Sentence("key-malformed", "is no key; one is [seconds, value]"))
         if i and key[0] <= keys[i - 1][0]:
-            raise document.error((*path, i), Sentence("not-later-than-key-before", "is not later than the key before it"))
+            raise document.error((*path, i), Sentence("keys-not-ascending", "is not later than the key before it"))
     return np.array([key[0] for key in keys], np.float64)
 
 
@@ -143,7 +143,7 @@ def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Pat
     raise document.error(
         path,
         Sentence(
-            "none-nor-x1",
+            "key-curve-unknown",
             "is none of {curves}, nor the [x1, y1, x2, y2] of a cubic Bezier, whose x are from 0 to 1",
             curves=[*CURVES],
         ),
@@ -163,7 +163,9 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
     if path[-1] == "matrix":
         raise document.error(
             path,
-            Sentence("cuts-through-turns", "cuts through what it turns; give translate, rotate and scale their own keys"),
+            Sentence(
+                "keys-matrix-not-interpolable", "cuts through what it turns; give translate, rotate and scale their own keys"
+            ),
         )
     if all(map(_is_number, values)):
         curve = make(np.array(values, np.float64)[:, None])
@@ -181,7 +183,7 @@ def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
     raise document.error(
         path,
         Sentence(
-            "keys-different-forms",
+            "keys-forms-differ",
             "has keys of different forms, or such as nothing lies between; with `curve: step` it jumps",
         ),
     )

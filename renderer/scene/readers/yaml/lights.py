@@ -60,13 +60,13 @@ class Lights:
         for key in source:
             if key not in _FIELDS[kind]:
                 raise document.error(
-                    (*path, key), Sentence("means-nothing-for-light", "means nothing for a {kind} light", kind=kind)
+                    (*path, key), Sentence("light-parameter-meaningless", "means nothing for a {kind} light", kind=kind)
                 )
         light = Light("point" if kind == "projector" else kind, name=source.get("name", f"light {index}"))
         r, g, b = (i * c for i, c in zip(radiance(source.get("intensity", 1)), radiance(source.get("color", 1)), strict=True))
         light.intensity = (r, g, b)
         if kind != "directional" and "position" not in source:
-            raise document.error(path, Sentence("light-position", "a {kind} light has a position", kind=kind))
+            raise document.error(path, Sentence("light-position-missing", "a {kind} light has a position", kind=kind))
         light.position = vec3(source.get("position", (0, 0, 0)))
         if kind != "point" or "direction" in source or "target" in source:
             light.direction = _direction(source, light.position, document, path)
@@ -80,7 +80,7 @@ class Lights:
             raise document.error(
                 (*path, "inner_cone"),
                 Sentence(
-                    "wider-than-outer-cone-degrees",
+                    "spot-inner-cone-too-wide",
                     "is wider than the outer cone of {outer_cone} degrees",
                     outer_cone=f"{light.outer_cone:g}",
                 ),
@@ -93,17 +93,17 @@ class Lights:
         if "profile" in source and "picture" in source:
             raise document.error(
                 (*path, "picture"),
-                Sentence("profile-not-go-together", "and a profile do not go together; leave one of them out"),
+                Sentence("light-profile-conflict", "and a profile do not go together; leave one of them out"),
             )
         if kind == "projector" and "picture" not in source:
-            raise document.error(path, Sentence("projector-picture", "a projector has a picture"))
+            raise document.error(path, Sentence("projector-picture-missing", "a projector has a picture"))
         if kind == "point" and not source.keys() & {"profile", "picture"}:
             for key in ("direction", "target", "up"):
                 if key in source:
                     raise document.error(
                         (*path, key),
                         Sentence(
-                            "means-nothing-for-point-light", "means nothing for a point light without a profile or a picture"
+                            "point-light-parameter-meaningless", "means nothing for a point light without a profile or a picture"
                         ),
                     )
         if "profile" in source:
@@ -115,7 +115,7 @@ class Lights:
             return light
         number = self._shelf.image_file(self._named(source, "picture", path))
         if number is None:
-            raise document.error((*path, "picture"), Sentence("could-not-read", "could not be read; give a picture"))
+            raise document.error((*path, "picture"), Sentence("light-picture-unreadable", "could not be read; give a picture"))
         image = self._description.images[number]
         known = "picture of a light", kind, id(image.pixels), source.get("fov"), light.outer_cone
         if kind == "point":
@@ -123,7 +123,7 @@ class Lights:
             if not any(top):
                 raise document.error(
                     (*path, "up"),
-                    Sentence("leads-where-light-shines", "leads where the light shines; give what is up in its picture"),
+                    Sentence("light-up-along-direction", "leads where the light shines; give what is up in its picture"),
                 )
             x, y, z = light.direction
             made = self._files.recall(known, lambda: (all_around(linear(image)), image.pixels))
@@ -133,9 +133,9 @@ class Lights:
             raise document.error(
                 path,
                 Sentence(
-                    "throws-picture-wider-than-degrees",
-                    "throws a picture wider than {value} degrees; make its cone narrower",
-                    value=f"{2 * _WIDEST:g}",
+                    "projector-cone-too-wide",
+                    "throws a picture wider than {most} degrees; make its cone narrower",
+                    most=f"{2 * _WIDEST:g}",
                 ),
             )
         made = self._files.recall(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
@@ -146,7 +146,7 @@ class Lights:
         if name is None:
             raise self._document.error(
                 (*path, field),
-                Sentence("not-among-files-5", "{source} is not among the files; add it", source=source[field][:120]),
+                Sentence("file-missing", "{name} is not among the files; add it", name=source[field][:120]),
             )
         return name
 
@@ -165,12 +165,14 @@ def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
 def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Path) -> Vec3:
     if ("direction" in source) == ("target" in source):
         what = "a direction" if source["type"] == "directional" else "one of direction and target"
-        raise document.error(path, Sentence("light-3", "a {type} light has {what}", type=source["type"], what=what))
+        raise document.error(
+            path, Sentence("light-parameter-choice", "a {kind} light has {alternatives}", kind=source["type"], alternatives=what)
+        )
     direction = np.array(source["direction"] if "direction" in source else np.subtract(source["target"], position), np.float64)
     length = float(np.linalg.norm(direction))
     if length < 1e-12:
         raise document.error(
-            (*path, "direction" if "direction" in source else "target"), Sentence("gives-no-direction", "gives no direction")
+            (*path, "direction" if "direction" in source else "target"), Sentence("light-direction-zero", "gives no direction")
         )
     return vec3(direction / length)
 
@@ -178,21 +180,21 @@ def _direction(source: dict[str, Any], position: Vec3, document: Yaml, path: Pat
 def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, shelf: TextureShelf) -> Environment:
     """Returns the environment from the file's `environment`."""
     if sum(name in source for name in ("image", "sky", "preset")) > 1:
-        raise document.error(("environment",), Sentence("one-image", "has one of image, sky and preset"))
+        raise document.error(("environment",), Sentence("environment-source-choice", "has one of image, sky and preset"))
     image = None
     if "image" in source:
         name = files.find(source["image"], document.file)
         if name is None:
             raise document.error(
                 ("environment", "image"),
-                Sentence("not-among-files-4", "{image} is not among the files; add it", image=source["image"][:120]),
+                Sentence("file-missing", "{name} is not among the files; add it", name=source["image"][:120]),
             )
         image = shelf.environment_file(name)
         if image is None:
             reason = reason_of(shelf.last_warning)
             raise document.error(
                 ("environment", "image"),
-                Sentence("cannot-read-give", "cannot be read: {reason}; give an .exr or .hdr image", reason=reason),
+                Sentence("environment-file-unreadable", "cannot be read: {error}; give an .exr or .hdr image", error=reason),
             )
     fields = dict(source["sky"]) if "sky" in source else None
     if "preset" in source:

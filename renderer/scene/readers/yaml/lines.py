@@ -51,12 +51,12 @@ class Yaml:
             at = at[:-1]
         return SceneError(
             Sentence(
-                "line-2",
-                "{file}, line {get}: {field}{what}",
+                "yaml-field-invalid",
+                "{file}, line {line}: {field}{fault}",
                 file=self.file,
-                get=self._lines.get(at, 1),
+                line=self._lines.get(at, 1),
                 field=_field(path),
-                what=what,
+                fault=what,
             )
         )
 
@@ -66,10 +66,10 @@ class Yaml:
         if self._count > MAX_VALUES:
             raise SceneError(
                 Sentence(
-                    "holds-more-than-values",
-                    "{file}: holds more than {max_values} values; keep meshes in files beside it",
+                    "yaml-values-too-many",
+                    "{file}: holds more than {most} values; keep meshes in files beside it",
                     file=self.file,
-                    max_values=MAX_VALUES,
+                    most=MAX_VALUES,
                 )
             )
         self._aliased += id(node) in self._taken
@@ -77,16 +77,16 @@ class Yaml:
         if self._aliased > MAX_ALIASED:
             raise SceneError(
                 Sentence(
-                    "aliases-stand-for-more-than",
-                    "{file}: its aliases stand for more than {max_aliased} values; write out what is meant",
+                    "yaml-aliases-too-large",
+                    "{file}: its aliases stand for more than {most} values; write out what is meant",
                     file=self.file,
-                    max_aliased=MAX_ALIASED,
+                    most=MAX_ALIASED,
                 )
             )
         if len(path) > MAX_DEPTH:
             raise SceneError(
                 Sentence(
-                    "line-nested-deeper-than-any-scene",
+                    "yaml-alias-nested-too-deep",
                     "{file}, line {line}: is nested deeper than any scene is; take an alias out",
                     file=self.file,
                     line=node.start_mark.line + 1,
@@ -106,7 +106,7 @@ class Yaml:
             if key is None or key == "<<":
                 raise SceneError(
                     Sentence(
-                        "line-key-plain-word",
+                        "yaml-key-not-word",
                         "{file}, line {line}: a key is a plain word here",
                         file=self.file,
                         line=key_node.start_mark.line + 1,
@@ -115,7 +115,7 @@ class Yaml:
             if key in result:
                 raise SceneError(
                     Sentence(
-                        "line-stands-second-time",
+                        "yaml-key-duplicate",
                         "{file}, line {line}: {key} stands here a second time; take one out",
                         file=self.file,
                         line=key_node.start_mark.line + 1,
@@ -139,9 +139,9 @@ class Yaml:
         elif plain and _FLOAT.match(text):
             value = float(text)
         elif plain and tag == "float":
-            raise self.error(path, Sentence("not-finite-number", "{text} is not a finite number", text=text[:40]))
+            raise self.error(path, Sentence("number-not-finite", "{text} is not a finite number", text=text[:40]))
         if isinstance(value, float) and not math.isfinite(value):
-            raise self.error(path, Sentence("not-finite-number", "{text} is not a finite number", text=text[:40]))
+            raise self.error(path, Sentence("number-not-finite", "{text} is not a finite number", text=text[:40]))
         return value
 
 
@@ -150,11 +150,11 @@ def parse(data: bytes, file: str) -> Yaml:
     if len(data) > MAX_BYTES:
         raise SceneError(
             Sentence(
-                "mib-scene-file-most",
-                "{file}: has {n} MiB; a scene file has at most {max_bytes}. Keep meshes in files beside it",
+                "scene-description-too-large",
+                "{file}: has {mib} MiB; a scene file has at most {most}. Keep meshes in files beside it",
                 file=file,
-                n=len(data) >> 20,
-                max_bytes=MAX_BYTES >> 20,
+                mib=len(data) >> 20,
+                most=MAX_BYTES >> 20,
             )
         )
     try:
@@ -162,28 +162,26 @@ def parse(data: bytes, file: str) -> Yaml:
         _check_depth(text, file)
         node = yaml.compose(text, Loader=_LOADER)
     except UnicodeDecodeError as error:
-        raise SceneError(Sentence("not-utf-8-text", "{file}: is not UTF-8 text; save it as that", file=file)) from error
+        raise SceneError(Sentence("file-not-utf-8", "{file}: is not UTF-8 text; save it as that", file=file)) from error
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SceneError(
             Sentence(
-                "line-no-yaml",
-                "{file}, line {line}: is no YAML: {problem}",
+                "yaml-line-malformed",
+                "{file}, line {line}: is no YAML: {error}",
                 file=file,
                 line=line,
-                problem=error.problem or error.context,
+                error=error.problem or error.context,
             )
         ) from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise SceneError(
-            Sentence("no-yaml", "{file}: is no YAML: {splitlines}", file=file, splitlines=str(error).splitlines()[0][:200])
+            Sentence("yaml-malformed", "{file}: is no YAML: {error}", file=file, error=str(error).splitlines()[0][:200])
         ) from error
     result = Yaml(file)
     if node is None:
         raise SceneError(
-            Sentence(
-                "empty-see-docs-scene-format", "{file}: is empty; see docs/scene-format.md for what a scene holds", file=file
-            )
+            Sentence("scene-description-empty", "{file}: is empty; see docs/scene-format.md for what a scene holds", file=file)
         )
     result.data = result.take(node, ())
     return result
@@ -202,7 +200,7 @@ def _check_depth(text: str, file: str) -> None:
             if depth > MAX_DEPTH:
                 raise SceneError(
                     Sentence(
-                        "line-nested-deeper-than-any",
+                        "yaml-nested-too-deep",
                         "{file}, line {line}: is nested deeper than any scene is; take levels out",
                         file=file,
                         line=_line(event),

@@ -37,7 +37,10 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
             raise document.error(
                 (*path, key),
                 Sentence(
-                    "means-nothing-for-kind", "means nothing for the kind {kind}; it is for {kinds}", kind=kind, kinds=kinds
+                    "material-parameter-meaningless",
+                    "means nothing for the kind {kind}; it is for {kinds}",
+                    kind=kind,
+                    kinds=kinds,
                 ),
             )
     fields: dict[str, Any] = {"name": name, "kind": kind}
@@ -55,7 +58,7 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     if kind == "blinn_phong" and "specular_color" not in source:
         raise document.error(
             path,
-            Sentence("blinn-phong-needs-specular-color", "blinn_phong needs its specular_color (ks), as well as its color (kd)"),
+            Sentence("blinn-phong-specular-missing", "blinn_phong needs its specular_color (ks), as well as its color (kd)"),
         )
     if source.get("opacity", 1) < 1 and "alpha_mode" not in source:
         fields["alpha_mode"] = "blend"
@@ -67,7 +70,9 @@ def _value(parameter: Parameter, value: Any, textures: Textures, document: Yaml,
         if not parameter.layered and isinstance(value, list):
             raise document.error(
                 path,
-                Sentence("takes-one-texture", "takes one texture: its values are no colours that layers could be laid on"),
+                Sentence(
+                    "material-single-texture-only", "takes one texture: its values are no colours that layers could be laid on"
+                ),
             )
         return textures.stack(value, path, parameter.srgb)
     return value_of(parameter, value)
@@ -85,6 +90,6 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
 
 def _conductor(source: dict[str, Any], fields: dict[str, Any], document: Yaml, path: Path) -> None:
     if ("metal" in source) == ("eta" in source or "k" in source) or ("eta" in source) != ("k" in source):
-        raise document.error(path, Sentence("conductor-either-metal", "a conductor has either a metal, or eta and k"))
+        raise document.error(path, Sentence("conductor-metal-or-eta", "a conductor has either a metal, or eta and k"))
     if "metal" in source:
         fields["eta"], fields["k"] = METALS[source["metal"]]

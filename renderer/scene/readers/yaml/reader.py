@@ -33,7 +33,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     if moment.clip is not None:
         raise SceneError(
             Sentence(
-                "no-clips-choose-from",
+                "scene-description-without-clips",
                 "{file}: has no clips to choose from, as glTF files have; leave the clip out",
                 file=main,
             )
@@ -109,7 +109,7 @@ def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, des
         if name in views:
             raise document.error(
                 ("cameras", i, "name"),
-                Sentence("another-camera-called", "another camera is called {name}; give it another name", name=name),
+                Sentence("camera-name-duplicate", "another camera is called {name}; give it another name", name=name),
             )
         views[name] = None if "through" in source else moved(read_view(source, document, ("cameras", i)), source, time)
     for i, (name, source) in enumerate(zip(views, sources, strict=True)):
@@ -128,7 +128,7 @@ def _named(names: list[str], views: dict[str, View | None], document: Yaml, came
             raise document.error(
                 ("cameras", camera, "through", i),
                 Sentence(
-                    "no-camera-own-called",
+                    "camera-name-unknown",
                     "no camera of its own is called {name}; known are {known}",
                     name=name,
                     known=known,
@@ -183,7 +183,7 @@ def _validate(document: Yaml, data: Any, places: dict[str, list[int]]) -> None:
         path = tuple(error.absolute_path)
         if len(path) > 1 and path[0] in places:
             path = (path[0], places[path[0]][path[1]], *path[2:])
-        message = Sentence("not-belong", "does not belong here") if error.validator == "not" else error.message
+        message = Sentence("key-unknown", "does not belong here") if error.validator == "not" else error.message
         if len(message) > 300:
             message = f"{message[:120]} ... {message[-120:]}"
-        raise document.error(path, Sentence("see-docs-scene-format-md", "{message}. See docs/scene-format.md", message=message))
+        raise document.error(path, Sentence("scene-description-invalid", "{fault}. See docs/scene-format.md", fault=message))

@@ -33,20 +33,21 @@ def matrix(operations: list[dict[str, Any]], document: Yaml, path: Path) -> Matr
             step = np.array(value, np.float64)
             if not np.allclose(step[3], (0, 0, 0, 1)):
                 raise document.error(
-                    (*path, i, "matrix"), Sentence("last-row-0-0-0", "its last row is 0 0 0 1, or it is no transform of space")
+                    (*path, i, "matrix"),
+                    Sentence("transform-last-row-wrong", "its last row is 0 0 0 1, or it is no transform of space"),
                 )
         else:
             axis = np.array(_AXES[value["axis"]] if isinstance(value["axis"], str) else value["axis"], np.float64)
             length = math.sqrt(float(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]))
             if length < 1e-12:
-                raise document.error((*path, i, "rotate", "axis"), Sentence("length-0", "has length 0; give a direction"))
+                raise document.error((*path, i, "rotate", "axis"), Sentence("direction-zero", "has length 0; give a direction"))
             if abs(value["degrees"]) > MOST_DEGREES:
                 raise document.error(
                     (*path, i, "rotate", "degrees"),
                     Sentence(
-                        "beyond-take-whole-turns-off",
-                        "is beyond {most_degrees}; take whole turns off",
-                        most_degrees=f"{MOST_DEGREES:g}",
+                        "angle-out-of-range",
+                        "is beyond {most}; take whole turns off",
+                        most=f"{MOST_DEGREES:g}",
                     ),
                 )
             step[:3, :3] = _rotation(axis / length, math.radians(value["degrees"]))
@@ -61,7 +62,7 @@ def joined(outer: Matrix, inner: Matrix, document: Yaml, path: Path) -> Matrix:
     if not np.isfinite(place).all():
         raise document.error(
             path,
-            Sentence("with-joined", "with what it is joined to, its transform is beyond what numbers hold"),
+            Sentence("transform-overflow", "with what it is joined to, its transform is beyond what numbers hold"),
         )
     return place
 
