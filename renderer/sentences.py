@@ -9,6 +9,7 @@ JSON keeps the text where it always was, with the codes beside it: `{"error": ".
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral
@@ -22,6 +23,7 @@ __all__ = [
     "decoded",
     "encoded",
     "from_json",
+    "from_text",
     "joined",
     "listed",
     "lowered",
@@ -29,9 +31,11 @@ __all__ = [
     "stopped",
     "times",
     "to_json",
+    "to_text",
 ]
 
 _PLACE = re.compile(r"\{(\w+)\}")
+_BEGINS = '{"code": '
 _CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _CLOSING = ".;:,)"  # before these, a sentence in a place is written without its full stop
 _DEEPEST = 6  # sentences in each other
@@ -178,6 +182,22 @@ def from_json(value: Any) -> Any:
         return _read(value, 0)
     except (ValueError, KeyError, TypeError, AttributeError):
         return value
+
+
+def to_text(sentence: str) -> str:
+    """Returns a text for a store of plain texts: a sentence with a code as JSON, any other text unchanged."""
+    return json.dumps(to_json(sentence), ensure_ascii=False) if isinstance(sentence, Sentence) and sentence.code else sentence
+
+
+def from_text(text: str) -> str:
+    """Returns the sentence that `to_text` took; any other text unchanged, as older releases stored it."""
+    if not text.startswith(_BEGINS):
+        return text
+    try:
+        found = from_json(json.loads(text))
+    except ValueError:
+        return text
+    return found if isinstance(found, str) else text
 
 
 def codes_of(record: Mapping[str, Any]) -> dict[str, Any]:

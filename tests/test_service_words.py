@@ -106,6 +106,16 @@ def test_every_sentence_that_is_shown_is_translated() -> None:
     assert not left, "not in service.de.json and service.zh.json"
 
 
+def test_the_page_acts_on_codes_of_the_service() -> None:
+    source = (ROOT / "web/js/base/codes.js").read_text(encoding="utf-8") + "".join(
+        re.findall(r"const CLOSED = .*", (ROOT / "web/js/base/lasting-socket.js").read_text(encoding="utf-8"))
+    )
+    used = set(re.findall(r'"([a-z0-9]+(?:-[a-z0-9]+)+)"', source))
+    assert used and not used - {each.code for each in _said()}
+    missing = {each.code for each in _said() if re.search(r"not among the (scene's )?files", each.template)}
+    assert not missing - used, "add these to MISSING_FILE, so that the page offers to add the file"
+
+
 def test_catalogues_have_no_unknown_code() -> None:
     assert not _catalogue("de").keys() - {each.code for each in _said()}
 

@@ -5,17 +5,14 @@ A column of texts holds plain text, as older releases wrote it, or the JSON obje
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from sqlalchemy import JSON, Dialect, Text
 from sqlalchemy.types import TypeDecorator
 
-from renderer.sentences import Sentence, decoded, encoded, from_json, to_json
+from renderer.sentences import decoded, encoded, from_json, from_text, to_json, to_text
 
 __all__ = ["SentenceList", "SentenceRecord", "SentenceText"]
-
-_BEGINS = '{"code": '
 
 
 class SentenceText(TypeDecorator[str]):
@@ -26,17 +23,11 @@ class SentenceText(TypeDecorator[str]):
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
         """Converts a value to what the column holds."""
-        return json.dumps(to_json(value), ensure_ascii=False) if isinstance(value, Sentence) and value.code else value
+        return None if value is None else to_text(value)
 
     def process_result_value(self, value: str | None, dialect: Dialect) -> str | None:
         """Converts what the column holds to a value."""
-        if value is None or not value.startswith(_BEGINS):
-            return value
-        try:
-            found = from_json(json.loads(value))
-        except ValueError:
-            return value
-        return found if isinstance(found, str) else value
+        return None if value is None else from_text(value)
 
 
 class SentenceList(TypeDecorator[list[str]]):

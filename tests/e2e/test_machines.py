@@ -12,6 +12,7 @@ from playwright.sync_api import Page, expect
 
 from protocol.contract import WorkerReport, order_key, worker_key
 from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
+from renderer.sentences import Sentence, to_text
 from tests.e2e.conftest import Watched
 from tests.e2e.site import call
 from tests.service.conftest import Service, until
@@ -32,7 +33,8 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         say(store, "alpha", [batch, {}])
         say(store, "beta", [{}])
         store.set(vitals_key("alpha"), Vitals(16_000_000_000, 64_000_000_000).to_bytes(), ex=60)
-        store.set(order_key("beta"), "Set aside: 3 of its batches failed while others rendered theirs.")
+        reason = "Set aside: {failures} of its batches failed while others rendered theirs."
+        store.set(order_key("beta"), to_text(Sentence("worker-quarantined-failures", reason, failures=3)))
         page.goto(f"{many.url}/#/workers")
         alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))
         expect(alpha).to_contain_text("16 GB of 64 GB")
@@ -41,6 +43,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
         expect(alpha).to_contain_text("Slot 2, idle")
         expect(beta).to_contain_text("Set aside: 3 of its batches failed")
+        expect(beta.locator(".chip")).to_have_text("Set aside")
 
         alpha.get_by_role("button", name="Pause").click()
         expect(alpha).to_contain_text("Draining")

@@ -42,6 +42,15 @@ def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
     assert within in said(program, (outer, outer.coded))[0]
 
 
+def test_a_code_is_found_within_a_message_too(program: str) -> None:
+    inner = Sentence("file-missing", "{name} is not among the files; add it", name="a.png")
+    outer = Sentence("scene-not-renderable", "{error}", error=inner)
+    messages = [inner.coded, outer.coded, {"code": "x", "params": {"all": [1, outer.coded]}}, NO_JOB.coded, None]
+    with Node(program, "en-GB") as node:
+        found = node.call("base/codes", "return a.map((each) => m.hasCode(each, m.MISSING_FILE));", messages)
+    assert found == [True, True, True, False, False]
+
+
 @pytest.mark.parametrize("field", ["error", "warnings"])
 def test_a_record_names_the_codes_of_its_fields(program: str, field: str) -> None:
     record = {"error": NO_JOB, "warnings": [NO_JOB, "Plain."], "codes": {"error": NO_JOB.coded, "warnings": [NO_JOB.coded, None]}}

@@ -17,7 +17,7 @@ from protocol.lifeline import connected
 from protocol.site import SITE, SiteReport, site_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
 from protocol.vitals import LOG_TTL_S, Vitals, log_key, log_wanted_key, vitals_key
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, from_text, to_text
 from service.scheduling.fleet.dead_letters import DeadLetters
 from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.reports import report_of
@@ -166,7 +166,7 @@ class Workers:
         reports = {report.name: report for report in found if report is not None}
         names = sorted(reports)
         whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
-        orders = {name: why.decode(errors="replace") for name, why in zip(names, whys, strict=True) if why is not None}
+        orders = {name: from_text(why.decode(errors="replace")) for name, why in zip(names, whys, strict=True) if why is not None}
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
         vitals = self._all_of(Vitals.from_bytes, vitals_key, names, told)
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
@@ -238,7 +238,7 @@ class Workers:
 
     def pause(self, name: str, why: str) -> None:
         """Pauses a worker until `resume`. Safe to call from any thread. Raises redis.RedisError."""
-        self._redis.set(order_key(name), why, ex=ORDER_TTL_S)
+        self._redis.set(order_key(name), to_text(why), ex=ORDER_TTL_S)
 
     def all_orders(self) -> dict[str, str]:
         """Returns the reason of each paused worker, by name, connected or not. Raises redis.RedisError."""
@@ -246,7 +246,7 @@ class Workers:
         values: Any = self._redis.mget(keys) if keys else []
         prefix = len(order_key(""))
         found = ((key.decode(errors="replace")[prefix:], why) for key, why in zip(keys, values, strict=True))
-        return {name: why.decode(errors="replace") for name, why in found if why is not None}
+        return {name: from_text(why.decode(errors="replace")) for name, why in found if why is not None}
 
     def resume(self, name: str) -> None:
         """Resumes a worker. Safe to call from any thread. Raises redis.RedisError."""

@@ -36,7 +36,7 @@ __all__ = ["Trust"]
 
 MOST_OPEN = 64  # batches verified at once; their results are held in memory
 MOST_ASKED = 24  # equal results of one worker alone after which a verification is dropped
-SAID = "Set aside: it rendered something else than other workers"
+OLDER_REASON = "Set aside: it rendered something else than other workers"  # of releases without codes
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ class Trust:
 
     def begin(self) -> None:
         """Restores the distrusted workers of a previous run. Raises redis.RedisError."""
-        self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if why.startswith(SAID)}
+        self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if _is_distrust(why)}
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerSetAside(worker, None))
 
@@ -217,7 +217,13 @@ class Trust:
             tile=batch.tile,
             job=check.job,
         )
-        self._wrong[worker] = check.job, f"{SAID} ({where}), {how}"
+        why = Sentence(
+            "worker-results-differ",
+            "Set aside: it rendered something else than other workers ({samples}), {verdict}",
+            samples=where,
+            verdict=how,
+        )
+        self._wrong[worker] = check.job, why
 
     def _pause(self, worker: str, why: str) -> None:
         sentence = Sentence(
@@ -256,3 +262,8 @@ class Trust:
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:
             self._scheduler.checks.update(list(self._scheduler.jobs))
+
+
+def _is_distrust(why: str) -> bool:
+    """Returns true for the reason of a worker that was paused since its results differed from those of others."""
+    return why.startswith(OLDER_REASON) or (isinstance(why, Sentence) and why.code == "worker-quarantined")

@@ -1,20 +1,20 @@
 /** Notices about a scene: its preparation, errors, warnings, and remedies. */
 
+import { MISSING_FILE, SEVERAL_SCENES, STRICT, WITHOUT_LIGHT, hasCode } from "../base/codes.js";
 import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { said, saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
 import { choose } from "../shell/drops.js";
-import { LACKS, addFiles, showOther } from "../shell/uploads.js";
+import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
 /** Maximum number shown; the first are the most important, and some files have dozens. */
 const WARNINGS_SHOWN = 4;
-/** Not an error of the file. */
-const UNLIT = /^The scene has no light: /;
-/** A hint of renderer/formats.py for programs; the page has a button for it. */
-const RIVALS = /^Several scene files were given; (.+) is used\. To use another, name it as `main`: (.+)\.$/;
+
+/** @param {Scene} scene @param {string} sentence one of its warnings */
+const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)];
 
 /** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
 export function stepWords(scene) {
@@ -24,7 +24,7 @@ export function stepWords(scene) {
 
 /** The reason why a scene cannot be rendered, with the remedy first. @param {Scene} scene */
 export function failure(scene) {
-  const add = addButton(scene, scene.error);
+  const add = addButton(scene, [scene.codes?.["error"]]);
   add?.classList.add("primary");
   // The error of a strict scene is a list of its warnings.
   const why = isRefused(scene)
@@ -42,9 +42,9 @@ export function failure(scene) {
   ];
 }
 
-/** Whether a strict scene failed because of its warnings. @param {Scene} scene */
+/** Returns true if a strict scene failed because of its warnings. @param {Scene} scene */
 function isRefused(scene) {
-  return scene.strict && scene.warnings.length > 0 && /^strict makes /.test(scene.error ?? "");
+  return scene.strict && scene.warnings.length > 0 && hasCode(scene.codes?.["error"], STRICT);
 }
 
 /** @param {Scene} scene @param {string[]} some of its warnings */
@@ -54,7 +54,7 @@ function warningList(scene, some) {
 
 /** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
 export function warnings(scene) {
-  const sentences = scene.warnings.filter((sentence) => !UNLIT.test(sentence));
+  const sentences = scene.warnings.filter((sentence) => !hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
   const light = sentences.length < scene.warnings.length && h("p", { class: "quiet small scene-note" }, icon("sun"), t("The file has no light of its own, so a soft studio light stands in. Choose another under “Light”."));
   if (!sentences.length) return light;
   const rest = sentences.slice(WARNINGS_SHOWN);
@@ -68,27 +68,28 @@ export function warnings(scene) {
       warningList(scene, sentences.slice(0, WARNINGS_SHOWN)),
       rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), warningList(scene, rest)),
     ),
-    addButton(scene, sentences.join(" ")),
+    addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
   return [notice, light];
 }
 
 /** @param {Scene} scene @param {string} sentence @returns {import("../base/dom.js").Child[]} */
 function warning(scene, sentence) {
-  const [, shown, others] = RIVALS.exec(sentence) ?? [];
-  if (!shown || !others) return [said(sentence, scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)])];
+  const coded = codedOf(scene, sentence);
+  if (!hasCode(coded, SEVERAL_SCENES)) return [said(sentence, coded)];
+  const { file, others } = coded.params;
   const show = (/** @type {string} */ name) =>
     h("button", { class: "button small for-submit", type: "button", onclick: () => void showOther(scene, name) }, t("Show {name}", { name }));
-  return [t("There are several scenes in this upload; {name} is shown.", { name: shown }), h("div", { class: "row wraps other-scenes" }, others.split(", ").map(show))];
+  return [t("There are several scenes in this upload; {name} is shown.", { name: file }), h("div", { class: "row wraps other-scenes" }, others.map(show))];
 }
 
 /**
- * A button that adds only the missing file named in a message.
+ * A button that adds the missing files, where a message is about one.
  *
  * @param {Scene} scene
- * @param {string | null} sentences
+ * @param {(import("../base/said.js").Coded | null | undefined)[]} messages
  */
-function addButton(scene, sentences) {
-  if (!sentences || !LACKS.test(sentences)) return null;
+function addButton(scene, messages) {
+  if (!messages.some((coded) => hasCode(coded, MISSING_FILE))) return null;
   return h("button", { class: "button for-submit", type: "button", onclick: () => addFiles(scene) }, icon("plus"), t("Add files"));
 }

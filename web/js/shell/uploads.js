@@ -1,6 +1,7 @@
 /** Uploads of dropped or selected files: progress cards in the tray, then the scene's page. */
 
 import { ApiError, deleteScene, getInfo } from "../news/api.js";
+import { MISSING_FILE, UNPACK, hasCode } from "../base/codes.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptScene, scenes } from "../news/farm.js";
 import { bytes, clock } from "../base/format.js";
@@ -19,9 +20,6 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./gather-files.js").NamedFile} NamedFile */
 /** @typedef {import("../base/types.js").Scene} Scene */
-
-/** Recognises the service's message about a scene that lacks a file. */
-export const LACKS = /; add (it|them)/;
 
 /** Delay without an answer after which a waiting notice is shown. */
 const ANSWER_MS = 300;
@@ -51,7 +49,7 @@ export async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), advice.startsWith("Unpack") ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }));
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }));
       return;
     }
   }
@@ -123,11 +121,17 @@ async function add(base, files) {
   if (base.status === "failed") await deleteScene(base.id); // it can never be rendered
 }
 
+/** @param {Scene} scene @returns {string[]} its messages about files that are missing */
+function lackingSentences(scene) {
+  const { error, warnings: codes = [] } = scene.codes ?? {};
+  return [scene.error ?? "", ...scene.warnings].filter((_, i) => hasCode(i ? codes[i - 1] : error, MISSING_FILE));
+}
+
 /** Returns the open scene if it lacks each of these files. @param {File[]} files */
 function sceneThatLacks(files) {
   const { path } = here();
   const scene = path[0] === "scenes" ? scenes.value?.find(({ id }) => id === path[1]) : undefined;
-  const sentences = scene ? [scene.error ?? "", ...scene.warnings].filter((sentence) => LACKS.test(sentence)).join(" ") : "";
+  const sentences = scene ? lackingSentences(scene).join(" ") : "";
   return scene && sentences && files.every(({ name }) => sentences.includes(name)) ? scene : null;
 }
 

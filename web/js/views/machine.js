@@ -1,6 +1,7 @@
 /** A machine of the farm: the work of its slots, its state, and actions. */
 
 import { changeWorker, getWorkerLog, imageUrl } from "../news/api.js";
+import { QUARANTINED, hasCode } from "../base/codes.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { jobs } from "../news/farm.js";
 import { bytes, compact } from "../base/format.js";
@@ -69,7 +70,7 @@ export function machineCard() {
   const update = (worker) => {
     latest = worker;
     const busy = worker.current.filter((slot) => Object.keys(slot).length > 0).length;
-    const isAside = worker.state === "paused" && Boolean(worker.message?.startsWith("Set aside"));
+    const isAside = worker.state === "paused" && hasCode(worker.codes?.["message"], QUARANTINED);
     const rests = worker.state === "paused" && Boolean(worker.offer?.rests) && worker.message === worker.offer?.rests;
     const state = isAside ? "set-aside" : worker.state === "paused" && busy ? "draining" : rests ? "resting" : worker.state;
     isPaused = worker.state === "paused" && !rests;

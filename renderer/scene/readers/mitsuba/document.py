@@ -364,7 +364,13 @@ class Document:
     def _curve(self, name: str, file: str) -> str:
         found = self.files.find(name, file)
         if found is None:
-            raise ValueError(f"its file {PurePosixPath(name).name[:120]} is not among the files; add it")
+            raise ValueError(
+                Sentence(
+                    "mitsuba-referenced-file-missing",
+                    "its file {name} is not among the files; add it",
+                    name=PurePosixPath(name).name[:120],
+                )
+            )
         return self.files.read(found).decode("utf-8", "replace")
 
     def _text(self, source: ElementTree.Element, key: str, file: str) -> str:

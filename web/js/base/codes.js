@@ -1,0 +1,51 @@
+/** Codes of the service's messages that the page acts on; never by their text. */
+
+/** @typedef {import("./said.js").Coded} Coded */
+
+/** A scene refers to a file that was not uploaded: adding it is the remedy. */
+export const MISSING_FILE = [
+  "environment-not-in-scene",
+  "file-missing",
+  "file-not-in-scene",
+  "gltf-light-profile-missing",
+  "gltf-uri-not-in-files",
+  "mitsuba-file-missing",
+  "mitsuba-include-missing",
+  "mitsuba-referenced-file-missing",
+  "obj-material-files-missing",
+  "obj-material-library-missing",
+  "pbrt-include-missing",
+  "pbrt-spectrum-unknown",
+  "texture-file-missing",
+  "usd-file-not-in-files",
+  "usd-ies-profile-missing",
+  "usd-materialx-include-missing",
+];
+
+/** The upload has several scenes: `file` is shown, not `others`. */
+export const SEVERAL_SCENES = "scene-files-several";
+
+/** The file has no light, so a studio light stands in: not an error of the file. */
+export const WITHOUT_LIGHT = "scene-without-light";
+
+/** The warnings of a strict scene are its error. */
+export const STRICT = ["strict-scene-warning", "strict-scene-warnings"];
+
+/** A file of a format that is only packed: unpacking is the remedy, no other program is needed. */
+export const UNPACK = "advice-unpack-archive";
+
+/** A worker was paused by the farm, because its batches failed or its results were wrong. */
+export const QUARANTINED = ["worker-quarantined", "worker-quarantined-failures"];
+
+/**
+ * Returns true if a message, or one within it, has one of these codes.
+ *
+ * @param {Coded | null | undefined} coded
+ * @param {string | string[]} codes
+ * @returns {boolean}
+ */
+export function hasCode(coded, codes) {
+  if (!coded) return false;
+  const within = (/** @type {any} */ value) => (Array.isArray(value) ? value.some(within) : typeof value === "object" && hasCode(value, codes));
+  return [codes].flat().includes(coded.code) || Object.values(coded.params ?? {}).some(within);
+}
