@@ -50,10 +50,13 @@ from renderer.bvh.simd import (
 )
 from renderer.bvh.slabs import MORE, begins_at, ray_constants
 from renderer.jit import device, never_inline, subroutine
+from renderer.prune_absent_features import where_present
 
 __all__ = [
+    "FACING",
     "FROM_ORIGIN",
     "NO_PRIMITIVE",
+    "SHADOW_REACH",
     "Hit",
     "any_hit",
     "any_in_instance",
@@ -67,6 +70,9 @@ __all__ = [
 
 NO_PRIMITIVE = np.int32(-1)
 _YES, _NO = np.bool_(True), np.bool_(False)
+FACING = _YES  # `facing` of `closest_hit`
+# Share of a shadow ray along which surfaces occlude: by rounding, a distant light's own surface may be hit just before the end.
+SHADOW_REACH = np.float32(1 - 2.0**-21)
 _ROOT = np.int32(0)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -107,11 +113,18 @@ def _lanes(vector):
 
 
 @device
-def _prepared(o, d):
-    """Returns a ray's constants: (those of `meet_boxes`; axes, shear, permuted origin and margin for `intersect_triangles`)."""
+def _prepared(o, d, after, facing):
+    """Returns a ray's (constants of `meet_boxes`; those of packets; distance before which boxes need not be visited).
+
+    The constants of packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as of
+    `closest_hit`.
+    """
     ray = ray_constants(o, d, _W)
     slabs = ray.planes, _lanes(ray.inverse), _lanes(ray.near), _lanes(ray.far)
-    return slabs, (ray.axes, ray.shear, ray.origin, ray.margin)
+    t_min = _ZERO
+    if after is not None:
+        t_min = begins_at(after[0], ray.margin)
+    return slabs, (ray.axes, ray.shear, ray.origin, where_present(facing, ray.margin)), t_min
 
 
 @device
@@ -192,15 +205,6 @@ def _limit(after, number):
 
 
 @device
-def _begins(after, margin):
-    """Returns the distance before which boxes need not be visited."""
-    begins = _ZERO
-    if after is not None:
-        begins = begins_at(after[0], margin)
-    return begins
-
-
-@device
 def _enter(node, base, slabs, t_min, best):
     """Returns the keys of the children that the ray hits nearer than `best`, and the least key."""
     met, distance = meet_boxes(node, base, *slabs, t_min, best)
@@ -231,17 +235,16 @@ def _pop(stack, top):
 
 
 @subroutine
-def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, after):
+def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, after, facing):
     """Finds the hit in an instance's tree that is nearer than `best`: (distance, primitive, u, v); NO_PRIMITIVE if there is none.
 
-    holder: the instance of the hit at distance `best`, -1 for the world; after: as of `closest_hit`.
+    holder: the instance of the hit at distance `best`, -1 for the world; after, facing: as of `closest_hit`.
     """
     never_inline()
     number = np.int32(number)
     o, d = into(bvh, number, o, d, time)
-    slabs, constants = _prepared(o, d)
+    slabs, constants, t_min = _prepared(o, d, after, facing)
     limit = _limit(after, number)
-    t_min = _begins(after, constants[3])
     any_tie = number < holder
     found = _NO, best, NO_PRIMITIVE, _ZERO, _ZERO
     top = bottom
@@ -284,15 +287,15 @@ def shadow_root(bvh):
 
 
 @device
-def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
+def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, facing=FACING):
     """Returns the closest Hit along o + t d with 0 < t < t_max. stack: from `new_stack`.
 
     time: of the shutter, 0 ... 1; None if nothing moves, or for its middle. root: the node to start at. after: only hits beyond
-    this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all.
+    this one, (distance, instance, primitive), count; FROM_ORIGIN or None: all. facing: FACING: of coincident faces the one that
+    faces the origin is the closest (`intersect_triangles`); None: hits have the distances of `any_hit`.
     """
-    slabs, constants = _prepared(o, d)
+    slabs, constants, t_min = _prepared(o, d, after, facing)
     limit = _limit(after, WORLD)
-    t_min = _begins(after, constants[3])
     found = _NO, t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = WORLD
     top = np.uintp(0)
@@ -317,7 +320,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None):
             continue
         leaf = ~child
         if bvh.instances is not None and leaf & INSTANCE:
-            nearer = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, found[1], instance, time, after)
+            nearer = closest_in_instance(bvh, stack, top, leaf >> 2, o, d, found[1], instance, time, after, facing)
             if nearer[1] != NO_PRIMITIVE:
                 found = _YES, nearer[0], nearer[1], nearer[2], nearer[3]
                 instance = np.int32(leaf >> 2)
@@ -335,7 +338,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """Whether a ray hits anything in an instance's tree; as `any_hit`."""
     never_inline()
     o, d = into(bvh, number, o, d, time)
-    slabs, constants = _prepared(o, d)
+    slabs, constants, _ = _prepared(o, d, None, None)
     top = bottom
     child = bvh.instance_root[number]
     while True:
@@ -358,7 +361,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
     """Whether anything is hit along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
-    slabs, constants = _prepared(o, d)
+    slabs, constants, _ = _prepared(o, d, None, None)
     top = np.uintp(0)
     child = np.int32(root)
     while True:

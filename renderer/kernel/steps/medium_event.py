@@ -17,7 +17,7 @@ from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.sampling.sampler import draw4
 from renderer.kernel.steps.state import scattering_surface
 from renderer.kernel.surface.surface import NO_OBJECT
-from renderer.wide.values import as_wide, nil, not_, to_int, u32
+from renderer.wide.values import as_wide, nil, not_, to_int, u32, where
 
 __all__ = ["MediumEvent", "medium_event", "medium_surface"]
 
@@ -47,7 +47,8 @@ def medium_event(scene, path, crossings, reach, stream, row):
     flight = free_flight(sigma_t, sigma_s, path.throughput, reach - crossings.behind, (u[0], u[1]))
     red, green, blue = sigma_t
     albedo = sigma_s[0] / max(red, _LEAST), sigma_s[1] / max(green, _LEAST), sigma_s[2] / max(blue, _LEAST)
-    return MediumEvent(flight.scatters, crossings.behind + flight.distance, flight.throughput, albedo, g)
+    distance = where(flight.scatters, crossings.behind + flight.distance, reach)
+    return MediumEvent(flight.scatters, distance, flight.throughput, albedo, g)
 
 
 @device

@@ -32,7 +32,7 @@ from renderer.kernel.backends.cpu.lists import (
 from renderer.kernel.backends.cpu.rows import DirectLight, Outcome, RowHit, Traversal, at, column, gather, scatter, time_of
 from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, start_traversal, three
 from renderer.kernel.backends.cpu.walk import CLOSEST, walk
-from renderer.kernel.backends.scalar.visibility import light_left, transmittance
+from renderer.kernel.backends.scalar.visibility import light_left
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.steps.depths import layers_left
@@ -141,11 +141,7 @@ def _light_through(scene, alone, pool, lists, options):
         if options.has_depths:
             counts = gather(pool, path, Crossings).counts
         layers = layers_left(counts, options)
-        if scene.has.media is not None:
-            left = light_left(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
-        else:
-            share = transmittance(scene, alone, ray.start, ray.end, True, layers, time)
-            left = share, share, share
+        left = light_left(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
         if vec.maximum(left) > _ZERO:
             radiance = add_direct_light(three(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
             for c in range(3):

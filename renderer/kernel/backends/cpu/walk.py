@@ -22,7 +22,7 @@ from renderer.bvh.packet import intersect_spheres, intersect_triangles
 from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
 from renderer.bvh.slabs import MORE
-from renderer.bvh.traverse import NO_PRIMITIVE, any_in_instance, closest_in_instance, place_at
+from renderer.bvh.traverse import FACING, NO_PRIMITIVE, SHADOW_REACH, any_in_instance, closest_in_instance, place_at
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
@@ -167,7 +167,7 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
             store_int(stack, above + _W + _1, this)
             is_met = key <= key_limit(best)
         else:
-            children = bits(_boxes(bvh.node, base, pool, path, _ONE)[0])
+            children = bits(_boxes(bvh.node, base, pool, path, SHADOW_REACH)[0])
             store_int(stack, above, np.int32(children))
             store_int(stack, above + _1, this)
             is_met = children != _NONE
@@ -243,7 +243,7 @@ def _occlude(bvh, motion, alone, pool, lists, count):
         path = at(number, np.uintp(0))
         place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = _axes_of(pool, path)
-        occluded = bits(intersect_triangles(place, axes, shear, origin, None, _ONE)[0]) != _NONE
+        occluded = bits(intersect_triangles(place, axes, shear, origin, None, SHADOW_REACH)[0]) != _NONE
         pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
 
 
@@ -281,7 +281,7 @@ def _meet_instance(bvh, alone, pool, path, instance, best, time):
     """Intersects a row's ray with an instance, whose tree is traversed by this ray alone, and updates its hit."""
     o, d = three(pool, path + _O), three(pool, path + _D)
     holder = load_int(pool, path + _INSTANCE)
-    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None)
+    found = closest_in_instance(bvh, alone, np.uintp(0), instance, o, d, best, holder, time, None, FACING)
     if found[1] != NO_PRIMITIVE:
         pool[path + BEST] = found[0]
         pool[path + _U] = found[2]
@@ -296,9 +296,9 @@ def _occlude_by_others(bvh, alone, pool, path, leaf, time):
     o = three(pool, path + _START)
     d = vec.sub(three(pool, path + _END), o)
     if bvh.instances is not None and leaf & INSTANCE:
-        occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, _ONE, time)
+        occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, SHADOW_REACH, time)
     else:
-        occluded = bits(intersect_spheres(place_at(bvh, leaf, alone, time), o, d, _ONE, None, None, None)[0]) != _NONE
+        occluded = bits(intersect_spheres(place_at(bvh, leaf, alone, time), o, d, SHADOW_REACH, None, None, None)[0]) != _NONE
     pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
 
 

@@ -40,6 +40,20 @@ def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
     assert_mean(render_frame(made, settings(*view, max_depth=2, sampling=sampling), 512), expected * 0.36, slack=2e-3, tests=3)
 
 
+@pytest.mark.parametrize("with_card", [False, True])
+@pytest.mark.parametrize("distance", [10.0, 30.0, 1000.0])
+def test_a_distant_light_does_not_occlude_itself(distance, with_card):
+    """A square light of area 1 facing a wall brings rho L / (pi d^2), whether a transparent card hangs beside it or not."""
+    facing, wall = np.array((0.3, 4.0, 0.0)), np.array((0.3, 4.0, distance))
+    card = Material(base_color=gray(0.5), opacity=0.5, alpha_mode="blend")
+    lamp = square((0.3, 4.0, 0.0), (0.5, 0, 0), (0, 0.5, 0), 1)
+    wall = square((0.3, 4.0, distance), (0.1 * distance, 0, 0), (0, -0.1 * distance, 0), 0)
+    beside = (square((5.0, 4.0, distance / 2), (1, 0, 0), (0, 1, 0), 2),) if with_card else ()
+    made = scene([Material(base_color=gray(0.5)), emitter(1000.0), card], (wall, lamp, *beside))
+    view = settings((0.3, 4.0, distance - 1.0), (0.3, 4.0, distance), max_depth=2)
+    assert mean(render_frame(made, view, 16), 24).mean() == pytest.approx(0.5 * 1000.0 / np.pi / distance**2, rel=0.01)
+
+
 @pytest.mark.parametrize(("opacity", "there"), [(0.49, False), (0.51, True)])
 def test_a_mask_is_there_or_not(opacity, there):
     card = Material(base_color=(0.2, 0.4, 0.6), opacity=opacity, alpha_mode="mask", alpha_cutoff=0.5)
