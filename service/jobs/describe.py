@@ -78,12 +78,16 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     view: a snapshot of the engine, taken before the rows were read. A job leaves the engine once its numbers are stored, so a
     later snapshot might miss numbers that the rows do not have yet.
     """
+    as_of = time.time()
     view = view or engine.snapshot
     shots = {job.id for job in jobs if job.shot is not None}
     recorded = _recorded([job.id for job in jobs if job.id not in shots], session)
     sums = sums_of([job for job in jobs if job.id in shots], view.jobs, session)
     waits = waits_of(jobs, session)
-    return [_one_out(job, recorded.get(job.id, []), sums.get(job.id), engine, view, waits.get(job.id, [])) for job in jobs]
+    found = [_one_out(job, recorded.get(job.id, []), sums.get(job.id), engine, view, waits.get(job.id, [])) for job in jobs]
+    for each in found:
+        each.as_of = as_of
+    return found
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:

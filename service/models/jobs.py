@@ -309,6 +309,10 @@ class JobOut(QueueOut):
     created: float
     started: float | None
     finished: float | None
+    as_of: float = Field(
+        default=0.0,
+        description="when this was true, as Unix time; of two descriptions of a job the smaller is older",
+    )
     active_s: float = Field(description="wall-clock time spent on rendering")
     progress: float
     eta_s: float | None

@@ -64,6 +64,7 @@
  * @property {boolean} [stranded] no connected worker is of the kind that started it
  * @property {string | null} error
  * @property {string | null} reproduce a command that reproduces the error
+ * @property {number} [as_of] when this was true, unix seconds; of two descriptions the smaller one is older
  * @property {number} progress 0..1
  * @property {number | null} eta_s
  * @property {number} active_s rendering time without pauses

@@ -5,7 +5,7 @@ import { fill, h, keyedList, setText } from "../base/dom.js";
 import { addressOf, momentName, referenceId } from "./pictures.js";
 import { jobs } from "../news/farm.js";
 import { references } from "../news/references.js";
-import { endOf, settingOf, valueText } from "../news/settings-table.js";
+import { reached, settingOf, valueText } from "../news/settings-table.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { t } from "../base/words.js";
 
@@ -89,7 +89,7 @@ function pictureOption(/** @type {Job} */ { id }) {
     update(job) {
       const { name, settings, width, height } = job;
       const integrator = settings && valueText(settingOf("settings", "integrator"), settings.integrator);
-      const facts = [name, endOf(job), `${width}×${height}`, integrator]; // last, since a narrow page cuts off the end
+      const facts = [name, reached(job), `${width}×${height}`, integrator]; // last, since a narrow page cuts off the end
       setText(element, facts.filter(Boolean).join(" · "));
     },
   };

@@ -4,7 +4,7 @@ import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
 import { lightWords } from "../base/light-words.js";
 import { variantOf } from "../base/scene-version.js";
-import { endOf, known, labelOf, phraseOf, settingOf, valueText } from "../news/settings-table.js";
+import { known, labelOf, phraseOf, reached, settingOf, valueText } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -49,7 +49,7 @@ function rows() {
       phrase: (job) => lightWords(job.environment, sceneOf(job)) || t("its own light"),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
-    plain(settingOf("work", "spp").label, endOf),
+    plain(settingOf("work", "spp").label, reached),
     ...view.map((setting) => row(setting, (job) => job.settings?.view)),
     plain(t("Size"), ({ width, height }) => `${width}×${height}`),
   ];

@@ -23,8 +23,8 @@ export const WAYS = /** @type {const} */ ([
 /** @param {string | null} text of the URL @returns {Way} */
 export const wayFrom = (text) => WAYS.find(({ name }) => name === text)?.name ?? "wipe";
 
-/** The kind of map of a mode. @param {Way} way @returns {ErrorKind | null} */
-const mapOf = (way) => (way === "difference" || way === "relative" || way === "flip" ? way : null);
+/** Returns the kind of map of a mode. @param {Way} way @returns {ErrorKind | null} */
+export const mapOf = (way) => (way === "difference" || way === "relative" || way === "flip" ? way : null);
 
 const TURN_MS = 600;
 const RENEW_MS = 3000;

@@ -3,6 +3,7 @@
 import { ApiError, fetchFilm } from "../news/api.js";
 import { putJob, setLink } from "../news/farm.js";
 import { Film } from "./film.js";
+import { takeFirstLook } from "./first-look.js";
 import { Live } from "../news/live.js";
 import { firstFrame } from "../base/shot-words.js";
 import { showError } from "../shell/tray.js";
@@ -65,7 +66,9 @@ export class LiveFilm {
         }),
     });
     const hasSamples = job.samples > 0 || job.state === "finished";
-    this.film.isPartial = hasSamples;
+    const look = takeFirstLook(job.id);
+    if (look) this.film.restart(look);
+    else this.film.isPartial = hasSamples;
     void this.fetch(hasSamples);
   }
 

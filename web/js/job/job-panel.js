@@ -11,6 +11,7 @@ import { icon } from "../base/icons.js";
 import { endOf, settingOf, valueText } from "../news/settings-table.js";
 import { framesDone, isShot } from "../base/shot-words.js";
 import { progressBar } from "../shell/state-chip.js";
+import { timeLeft } from "../news/time-left.js";
 import { showError, undoable } from "../shell/tray.js";
 import { saidOf } from "../base/said.js";
 import { t, tn } from "../base/words.js";
@@ -86,21 +87,17 @@ export function progressPanel() {
   /** @type {Job | null} */
   let latest = null;
   let heard = 0;
+  let shownElapsed = 0;
   /** @type {string | null} */
   let shownError = null;
   let shownBad = 0;
   const tick = () => {
     if (!latest) return;
     const since = latest.state === "running" ? (performance.now() - heard) / 1000 : 0;
-    setText(elapsed, clock(latest.active_s + since));
-    setText(
-      left,
-      latest.state === "running"
-        ? latest.eta_s == null || latest.message // it does not progress, so there is no forecast
-          ? "…"
-          : clock(latest.eta_s - since)
-        : "–",
-    );
+    // The time of a description is up to half a second old when it arrives: the clock does not go back for it.
+    shownElapsed = latest.state === "running" ? Math.max(shownElapsed, latest.active_s + since) : latest.active_s;
+    setText(elapsed, clock(shownElapsed));
+    setText(left, latest.state === "running" ? timeLeft(latest.id) || "…" : "–");
     leftRow.hidden = latest.state === "finished";
   };
   return {

@@ -3,8 +3,10 @@
 import * as api from "./api.js";
 import { Backoff } from "../base/backoff.js";
 import { isShown } from "../base/project.js";
+import { isOlder } from "./job-order.js";
 import { inWords, table } from "./settings-table.js";
 import { Store } from "../base/store.js";
+import { noteForecast } from "./time-left.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -80,8 +82,12 @@ function adopt(store, item) {
 /** @param {Scene} scene */
 export const putScene = (scene) => put(scenes, scene);
 
-/** @param {Job} job */
-export const putJob = (job) => put(jobs, job);
+/** Stores a description of a job, unless it is older than the known one. @param {Job} job */
+export function putJob(job) {
+  if (isOlder(job, jobs.value?.find(({ id }) => id === job.id))) return;
+  noteForecast(job);
+  put(jobs, job);
+}
 
 /** @param {Scene} scene */
 export const adoptScene = (scene) => adopt(scenes, scene);
@@ -93,16 +99,17 @@ export const adoptJob = (job) => adopt(jobs, job);
  * @template {{id: string, created: number}} T
  * @param {Store<T[] | null>} store
  * @param {T & {deleted?: boolean}} item
+ * @param {(item: T) => void} put
  */
-function take(store, item) {
+function take(store, item, put) {
   if (item.deleted) store.update((items) => items?.filter(({ id }) => id !== item.id) ?? null);
-  else put(store, item);
+  else put(item);
 }
 
 /** @param {Job & {deleted?: boolean}} job */
 function takeJob(job) {
   const before = jobs.value?.find(({ id }) => id === job.id);
-  take(jobs, job);
+  take(jobs, job, putJob);
   const same = before && !job.deleted && LISTED.every((name) => before[name] === job[name]);
   if (!same) jobNews.update((n) => n + 1);
 }
@@ -120,7 +127,7 @@ function takeWorker(worker) {
 }
 
 const TAKERS = /** @type {Record<string, (item: any) => void>} */ ({
-  scene: (item) => isShown(item) && take(scenes, item),
+  scene: (item) => isShown(item) && take(scenes, item, putScene),
   job: (item) => isShown(item) && takeJob(item),
   worker: takeWorker,
 });

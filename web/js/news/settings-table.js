@@ -97,5 +97,19 @@ export function endOf({ spp, noise = null, seconds = null }) {
   return value === null ? "" : phraseOf(settingOf("work", name), value);
 }
 
+/** States of jobs that may have ended before their goal. */
+const STOPPED = ["cancelled", "failed", "paused"];
+
+/**
+ * Describes what a job's picture has: its goal, or the samples that it has where it was stopped before.
+ *
+ * @param {import("../base/types.js").Job} job
+ */
+export function reached(job) {
+  const { state, samples, width, height, shot } = job;
+  if (!STOPPED.includes(state)) return endOf(job);
+  return phraseOf(settingOf("work", "spp"), Math.floor(samples / Math.max((width ?? 1) * (height ?? 1) * (shot?.count ?? 1), 1)));
+}
+
 /** Four digits suffice to tell pictures apart; whole numbers are shown in full. @param {number} value */
 const short = (value) => (Number.isInteger(value) ? value : Number(value.toPrecision(4)));

@@ -6,6 +6,7 @@
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
+import { Film } from "../film/film.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -50,7 +51,7 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned by hand
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides what is seen in its place
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, by what tells them apart
- * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}}}
+ * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
  *   refresh: the form was changed
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
@@ -85,7 +86,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }) };
+    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
   }
   // A previous picture of the scene until the first samples arrive.
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
@@ -311,6 +312,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     element,
     refresh,
     look: () => look.value,
+    film: () => film.film,
     dispose() {
       resizing.disconnect();
       stage.dispose();

@@ -4,13 +4,13 @@ import { fill, h } from "../base/dom.js";
 import { lightWords } from "../base/light-words.js";
 import { t } from "../base/words.js";
 import { hidden, jobs } from "../news/farm.js";
-import { endOf } from "../news/settings-table.js";
+import { reached } from "../news/settings-table.js";
 import { LIVE, clean } from "./sides.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
 
 /** @param {Job} job @returns {string} "64 spp, 960×540, Clear sky, sun at 35° height, 120°" */
-export const wordsOf = (job) => [endOf(job), `${job.width}×${job.height}`, lightWords(job.environment)].filter(Boolean).join(", ");
+export const wordsOf = (job) => [reached(job), `${job.width}×${job.height}`, lightWords(job.environment)].filter(Boolean).join(", ");
 
 /**
  * @param {string} scene

@@ -25,6 +25,9 @@ async function upload(files) {
  */
 export const choose = ({ folder }) => pick({ folder }, upload);
 
+/** Time without an event after which nothing is dragged any more. */
+const DRAG_ENDED_MS = 1000;
+
 /** Accepts files dropped anywhere on the page. */
 export function acceptDrops() {
   const veil = /** @type {HTMLElement} */ (document.getElementById("drop-veil"));
@@ -34,26 +37,29 @@ export function acceptDrops() {
     h("strong", null, t("Drop to upload")),
     h("span", { class: "quiet" }, t("A scene: its file, its folder or a zip; or an HDRI, to light the scene that is open")),
   );
-  let depth = 0; // enter and leave fire for every crossed element
+  const isFree = mayChange(chosenProject());
   /** @param {DragEvent} event */
   const hasFiles = (event) => event.dataTransfer?.types.includes("Files") ?? false;
-  const isFree = mayChange(chosenProject());
-  /** @param {number} next */
-  const setDepth = (next) => {
-    depth = Math.max(0, next);
-    veil.hidden = depth === 0 || !isFree;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let ending;
+  const hide = () => {
+    clearTimeout(ending);
+    veil.hidden = true;
   };
-  addEventListener("dragenter", (event) => hasFiles(event) && setDepth(depth + 1));
-  addEventListener("dragleave", (event) => hasFiles(event) && setDepth(depth - 1));
   addEventListener("dragover", (event) => {
     if (!hasFiles(event)) return;
     event.preventDefault(); // otherwise the browser opens the file
     if (!isFree && event.dataTransfer) event.dataTransfer.dropEffect = "none";
+    veil.hidden = !isFree;
+    // It comes several times a second as long as something is dragged; a dragleave may be lost.
+    clearTimeout(ending);
+    ending = setTimeout(hide, DRAG_ENDED_MS);
   });
+  addEventListener("dragleave", (event) => event.relatedTarget === null && hide());
   addEventListener("drop", (event) => {
     if (!hasFiles(event) || !event.dataTransfer) return;
     event.preventDefault();
-    setDepth(0);
+    hide();
     if (!isFree) return;
     const gathering = filesOfDrop(event.dataTransfer);
     void startFrom(() => gathering, upload);

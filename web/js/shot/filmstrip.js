@@ -9,8 +9,8 @@ import { Thumbnails } from "./thumbnails.js";
 import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
-/** @typedef {import("../base/types.js").Frame} Frame */
 /** @typedef {import("./shot-frames.js").ShotFrames} ShotFrames */
+/** @typedef {import("./shot-frames.js").ShownFrame} ShownFrame */
 
 /** Distance between frames in pixels, as in css/shot.css. */
 const PITCH = 116;
@@ -19,14 +19,14 @@ const THUMB_WIDTH = 160;
 /** Factor of samples after which a frame's thumbnail is refreshed. */
 const WORTH = 2;
 
-/** @type {Record<import("../base/types.js").FrameState, string>} */
-const WORDS = { queued: t("waits"), preparing: t("is prepared"), running: t("is rendered"), finished: t("finished"), failed: t("failed") };
+/** @type {Record<ShownFrame["state"], string>} */
+const WORDS = { paused: t("paused"), queued: t("waits"), preparing: t("is prepared"), running: t("is rendered"), finished: t("finished"), failed: t("failed") };
 
 /**
  * Description of a frame for screen readers.
  *
  * @param {number} number
- * @param {Frame | undefined} frame
+ * @param {ShownFrame | undefined} frame
  */
 export function frameSentence(number, frame) {
   if (!frame) return t("Frame {number}", { number });
@@ -75,7 +75,7 @@ export function filmstrip(job, frames, life) {
 
   /** @param {Cell} cell @param {number} place */
   const update = (cell, place) => {
-    const frame = frames.known.get(cell.number);
+    const frame = frames.shown(cell.number);
     cell.update(frame);
     const [first, last] = frames.part;
     cell.element.setAttribute("aria-selected", String(cell.number === frames.current.value));
@@ -148,7 +148,7 @@ function makeCell(number, place, count) {
     image,
     /** Samples of the shown thumbnail. */
     pictured: 0,
-    /** @param {Frame | undefined} frame */
+    /** @param {ShownFrame | undefined} frame */
     update(frame) {
       const sentence = frameSentence(number, frame);
       if (sentence === shown) return;

@@ -5,11 +5,14 @@ import { parseFrames } from "../base/frame-numbers.js";
 
 /** @typedef {import("../base/types.js").Frame} Frame */
 /** @typedef {import("../base/types.js").Job} Job */
+/** @typedef {Omit<Frame, "state"> & {state: Frame["state"] | "paused"}} ShownFrame */
 
 export class ShotFrames {
   /** @param {Job} job a shot @param {number | null} [current] */
   constructor(job, current = null) {
     this.text = "";
+    /** Whether the job is paused, and with it the frames that it had begun. */
+    this.isPaused = false;
     /** In order. @type {Store<number[]>} */
     this.numbers = new Store(/** @type {number[]} */ ([]));
     /** @type {Map<number, Frame>} */
@@ -23,8 +26,13 @@ export class ShotFrames {
     this.range = new Store(/** @type {[number, number] | null} */ (null));
   }
 
-  /** Updates the list after the shot was extended. @param {Job} job */
-  update({ shot }) {
+  /** Updates the list after the shot was extended, and the frames' states after it was paused or resumed. @param {Job} job */
+  update({ shot, state }) {
+    const isPaused = state === "paused";
+    if (isPaused !== this.isPaused) {
+      this.isPaused = isPaused;
+      this.news.set([]);
+    }
     if (!shot || shot.frames === this.text) return;
     this.text = shot.frames;
     const numbers = parseFrames(shot.frames);
@@ -37,9 +45,21 @@ export class ShotFrames {
     this.news.set(frames);
   }
 
-  /** The current frame, if it is known. */
+  /** The current frame as it is shown, if it is known. */
   get frame() {
-    return this.known.get(this.current.value) ?? null;
+    return this.shown(this.current.value) ?? null;
+  }
+
+  /**
+   * A frame as it is shown: one that was begun is paused while its job is.
+   *
+   * @param {number} number
+   * @returns {ShownFrame | undefined}
+   */
+  shown(number) {
+    const frame = this.known.get(number);
+    const isBegun = frame?.state === "running" || frame?.state === "preparing";
+    return frame && this.isPaused && isBegun ? { ...frame, state: "paused" } : frame;
   }
 
   /** The index of the current frame. */

@@ -11,7 +11,7 @@ import { differencesOf, filmOf, namesOf, pictureOfJob, pictureOfReference, pictu
 import { referencePanel } from "../compare/reference-panel.js";
 import { findReference, loadReferences, references } from "../news/references.js";
 import { snapshotsOf } from "../compare/snapshots.js";
-import { compareWays, wayFrom } from "../compare/ways.js";
+import { compareWays, mapOf, wayFrom } from "../compare/ways.js";
 import { StillFilm } from "../film/still-film.js";
 import { pictureTools } from "../job/picture-tools.js";
 import { pictureStage } from "../film/picture-stage.js";
@@ -230,7 +230,7 @@ function open(page, a, b, state) {
       { live: /** @type {FilmSource} */ (shown[0]), channel: sideA.channel, name: nameA },
       { live: /** @type {FilmSource} */ (shown[1]), channel: sideB.channel, name: nameB },
     ];
-    stage.arrange({ left, right: isRefused ? null : right, wipe: isRefused ? null : now.wipe });
+    stage.arrange({ left, right: isRefused ? null : right, wipe: isRefused ? null : mapOf(now.way) ? 1 : now.wipe }); // A alone until its map is here
     if (isRefused) stage.view?.setWipe(1);
     for (const [key, { live, end }] of films)
       if (!shown.includes(live)) {

@@ -10,10 +10,11 @@ import { icon } from "../base/icons.js";
 import { lightWords } from "../base/light-words.js";
 import { linkTo } from "../shell/router.js";
 import { offer } from "../news/projects.js";
-import { endOf } from "../news/settings-table.js";
+import { reached } from "../news/settings-table.js";
 import { firstFrame, framesDone, isShot, shotName } from "../base/shot-words.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
 import { saidOf } from "../base/said.js";
+import { timeLeft } from "../news/time-left.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -102,7 +103,7 @@ export function jobRow(job, lead) {
 /** @param {Job} job */
 function sizeLine(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
-  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), endOf(job), lightWords(job.environment, scene), ...placeWords(job)];
+  const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), reached(job), lightWords(job.environment, scene), ...placeWords(job)];
   return parts.filter(Boolean).join(" · ");
 }
 
@@ -118,7 +119,8 @@ function progressLine(job) {
   if (job.message) return saidOf(job, "message");
   if (job.state === "finished") return t("in {time}", { time: clock(job.active_s) });
   const done = isShot(job) && job.shot ? framesDone(job.shot) : `${Math.floor(job.progress * 100)} %`;
-  return job.state === "running" && job.eta_s != null ? t("{done}, {time} left", { done, time: clock(job.eta_s) }) : done;
+  const left = job.state === "running" && timeLeft(job.id);
+  return left ? t("{done}, {time} left", { done, time: left }) : done;
 }
 
 /** @param {Job} job */

@@ -24,7 +24,6 @@ export function sceneCard(scene) {
   const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
   const chip = stateChip(scene.status);
   const facts = h("span", { class: "quiet small number" });
-  const why = h("p", { class: "quiet small why", hidden: true });
   const picture = thumbnail();
   let latest = scene;
   const remove = h(
@@ -36,7 +35,7 @@ export function sceneCard(scene) {
     "li",
     { class: "card" },
     picture.element,
-    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts), why),
+    h("div", { class: "body" }, name, h("div", { class: "row" }, chip.element, facts)),
     remove,
   );
   return {
@@ -50,9 +49,31 @@ export function sceneCard(scene) {
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
       setText(facts, next.status === "ready" ? shortFacts(next) : "");
-      why.hidden = next.status !== "failed" || !next.error;
-      setText(why, why.hidden ? "" : saidOf(next, "error"));
       picture.update(next, renderedOf(next));
+    },
+  };
+}
+
+/**
+ * A scene that cannot be rendered: its name, the reason, and a button that deletes it.
+ *
+ * @param {Scene} scene
+ * @returns {import("../base/dom.js").Row<Scene>}
+ */
+export function refusedRow(scene) {
+  let latest = scene;
+  const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
+  const why = h("span", { class: "quiet small why" });
+  const remove = h("button", { class: "icon-button danger for-submit", type: "button", onclick: () => removeScene(latest) }, icon("trash"));
+  const element = h("li", null, name, why, remove);
+  return {
+    element,
+    update(next) {
+      latest = next;
+      offer(element, next.project);
+      setText(name, next.name);
+      setText(why, saidOf(next, "error"));
+      remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
     },
   };
 }

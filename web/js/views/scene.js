@@ -9,6 +9,7 @@ import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { offer } from "../news/projects.js";
 import { settingsForm } from "../scene/settings-form.js";
+import { keepFirstLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { progressBar, stateChip } from "../shell/state-chip.js";
@@ -129,6 +130,7 @@ function ready(page, scene, life) {
     try {
       // One key per click, so that a repeated request creates only one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
+      keepFirstLook(job.id, view.film());
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
       const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);
@@ -174,7 +176,18 @@ function ready(page, scene, life) {
       ),
     ),
   );
+  showStudioNote(page, form);
   return () => {};
+}
+
+/** Shows that a studio light stands in only while no other light is chosen. @param {HTMLElement} page @param {import("../scene/settings-form.js").SettingsForm} form */
+function showStudioNote(page, form) {
+  const note = page.querySelector(".scene-note");
+  if (!(note instanceof HTMLElement)) return;
+  const show = () => (note.hidden = Boolean(form.request().environment));
+  form.element.addEventListener("input", show);
+  form.element.addEventListener("change", show);
+  show();
 }
 
 /**

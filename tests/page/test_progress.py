@@ -1,0 +1,73 @@
+"""Progress as the page shows it: the order of descriptions of a job, the remaining time, and what a stopped job has."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.page.node import Node
+
+JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None, "eta_s": 60}
+
+
+def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
+    """Events and the job's own socket deliver in no common order."""
+    body = """
+        m.jobs.set([]);
+        for (const [samples, as_of] of a.steps) m.putJob({ ...a.job, samples, as_of });
+        return m.jobs.value[0].samples;"""
+    assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 10.2], [4, 10.0], [6, 10.4], [5, 10.3]]}) == 6
+    assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 10.2], [5.5, 10.2]]}) == 5.5, "as new: the later one"
+    assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 9000], [6, 10]]}) == 6, "the service's clock was set back"
+
+
+def test_the_remaining_time_is_smoothed(node: Node) -> None:
+    """A forecast that swings by a factor of three for some seconds moves the shown time by a fraction of that."""
+    body = """
+        const end = new m.SmoothedEnd();
+        const shown = [];
+        a.forEach((left, second) => (end.add(left, second), shown.push(end.left(second))));
+        return shown;"""
+    shown = node.call("news/time-left", body, [1800] * 10 + [5400] * 5 + [1800] * 25)
+    assert shown[0] == 1800
+    assert max(shown) < 1800 + 0.2 * 3600
+    lasting = node.call("news/time-left", body, [1800] + [5400 - second for second in range(120)])
+    assert lasting[-1] == pytest.approx(5400 - 119, rel=0.02), "what lasts is believed after four times 30 s"
+
+
+def test_the_remaining_time_is_rounded(node: Node) -> None:
+    body = "return a.map((seconds) => m.rounded(seconds));"
+    seconds = [0.4, 3, 43, 75, 130, 1790, 2740, 3 * 3600]
+    assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 120, 1800, 2700, 3 * 3600]
+
+
+def test_no_time_is_shown_before_a_twentieth_is_done(node: Node) -> None:
+    body = "m.noteForecast({ ...a, ...{} }, 100); return m.timeLeft(a.id, 100);"
+    assert node.call("news/time-left", body, {**JOB, "eta_s": 2690}) == "about 45 min"
+    assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
+    assert node.call("news/time-left", body, {**JOB, "message": "Waits for a worker."}) == ""
+    assert node.call("news/time-left", body, {**JOB, "state": "paused"}) == ""
+
+
+def test_a_frame_is_paused_while_its_job_is(node: Node) -> None:
+    body = """
+        const job = (state) => ({ state, shot: { frames: "0-3" } });
+        const frames = new m.ShotFrames(job("running"));
+        frames.take(["finished", "running", "preparing", "queued"].map((state, number) => ({ number, state })));
+        frames.update(job(a));
+        return [0, 1, 2, 3].map((number) => frames.shown(number).state);"""
+    assert node.call("shot/shot-frames", body, "running") == ["finished", "running", "preparing", "queued"]
+    assert node.call("shot/shot-frames", body, "paused") == ["finished", "paused", "paused", "queued"]
+
+
+def test_a_job_starts_with_the_live_views_picture(node: Node) -> None:
+    body = """
+        const { Film } = await read("/js/film/film.js");
+        const view = new Film(2, 1, new Uint32Array([7, 9]));
+        view.isBlank = a.isBlank;
+        m.keepFirstLook("new", view);
+        const film = new Film(4, 2);
+        const [other, own, again] = ["old", "new", "new"].map((job) => m.takeFirstLook(job));
+        if (own) film.restart(own);
+        return [other, again, [...film.words], film.isBlank, film.total];"""
+    assert node.call("film/first-look", body, {"isBlank": False}) == [None, None, [7, 7, 9, 9] * 2, False, 0]
+    assert node.call("film/first-look", body, {"isBlank": True}) == [None, None, [0] * 8, True, 0]
