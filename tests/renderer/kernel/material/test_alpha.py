@@ -44,7 +44,6 @@ def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
 @pytest.mark.parametrize("distance", [10.0, 30.0, 1000.0])
 def test_a_distant_light_does_not_occlude_itself(distance, with_card):
     """A square light of area 1 facing a wall brings rho L / (pi d^2), whether a transparent card hangs beside it or not."""
-    facing, wall = np.array((0.3, 4.0, 0.0)), np.array((0.3, 4.0, distance))
     card = Material(base_color=gray(0.5), opacity=0.5, alpha_mode="blend")
     lamp = square((0.3, 4.0, 0.0), (0.5, 0, 0), (0, 0.5, 0), 1)
     wall = square((0.3, 4.0, distance), (0.1 * distance, 0, 0), (0, -0.1 * distance, 0), 0)
