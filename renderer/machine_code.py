@@ -24,7 +24,7 @@ from renderer.cache_folders import distrust, make_private, read_private
 from renderer.linking import restore_compiled
 from renderer.sources import ROOT
 
-__all__ = ["SUFFIX", "FunctionCacheFiles", "collect_cache_files"]
+__all__ = ["SUFFIX", "FunctionCacheFiles", "collect_cache_files", "note_file"]
 
 SUFFIX = ".code"
 
@@ -45,6 +45,12 @@ def collect_cache_files() -> Iterator[set[Path]]:
         yield files
     finally:
         _noted = None
+
+
+def note_file(path: Path) -> None:
+    """Adds a file of the cache to those that `collect_cache_files` collects, if it does."""
+    if _noted is not None:
+        _noted.add(path)
 
 
 class FunctionCacheFiles:
@@ -160,5 +166,5 @@ class _Files:
         return self.folder / f"{self._stem}.{name[:16]}{SUFFIX}"
 
     def _note(self, path: Path) -> None:
-        if _noted is not None and self._is_kernel:
-            _noted.add(path)
+        if self._is_kernel:
+            note_file(path)

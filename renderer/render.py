@@ -15,6 +15,7 @@ from renderer import jit
 from renderer.arrays.kernel_variant import edition_of, only
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import EDITIONS
+from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
 from renderer.kernel import path_trace as record
@@ -36,8 +37,10 @@ from renderer.threads import cores
 __all__ = [
     "PLAIN",
     "RenderStats",
+    "check_for_cards",
     "edition_for",
     "helpers_for",
+    "is_for_cards",
     "is_warm",
     "kernel_name",
     "load_preparing",
@@ -101,12 +104,47 @@ def _render(
     return BatchSums(sums, listed, int(bad_count)), int(rays)
 
 
-def render_batch(scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int) -> BatchSums:
-    """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe.
+def _render_on(
+    card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
+) -> tuple[BatchSums, int]:
+    """Returns what `_render` returns, rendered by a card. Raises CardError."""
+    camera, options = camera_frame(seen_from(settings, scene.origin)), kernel_options(settings, scene)
+    batch = Batch(tile.x, tile.y, first, count, fixed_place(scene.origin, settings.film_exponent))
+    variant = next(name for name, has in EDITIONS.items() if has == scene.has)
+    found = card.render(scene, variant, camera, options, batch, tile.w, tile.h)
+    bad: list[BadSample] = []
+    if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
+        for y, x in np.argwhere(found.sums[SAMPLES] < count)[:MAX_BAD]:
+            bad += _render(scene, settings, Tile(tile.x + int(x), tile.y + int(y), 1, 1), first, count)[0].bad
+    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count), found.rays
 
-    The sums depend on the arguments alone: batches of a frame add up to the same bits however the frame is divided.
+
+def is_for_cards(settings: RenderSettings) -> bool:
+    """Whether a card can render with these settings: it has the path tracer for pictures, and no other integrator or strategy."""
+    return has_editions(settings)
+
+
+def check_for_cards(settings: RenderSettings) -> None:
+    """Raises SettingsError unless a card can render with these settings."""
+    if not is_for_cards(settings):
+        raise SettingsError(
+            "a graphics card renders with the integrators path and direct, sampling mis, heuristic power, one light sample and "
+            "no mistake; leave out the card"
+        )
+
+
+def render_batch(
+    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer | None = None
+) -> BatchSums:
+    """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a card.
+
+    The sums depend on the other arguments alone: batches of a frame add up to the same bits however the frame is divided.
+    card: renders the batch, if given and `is_for_cards`. Raises CardError.
     """
-    return _render(_prepared(scene, settings), settings, tile, first, count)[0]
+    prepared = _prepared(scene, settings)
+    if card is not None and is_for_cards(settings):
+        return _render_on(card, prepared, settings, tile, first, count)[0]
+    return _render(prepared, settings, tile, first, count)[0]
 
 
 def render_frame(
@@ -118,6 +156,7 @@ def render_frame(
     stats: RenderStats | None = None,
     stop: Callable[[Sums], bool] | None = None,
     time_limit: float | None = None,
+    card: CardRenderer | None = None,
 ) -> Sums:
     """Renders samples 0 ... spp - 1 of every pixel: returns the film's sums, (CHANNELS, height, width) int64.
 
@@ -127,19 +166,25 @@ def render_frame(
     stop: called with the sums after every pass over the frame; ends the render if it returns True.
     time_limit: seconds after which no further pass begins; at least one pass is made.
     If either is given, passes have 1, 1, 2, 4 ... and at most 64 samples per pixel; else 64.
+    card: renders everything instead of the CPU, to the same bits. Raises SettingsError unless `is_for_cards`, and CardError.
     """
     stats = stats if stats is not None else RenderStats()
-    threads = threads or cores()
+    if card is not None:
+        check_for_cards(settings)
+    threads = 1 if card is not None else threads or cores()
     prepared = _prepared(scene, settings)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
-    tiles = tiles_of(settings.width, settings.height, _TILE)
+    tiles = tiles_of(settings.width, settings.height, _TILE if card is None else max(settings.width, settings.height))
     total = spp * settings.width * settings.height
     begin = time.perf_counter()
     lock = threading.Lock()
     done = 0
 
     def render(tile: Tile, first: int, count: int) -> int:
-        batch, rays = _render(prepared, settings, tile, first, count)
+        if card is not None:
+            batch, rays = _render_on(card, prepared, settings, tile, first, count)
+        else:
+            batch, rays = _render(prepared, settings, tile, first, count)
         with lock:
             sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += batch.sums
             stats.rays += rays

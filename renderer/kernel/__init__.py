@@ -3,7 +3,7 @@
 Float32 and tuples throughout, without CPU-only techniques.
 
 steps/        the rules of light transport, one step of a path each, for any backend
-backends/     cpu/: many paths at once, in stages; scalar/: one path at a time
+backends/     cpu/: many paths at once, in stages; scalar/: one path at a time; cuda/: on cards
 lineage/      Whitted's ray tracing, ambient occlusion, other strategies to find light
 light/        choosing and sampling lights; environments; point, spot and distant lights
 material/     material rows, texture lookups, dispatch to the BSDF models

@@ -1,0 +1,10 @@
+"""Rendering on NVIDIA's graphics cards, with the CPU's bits. Not yet tried on a card in this version.
+
+The kernel is in renderer/kernel/backends/cuda.
+
+driver.py     NVIDIA's driver through ctypes
+cards.py      which cards can render, and why others cannot
+job.py        the kernel's argument: its type, and its bytes
+artefacts.py  the kernels' PTX in the cache
+render.py     rendering batches on a card
+"""

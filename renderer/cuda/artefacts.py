@@ -1,0 +1,82 @@
+"""The PTX of kernel variants as files of the kernel cache, built without a card and shared like the CPU's machine code."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numba import types
+
+from renderer import jit
+from renderer.arrays.scene_features import EDITIONS
+from renderer.cache_folders import make_private, read_private
+from renderer.cuda.job import job_type
+from renderer.kernel.backends.cuda.megakernel import render_thread
+from renderer.kernel.backends.cuda.ptx import card_module, emit_ptx, linked_module
+from renderer.machine_code import SUFFIX, note_file
+from renderer.reference import Reference
+from renderer.shipped_kernels import take_shipped
+from renderer.target import KernelDispatcher
+
+__all__ = ["card_module_of", "kernel_name", "ptx_of"]
+
+_FOLDER = "ptx"
+
+
+def kernel_name(variant: str) -> str:
+    """Returns the name of a variant's kernel in the cache (renderer/kernel_file.py)."""
+    return f"cuda-{variant.replace('-', '_')}"
+
+
+def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
+    """Returns the PTX of a kernel variant (renderer/arrays/scene_features.py): from the cache, or built, which takes a minute.
+
+    fetch: called with the kernel's name before it is built, to fetch it from elsewhere. Raises InexactError.
+    """
+    name = kernel_name(variant)
+    path = _path(variant)
+    if not jit.is_cached(name):
+        take_shipped(jit.cache_folder())
+    with jit.compiling(name, None if fetch is None else lambda: fetch(name)):
+        kept = _read(path)
+        if kept is None:
+            kept = emit_ptx(card_module_of(variant))
+            _write(path, kept)
+        note_file(path)
+    return kept
+
+
+def card_module_of(variant: str) -> Any:
+    """Compiles a kernel variant, and returns its optimised LLVM module for cards. Raises InexactError."""
+    kind = job_type(variant)
+    module, name = linked_module(render_thread, (Reference(kind), types.int64))
+    context = KernelDispatcher.targetdescr.target_context
+    size = context.get_abi_sizeof(context.get_value_type(kind))
+    return card_module(module, name, size)
+
+
+def _path(variant: str) -> Path:
+    assert variant in EDITIONS
+    return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
+
+
+def _read(path: Path) -> str | None:
+    try:
+        found = read_private(path)
+    except OSError:
+        return None
+    return None if found is None else found.decode("ascii")
+
+
+def _write(path: Path, text: str) -> None:
+    """Writes the file atomically; if it cannot be written, the next process builds the kernel again."""
+    beside = path.with_name(f".part-{os.getpid()}-{path.name}")
+    try:
+        make_private(path.parent)
+        beside.touch(0o600)
+        beside.write_text(text)
+        beside.replace(path)
+    except OSError:
+        beside.unlink(missing_ok=True)

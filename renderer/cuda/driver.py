@@ -1,0 +1,185 @@
+"""NVIDIA's driver through ctypes: the functions of its public C API that rendering needs, without CUDA's toolkit.
+
+Each function raises DriverError with the driver's own name and description of the error. A `Device` may be used by any thread,
+but by one at a time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+__all__ = ["LIBRARY", "Card", "Device", "Driver", "DriverError", "Kernel"]
+
+LIBRARY = "libcuda.so.1"
+_MAJOR, _MINOR, _PROCESSORS = 75, 76, 16  # CU_DEVICE_ATTRIBUTE_...
+_LOG, _LOG_BYTES = 5, 6  # CU_JIT_ERROR_LOG_BUFFER and its size
+_LOG_SIZE = 8192
+_NAME_SIZE = 256
+_Pointer = ctypes.c_uint64  # CUdeviceptr
+
+
+class DriverError(Exception):
+    """The driver is missing, or one of its functions failed. `code`: the driver's name of the error, empty if it has none."""
+
+    def __init__(self, text: str, code: str = "") -> None:
+        super().__init__(text)
+        self.code = code
+
+
+class Card(NamedTuple):
+    """A graphics card as the driver describes it."""
+
+    number: int
+    name: str
+    capability: tuple[int, int]
+    memory: int  # bytes
+    processors: int  # streaming multiprocessors
+
+
+class Driver:
+    """The driver's library, initialised. Raises DriverError if there is none."""
+
+    def __init__(self, library: str = LIBRARY) -> None:
+        try:
+            self._library = ctypes.CDLL(library)
+        except OSError as error:
+            raise DriverError(f"the NVIDIA driver's library cannot be loaded: {error}") from error
+        self.call("cuInit", ctypes.c_uint(0))
+
+    def call(self, function: str, *arguments: Any) -> None:
+        """Calls a function of the driver. Raises DriverError."""
+        try:
+            called = getattr(self._library, function)
+        except AttributeError as error:
+            raise DriverError(f"the NVIDIA driver lacks the function {function}") from error
+        if code := called(*arguments):
+            name, text = self._described(code)
+            raise DriverError(f"{function} failed: {text} ({name})", name)
+
+    def _described(self, code: int) -> tuple[str, str]:
+        """Returns the name and the description of an error."""
+        texts = []
+        for function in ("cuGetErrorName", "cuGetErrorString"):
+            text = ctypes.c_char_p()
+            getattr(self._library, function)(ctypes.c_int(code), ctypes.byref(text))
+            texts.append((text.value or f"error {code}".encode()).decode(errors="replace"))
+        return texts[0], texts[1]
+
+    def version(self) -> tuple[int, int]:
+        """Returns the newest version of CUDA that the driver supports."""
+        number = ctypes.c_int()
+        self.call("cuDriverGetVersion", ctypes.byref(number))
+        return number.value // 1000, number.value % 1000 // 10
+
+    def cards(self) -> list[Card]:
+        """Returns all cards, of any capability, in the driver's order."""
+        count = ctypes.c_int()
+        self.call("cuDeviceGetCount", ctypes.byref(count))
+        return [self._card(number) for number in range(count.value)]
+
+    def handle(self, number: int) -> ctypes.c_int:
+        """Returns the driver's handle of a card."""
+        handle = ctypes.c_int()
+        self.call("cuDeviceGet", ctypes.byref(handle), ctypes.c_int(number))
+        return handle
+
+    def _card(self, number: int) -> Card:
+        handle = self.handle(number)
+        name = ctypes.create_string_buffer(_NAME_SIZE)
+        self.call("cuDeviceGetName", name, ctypes.c_int(_NAME_SIZE), handle)
+        memory = ctypes.c_size_t()
+        self.call("cuDeviceTotalMem_v2", ctypes.byref(memory), handle)
+        major, minor, processors = (self._attribute(which, handle) for which in (_MAJOR, _MINOR, _PROCESSORS))
+        return Card(number, name.value.decode(errors="replace"), (major, minor), memory.value, processors)
+
+    def _attribute(self, which: int, handle: ctypes.c_int) -> int:
+        value = ctypes.c_int()
+        self.call("cuDeviceGetAttribute", ctypes.byref(value), ctypes.c_int(which), handle)
+        return value.value
+
+
+class Kernel(NamedTuple):
+    """A loaded kernel."""
+
+    module: ctypes.c_void_p
+    function: ctypes.c_void_p
+
+
+class Device:
+    """A card's memory and kernels, in its primary context. Close it to release both."""
+
+    def __init__(self, driver: Driver, number: int) -> None:
+        self._driver = driver
+        self._handle = driver.handle(number)
+        self._allocated: set[int] = set()
+        self._kernels: list[Kernel] = []
+        context = ctypes.c_void_p()
+        driver.call("cuDevicePrimaryCtxRetain", ctypes.byref(context), self._handle)
+        self._context = context
+
+    def _call(self, function: str, *arguments: Any) -> None:
+        """Calls a function of the driver with this card's context, which is of the calling thread. Raises DriverError."""
+        self._driver.call("cuCtxSetCurrent", self._context)
+        self._driver.call(function, *arguments)
+
+    def upload(self, array: npt.NDArray[Any]) -> int:
+        """Copies a C-contiguous array into new memory of the card; returns its address."""
+        address = _Pointer()
+        self._call("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
+        self._allocated.add(address.value)
+        if array.nbytes:
+            source = ctypes.c_void_p(array.ctypes.data)
+            self._call("cuMemcpyHtoD_v2", address, source, ctypes.c_size_t(array.nbytes))
+        return address.value
+
+    def download(self, address: int, array: npt.NDArray[Any]) -> None:
+        """Copies the card's memory into a C-contiguous array; waits for kernels that have been launched."""
+        if array.nbytes:
+            target = ctypes.c_void_p(array.ctypes.data)
+            self._call("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
+
+    def free(self, address: int) -> None:
+        """Frees memory from `upload`."""
+        self._allocated.discard(address)
+        self._call("cuMemFree_v2", _Pointer(address))
+
+    def load(self, ptx: str, name: str) -> Kernel:
+        """Translates PTX for this card, or takes the translation from the driver's cache on disk; returns the kernel."""
+        log = ctypes.create_string_buffer(_LOG_SIZE)
+        options = (ctypes.c_int * 2)(_LOG, _LOG_BYTES)
+        values = (ctypes.c_void_p * 2)(ctypes.addressof(log), _LOG_SIZE)
+        module, function = ctypes.c_void_p(), ctypes.c_void_p()
+        text = ctypes.c_char_p(ptx.encode())
+        try:
+            self._call("cuModuleLoadDataEx", ctypes.byref(module), text, ctypes.c_uint(2), options, values)
+        except DriverError as error:
+            details = log.value.decode(errors="replace").strip()
+            raise DriverError(f"{error}: {details}" if details else str(error), error.code) from error
+        self._call("cuModuleGetFunction", ctypes.byref(function), module, ctypes.c_char_p(name.encode()))
+        kernel = Kernel(module, function)
+        self._kernels.append(kernel)
+        return kernel
+
+    def launch(self, kernel: Kernel, blocks: int, threads: int, arguments: Sequence[bytes]) -> None:
+        """Launches a kernel with `blocks` blocks of `threads` threads; returns before it ends."""
+        buffers = [ctypes.create_string_buffer(argument, len(argument)) for argument in arguments]
+        places = (ctypes.c_void_p * len(buffers))(*(ctypes.addressof(each) for each in buffers))
+        sizes = (ctypes.c_uint(each) for each in (blocks, 1, 1, threads, 1, 1, 0))
+        self._call("cuLaunchKernel", kernel.function, *sizes, None, places, None)
+
+    def synchronize(self) -> None:
+        """Waits until all kernels have ended. Raises DriverError if one failed."""
+        self._call("cuCtxSynchronize")
+
+    def close(self) -> None:
+        """Frees all memory and kernels."""
+        for address in list(self._allocated):
+            self.free(address)
+        while self._kernels:
+            self._call("cuModuleUnload", self._kernels.pop().module)
+        self._driver.call("cuDevicePrimaryCtxRelease_v2", self._handle)

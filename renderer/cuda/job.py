@@ -1,0 +1,78 @@
+"""Jobs: the argument of the card's kernel, its type for each variant, and its bytes in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numba import typeof, types
+
+from renderer.arrays.kernel_variant import only
+from renderer.arrays.scene import CompiledScene, example
+from renderer.film import CHANNELS
+from renderer.kernel.accumulate import Batch
+from renderer.kernel.backends.cuda.megakernel import COUNTERS, Job
+from renderer.kernel.camera import Camera, camera_frame
+from renderer.kernel.options import Options, kernel_options
+from renderer.settings import RenderSettings, View
+
+__all__ = ["job_for", "job_type", "packed"]
+
+_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+_SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
+
+
+def job_for(
+    scene: CompiledScene, camera: Camera, options: Options, batch: Batch, width: int, height: int, pieces: int = 1
+) -> Job:
+    """Returns the job of a batch of a tile of that size, with zeros to add to."""
+    film = np.zeros((CHANNELS, height, width), np.int64)
+    return Job(scene, camera, options, batch, film, np.zeros(COUNTERS, np.int64), np.int64(pieces))
+
+
+def job_type(variant: str) -> types.Type:
+    """Returns the type of the jobs of a kernel variant (renderer/arrays/scene_features.py)."""
+    scene = only(example(), variant)
+    return typeof(job_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0))
+
+
+def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
+    """Returns a tuple's bytes as kernels read them: like a C struct, each array as Numba's structure for arrays.
+
+    place: returns the address of an array's data.
+    """
+    data = bytearray()
+    _append(data, value, typeof(value), place)
+    data.extend(bytes(-len(data) % _alignment(typeof(value))))
+    return bytes(data)
+
+
+def _append(data: bytearray, value: Any, kind: types.Type, place: Callable[[npt.NDArray[Any]], int]) -> None:
+    data.extend(bytes(-len(data) % _alignment(kind)))
+    if isinstance(kind, types.BaseTuple):
+        for part, part_kind in zip(value, kind, strict=True):
+            _append(data, part, part_kind, place)
+        data.extend(bytes(-len(data) % _alignment(kind)))
+    elif isinstance(kind, types.Array):
+        # Numba's array structure: two owners, which kernels do not read; count, item size, data, shape, strides.
+        words = [0, 0, value.size, value.itemsize, place(value), *value.shape, *value.strides]
+        data.extend(np.array(words, np.uint64).tobytes())
+    else:
+        data.extend(np.array(0 if value is None else value, _format(kind)).tobytes())
+
+
+def _format(kind: types.Type) -> str:
+    """Returns numpy's name of a number's type."""
+    if kind in _SCALARS:
+        return _SCALARS[kind]
+    if isinstance(kind, types.Integer | types.Float):
+        return kind.name
+    raise TypeError(f"jobs cannot contain {kind}")
+
+
+def _alignment(kind: types.Type) -> int:
+    if isinstance(kind, types.BaseTuple):
+        return max((_alignment(each) for each in kind), default=1)
+    return 8 if isinstance(kind, types.Array) else np.dtype(_format(kind)).itemsize

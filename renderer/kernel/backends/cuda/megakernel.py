@@ -1,0 +1,125 @@
+"""The kernel of a graphics card: one thread renders some samples of one pixel, one path at a time.
+
+The scalar backend's loop over samples (renderer/kernel/backends/scalar/tile.py) runs unchanged on a film of one pixel that the
+thread owns. Its sums are then added to the film with atomic integer additions, whose order has no effect.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+from renderer.bvh.traverse import new_stack
+from renderer.film import CHANNELS
+from renderer.jit import local_floats, subroutine
+from renderer.kernel.backends.scalar.picture import trace_picture
+from renderer.kernel.backends.scalar.tile import render_tile
+
+__all__ = ["BAD", "COUNTERS", "RAYS", "Job", "render_thread"]
+
+BAD, RAYS = 0, 1  # entries of `Job.counters`: samples left out of the film, rays traced
+COUNTERS = 2
+_STACK = len(new_stack())
+_SUMS = (CHANNELS, 1, 1)
+_NO_BAD, _NO_LOG = (0, 3), (0, 1)
+_BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
+
+
+class Job(NamedTuple):
+    """The argument of the kernel: samples of a tile, and the arrays that they are added to."""
+
+    scene: Any
+    camera: Any
+    options: Any
+    batch: Any  # renderer/kernel/accumulate.py
+    film: Any  # (CHANNELS, h, w) int64, added to; its size is the tile's
+    counters: Any  # (COUNTERS,) int64, added to
+    pieces: Any  # threads that share the samples of a pixel, at least 1
+
+
+class _Part(NamedTuple):
+    """A thread's Batch: samples of one pixel."""
+
+    x: Any
+    y: Any
+    first: Any
+    count: Any  # type: ignore[assignment]  # hides tuple.count, which is not used
+    origin: Any
+
+
+class _Output(NamedTuple):
+    """A thread's Output (renderer/kernel/accumulate.py): lists no bad samples and records no path."""
+
+    sums: Any
+    bad: Any
+    log: Any
+
+
+@intrinsic(prefer_literal=True)
+def _local_zeros(typingctx: Any, dtype: Any, shape: Any) -> Any:
+    """Returns an array of zeros on the thread's stack, of a literal shape, valid until the calling function returns."""
+    lengths = [each.literal_value for each in shape]
+    array = types.Array(dtype.dtype, len(lengths), "C")
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        word = context.get_value_type(array.dtype)
+        size = context.get_abi_sizeof(word)
+        kind = ir.ArrayType(word, int(np.prod(lengths)))
+        memory = cgutils.alloca_once(builder, kind)
+        builder.store(ir.Constant(kind, None), memory)
+        strides = [size * int(np.prod(lengths[k + 1 :])) for k in range(len(lengths))]
+        view = context.make_array(array)(context, builder)
+        populate_array(
+            view,
+            data=builder.bitcast(memory, word.as_pointer()),
+            shape=[context.get_constant(types.intp, each) for each in lengths],
+            strides=[context.get_constant(types.intp, each) for each in strides],
+            itemsize=context.get_constant(types.intp, size),
+            meminfo=None,
+        )
+        return view._getvalue()
+
+    return array(dtype, shape), codegen
+
+
+@intrinsic
+def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
+    """Adds a number to an int64 array's flat element `index`, atomically with other threads. Unchecked."""
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "monotonic")
+        return context.get_dummy_value()
+
+    return types.void(array, types.uintp, types.int64), codegen
+
+
+@subroutine
+def render_thread(job, thread):
+    """Renders the samples of thread number `thread`, below height * width * pieces, of a Job."""
+    film, batch = job.film, job.batch
+    width, pixels = film.shape[2], film.shape[1] * film.shape[2]
+    place, piece = thread // job.pieces, thread % job.pieces
+    share = (batch.count + job.pieces - 1) // job.pieces
+    first = piece * share
+    count = min(share, batch.count - first)
+    if count <= 0:
+        return
+    stack = local_floats(_STACK)
+    sums = _local_zeros(np.int64, _SUMS)
+    output = _Output(sums, _local_zeros(np.int64, _NO_BAD), _local_zeros(np.float64, _NO_LOG))
+    part = _Part(batch.x + place % width, batch.y + place // width, batch.first + first, count, batch.origin)
+    bad, rays = render_tile(trace_picture, job.scene, stack, job.camera, job.options, part, output)
+    for channel in range(CHANNELS):
+        value = sums[channel, 0, 0]
+        if value != 0:
+            _add_atomically(film, np.uintp(channel * pixels + place), value)
+    if bad > 0:
+        _add_atomically(job.counters, _BAD, bad)
+    _add_atomically(job.counters, _RAYS, rays)

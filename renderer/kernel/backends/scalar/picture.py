@@ -1,0 +1,34 @@
+"""The path tracer for pictures, one path at a time: multiple importance sampling by the power heuristic."""
+
+from __future__ import annotations
+
+from renderer.jit import device, template
+from renderer.kernel.backends.scalar.path import has_lights, trace_path
+from renderer.kernel.material.material import sample_material
+from renderer.kernel.steps.mis import hit_weight, light_weight
+from renderer.kernel.steps.state import BsdfSample
+
+__all__ = ["trace_picture"]
+
+
+@device
+def _weigh_hit(options, ray, path, last, point, light_pdf):
+    return hit_weight(ray.pdf, light_pdf)
+
+
+@device
+def _weigh_light(options, light, scatter_pdf, branches, point):
+    return light_weight(light.pdf, scatter_pdf, branches)
+
+
+@device
+def _sample_bsdf(scene, vertex, options, choose, u):
+    wi, weight, pdf, eta2 = sample_material(vertex.material, vertex.wo, choose, u)
+    return BsdfSample(wi, weight, pdf, eta2)
+
+
+@template
+def trace_picture(scene, stack, camera, medium_stack, options, log, first):
+    """Traces one sample as the pool of paths (renderer/kernel/backends/cpu) does, to the same bits; see `trace_path`."""
+    lit = has_lights(scene)
+    return trace_path(scene, stack, camera, medium_stack, options, log, first, lit, _weigh_hit, _weigh_light, _sample_bsdf)

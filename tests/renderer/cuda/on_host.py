@@ -1,0 +1,104 @@
+"""Runs a card's optimised LLVM module on the CPU: tests the way to the card but for instruction selection and the hardware."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import pytest
+
+from renderer.cuda.artefacts import card_module_of
+from renderer.kernel.backends.cuda.ptx import KERNEL
+
+__all__ = ["card_module", "fake_driver", "launcher", "shared_object"]
+
+_REGISTERS = {"tid": "load i32, ptr @thread", "ctaid": "add i32 0, 0", "ntid": "add i32 1, 0"}
+# All threads of a launch, one after the other, each as if it were alone in the first block.
+_LAUNCH = f"""
+@thread = internal global i32 0
+define void @launch(ptr %job, i64 %count) {{
+entry:
+  br label %loop
+loop:
+  %i = phi i64 [0, %entry], [%next, %loop]
+  %thread = trunc i64 %i to i32
+  store i32 %thread, ptr @thread
+  call void @{KERNEL}(ptr %job, i64 %count)
+  %next = add i64 %i, 1
+  %more = icmp ult i64 %next, %count
+  br i1 %more, label %loop, label %end
+end:
+  ret void
+}}
+"""
+_REMOVED = (
+    r'^target (?:triple|datalayout) = ".*"$',
+    r"^declare .*@llvm\.nvvm\.read\.ptx\.sreg\..*$",
+    r"\bptx_kernel ",
+    r"byval\(\[\d+ x i8\]\) ",
+    r'"nvvm\.\w+"(?:="\d+")?',
+)
+_engines: list[llvm.ExecutionEngine] = []  # they own the machine code
+
+
+@functools.cache
+def card_module(variant: str) -> llvm.ModuleRef:
+    """Returns the optimised module of a variant, once for all tests."""
+    return card_module_of(variant)
+
+
+@functools.cache
+def launcher(variant: str) -> Callable[[int, int], None]:
+    """Returns a function that runs a variant's kernel: launch(address of the job, number of threads)."""
+    module, machine = _retargeted(card_module(variant))
+    engine = llvm.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    _engines.append(engine)
+    return ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(engine.get_function_address("launch"))
+
+
+def fake_driver(folder: Path) -> Path:
+    """Compiles fake_cuda.c to a library in the folder; skips the test where there is no C compiler."""
+    library = folder / "libcuda.so.1"
+    _linked([str(Path(__file__).with_name("fake_cuda.c")), "-ldl"], library)
+    return library
+
+
+def shared_object(variant: str, folder: Path) -> Path:
+    """Writes a variant's kernel as the shared object that fake_cuda.c loads; skips the test where there is no C compiler."""
+    module, machine = _retargeted(card_module(variant))
+    code = folder / f"{variant}.o"
+    code.write_bytes(machine.emit_object(module))
+    library = folder / f"{variant}.so"
+    _linked([str(code)], library)
+    return library
+
+
+def _linked(arguments: list[str], library: Path) -> None:
+    compiler = shutil.which("cc") or pytest.skip("There is no C compiler.")
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), *arguments], check=True)
+
+
+def _retargeted(card: llvm.ModuleRef) -> tuple[llvm.ModuleRef, llvm.TargetMachine]:
+    """Returns the module for this CPU with a function `launch`, and the target machine."""
+    text = str(card)
+    for pattern in _REMOVED:
+        text = re.sub(pattern, "", text, flags=re.MULTILINE)
+    text = re.sub(r"call (?:range\([^)]*\) )?i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", r"call i32 @register_\1()", text)
+    for register, value in _REGISTERS.items():
+        text += f"define internal i32 @register_{register}() {{\n  %value = {value}\n  ret i32 %value\n}}\n"
+    module = llvm.parse_assembly(text + _LAUNCH)
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = ",".join(f"{'+' if has else '-'}{name}" for name, has in llvm.get_host_cpu_features().items())
+    target = llvm.Target.from_default_triple()
+    machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True, reloc="pic")
+    module.triple = llvm.get_default_triple()
+    module.data_layout = str(machine.target_data)
+    return module, machine

@@ -1,0 +1,160 @@
+"""Finding cards, choosing among them, and rendering through the driver's API, with a driver made for tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from renderer.cuda.cards import CardsError, chosen_cards, find_cards
+from renderer.cuda.driver import Card, Device, Driver, DriverError
+from renderer.cuda.render import CardError, CardRenderer
+from renderer.errors import SettingsError
+from renderer.film import SAMPLES
+from renderer.render import RenderStats, render_batch, render_frame
+from renderer.settings import Tile
+from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.renderer.kernel.backends.features import made
+
+NEW, OLD = "RTX Test:8:6:8192", "GTX Test:6:1:4096"
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(fake_driver(tmp_path_factory.mktemp("driver")))
+
+
+@pytest.fixture
+def with_cards(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setenv("FAKE_CUDA_CARDS", NEW)
+    return monkeypatch
+
+
+def test_a_machine_without_a_driver_has_no_cards(tmp_path: Path) -> None:
+    cards = find_cards(str(tmp_path / "libcuda.so.1"))
+    assert cards.usable == []
+    assert len(cards.refused) == 1
+    assert "the NVIDIA driver's library cannot be loaded" in cards.refused[0]
+
+
+def test_a_driver_that_finds_no_card(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FAKE_CUDA_CARDS", "")
+    assert find_cards(library) == ([], ["No graphics card is used: the NVIDIA driver finds none."])
+
+
+def test_a_driver_that_is_too_old(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    with_cards.setenv("FAKE_CUDA_VERSION", "11040")
+    cards = find_cards(library)
+    assert cards.usable == []
+    assert "supports CUDA 11.4, and Rayfarm needs CUDA 12.1" in cards.refused[0]
+
+
+def test_a_card_that_is_too_old_is_refused_beside_one_that_is_used(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
+    cards = find_cards(library)
+    assert cards.usable == [Card(1, "RTX Test", (8, 6), 8 << 30, 1)]
+    assert cards.refused == [
+        "Card 0: GTX Test, 4 GiB, compute capability 6.1, is not used: Rayfarm needs compute capability 7.0 or higher."
+    ]
+
+
+def test_cards_are_chosen(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
+    cards = find_cards(library)
+    both = cards.usable
+    assert chosen_cards("none", cards) == ([], True)
+    assert chosen_cards("all", cards) == (both, True)
+    assert chosen_cards("only", cards) == (both, False)
+    assert chosen_cards("1", cards) == (both[1:], True)
+    assert chosen_cards("1,0,1", cards) == (both[::-1], True)
+    for choice, said in (
+        ("2", "no usable card 2"),
+        ("0,7", "no usable card 7"),
+        ("first", "'first'"),
+        ("", "''"),
+        ("-1", "'-1'"),
+    ):
+        with pytest.raises(CardsError, match=said):
+            chosen_cards(choice, cards)
+
+
+@pytest.mark.parametrize("choice", ("all", "only", "0"))
+def test_a_card_that_is_not_there_is_an_error_with_the_reason(choice: str, tmp_path: Path) -> None:
+    with pytest.raises(CardsError, match=f"--gpu {choice}: .*library cannot be loaded"):
+        chosen_cards(choice, find_cards(str(tmp_path / "none")))
+
+
+def test_memory_is_copied_and_freed(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    device = Device(Driver(library), 0)
+    there, back = np.arange(12.0).reshape(3, 4), np.zeros((3, 4))
+    address = device.upload(there)
+    device.download(address, back)
+    assert (back == there).all()
+    device.free(address)
+    device.upload(np.zeros(0))
+    device.close()
+
+
+def test_an_error_has_the_drivers_name_and_words(library: str, with_cards: pytest.MonkeyPatch) -> None:
+    device = Device(Driver(library), 0)
+    said = r"cuModuleLoadDataEx failed: PTX is invalid \(CUDA_ERROR_INVALID_PTX\): ptxas: there is no entry"
+    with pytest.raises(DriverError, match=said) as error:
+        device.load("nothing", "render")
+    assert error.value.code == "CUDA_ERROR_INVALID_PTX"
+    with pytest.raises(DriverError, match="lacks the function cuNone"):
+        Driver(library).call("cuNone")
+    device.close()
+
+
+@pytest.fixture
+def card(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> CardRenderer:
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
+    return CardRenderer(find_cards(library).usable[0], library)
+
+
+def test_a_frame_of_a_card_has_the_bits_of_the_cpu(card: CardRenderer) -> None:
+    for name in ("diffuse", "a sky's picture", "diffuse"):
+        scene, settings = made(name)
+        of_card, of_cpu = RenderStats(), RenderStats()
+        film = render_frame(scene, settings, 3, stats=of_card, card=card)
+        assert (film == render_frame(scene, settings, 3, stats=of_cpu)).all()
+        assert (of_card.samples, of_card.rays) == (of_cpu.samples, of_cpu.rays)
+    card.close()
+
+
+def test_a_batch_of_a_card_has_the_bits_of_the_cpu(card: CardRenderer) -> None:
+    scene, settings = made("glass")
+    tile = Tile(5, 7, 9, 4)
+    assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
+
+
+def test_many_samples_are_several_launches(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.cuda.render._MOST_SAMPLES", 100)
+    scene, settings = made("diffuse")
+    tile = Tile(0, 0, 8, 8)
+    sums = render_batch(scene, settings, tile, 0, 3, card).sums
+    assert (sums[SAMPLES] == 3).all()
+    assert (sums == render_batch(scene, settings, tile, 0, 3).sums).all()
+
+
+def test_samples_that_are_not_finite_are_left_out_counted_and_named(card: CardRenderer) -> None:
+    scene, settings = made("diffuse")
+    scene = scene._replace(environment=np.full((1, 1, 3), np.nan, np.float32))
+    of_card, of_cpu = (render_batch(scene, settings, Tile(4, 6, 8, 4), 1, 2, each) for each in (card, None))
+    assert of_card.bad_count == of_cpu.bad_count > 0
+    assert sorted(of_card.bad) == sorted(of_cpu.bad)
+    assert (of_card.sums == of_cpu.sums).all()
+
+
+def test_a_scene_that_does_not_fit_is_an_error(card: CardRenderer, with_cards: pytest.MonkeyPatch) -> None:
+    with_cards.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:0")
+    with pytest.raises(CardError, match=r"card 0 \(RTX Test\) has too little memory"):
+        render_frame(*made("diffuse"), 1, card=card)
+
+
+def test_settings_that_cards_lack_are_an_error(card: CardRenderer) -> None:
+    scene, settings = made("diffuse")
+    with pytest.raises(SettingsError, match="a graphics card renders with"):
+        render_frame(scene, replace(settings, integrator="ao"), 1, card=card)

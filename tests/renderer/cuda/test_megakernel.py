@@ -1,0 +1,67 @@
+"""The card's kernel, run on the CPU as the optimised LLVM code that becomes PTX: its films have the CPU's bits."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.cuda.job import job_for, packed
+from renderer.kernel.accumulate import Batch
+from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
+from renderer.kernel.camera import camera_frame
+from renderer.kernel.options import kernel_options
+from renderer.render import RenderStats, _prepared, edition_for, render_frame
+from renderer.scene.origin import fixed_place, seen_from
+from tests.grids import grid
+from tests.renderer.cuda.on_host import launcher
+from tests.renderer.kernel.backends.features import FEATURES, made
+
+SPP = 4
+ORDINARY = ("diffuse", "glass", "metal and plastic", "no triangles", "a sky's picture", "a lens")
+
+
+def job_of(name: str, pieces: int, first: int = 0, count: int = SPP) -> Job:
+    scene, settings = made(name)
+    prepared = _prepared(scene, settings)
+    camera, options = camera_frame(seen_from(settings, prepared.origin)), kernel_options(settings, prepared)
+    batch = Batch(0, 0, first, count, fixed_place(prepared.origin, settings.film_exponent))
+    return job_for(prepared, camera, options, batch, settings.width, settings.height, pieces)
+
+
+def run(name: str, job: Job) -> None:
+    """Adds a job's samples to its film."""
+    scene, settings = made(name)
+    data = np.frombuffer(packed(job, lambda array: array.ctypes.data), np.uint8).copy()
+    launcher(edition_for(settings, scene))(data.ctypes.data, settings.width * settings.height * int(job.pieces))
+
+
+def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
+    stats = RenderStats()
+    return render_frame(*made(name), SPP, stats=stats), stats
+
+
+@grid("name", FEATURES, ordinary=ORDINARY)
+def test_a_feature_has_the_bits_of_the_cpu(name: str) -> None:
+    job = job_of(name, pieces=1)
+    run(name, job)
+    film, stats = of_cpu(name)
+    assert (job.film != film).any(0).sum() == 0
+    assert job.counters[RAYS] == stats.rays
+    assert job.counters[BAD] == 0
+
+
+@pytest.mark.parametrize("pieces", (2, 3, 9))
+def test_threads_share_the_samples_of_a_pixel(pieces: int) -> None:
+    job = job_of("diffuse", pieces)
+    run("diffuse", job)
+    assert (job.film == of_cpu("diffuse")[0]).all()
+
+
+def test_a_film_is_added_to() -> None:
+    whole, job = job_of("diffuse", 1), job_of("diffuse", 1, count=1)
+    run("diffuse", whole)
+    run("diffuse", job)
+    rest = job_of("diffuse", 2, first=1, count=SPP - 1)
+    run("diffuse", rest._replace(film=job.film))
+    assert (job.film == whole.film).all()

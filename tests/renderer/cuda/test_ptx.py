@@ -1,0 +1,101 @@
+"""The way from LLVM's code to PTX, and what a kernel for cards must not contain."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import llvmlite.binding as llvm
+import pytest
+
+from renderer.arrays.scene_features import EDITIONS
+from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
+from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
+from tests.grids import grid
+from tests.renderer.cuda.on_host import card_module as module_of
+
+# On a card of this capability, by ptxas: bytes of a thread's stack, the traversal's included, and bytes of spilled registers.
+ARCHITECTURE = "sm_75"
+STACK, SPILLED = 16384, 4096
+
+
+def ptx_of(body: str, declared: str = "") -> str:
+    """Returns the PTX of a kernel whose threads store a number, the value %y of these instructions on %a, %b and %c."""
+    text = f"""
+{declared}
+define i32 @work(ptr %ret, ptr %exc, ptr %job, i64 %thread) {{
+  %a = load float, ptr %job
+  %pb = getelementptr float, ptr %job, i64 1
+  %b = load float, ptr %pb
+  %pc = getelementptr float, ptr %job, i64 2
+  %c = load float, ptr %pc
+  %out = getelementptr ptr, ptr %job, i64 2
+  %to = load ptr, ptr %out
+  {body}
+  store float %y, ptr %to
+  ret i32 0
+}}
+"""
+    return emit_ptx(card_module(llvm.parse_assembly(text), "work", 24))
+
+
+def test_a_sum_of_a_product_is_fused_only_where_the_code_says_so() -> None:
+    plain = ptx_of("%x = fmul float %a, %b\n  %y = fadd float %x, %c")
+    assert "mul.rn.f32" in plain
+    assert "add.rn.f32" in plain
+    assert "fma" not in plain
+    fused = ptx_of(
+        "%y = call float @llvm.fma.f32(float %a, float %b, float %c)", "declare float @llvm.fma.f32(float, float, float)"
+    )
+    assert fused.count("fma.rn.f32") == 1
+
+
+def test_quotients_and_roots_are_rounded_correctly() -> None:
+    ptx = ptx_of("%x = fdiv float %a, %b\n  %y = call float @sqrtf(float %x)", "declare float @sqrtf(float)")
+    assert "div.rn.f32" in ptx
+    assert "sqrt.rn.f32" in ptx
+
+
+@pytest.mark.parametrize("called", ("sinf", "llvm.exp.f32", "llvm.sin.f32"))
+def test_a_function_that_cards_compute_differently_is_an_error(called: str) -> None:
+    with pytest.raises(InexactError, match=re.escape(called)):
+        ptx_of(f"%y = call float @{called}(float %a)", f"declare float @{called}(float)")
+
+
+def test_a_remainder_is_an_error() -> None:
+    with pytest.raises(InexactError, match="remainder"):
+        ptx_of("%y = frem float %a, %b")
+
+
+@pytest.mark.parametrize("operation", ("div.full.f32", "sqrt.approx.f32", "ex2.approx.ftz.f32", "add.f32", "mul.f64", "mad.f32"))
+def test_an_operation_that_rounds_differently_is_an_error(operation: str) -> None:
+    with pytest.raises(InexactError, match=re.escape(operation)):
+        check_exact(f"\t{operation} \t%f1, %f2, %f3;\n")
+
+
+def test_a_prefetch_is_left_out() -> None:
+    declared = "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"
+    assert "prefetch" not in ptx_of(
+        "call void @llvm.prefetch.p0(ptr %job, i32 0, i32 3, i32 1)\n  %y = fadd float %a, %b", declared
+    )
+
+
+@grid("variant", EDITIONS, ordinary=["plain"])
+def test_a_variant_becomes_ptx_that_the_assembler_accepts(variant: str, tmp_path: Path) -> None:
+    ptx = emit_ptx(module_of(variant).clone())
+    assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
+    assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx
+    assert ".entry render(" in ptx
+    assembler = shutil.which("ptxas")
+    if assembler is None or variant == "plain":  # it takes ten seconds and more
+        return
+    path = tmp_path / "kernel.ptx"
+    path.write_text(ptx)
+    command = [assembler, f"-arch={ARCHITECTURE}", "-v", str(path), "-o", str(tmp_path / "kernel.cubin")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+    kernel = said[said.index("Function properties for render\n") :]
+    stack, stored = (int(re.findall(rf"(\d+) bytes {what}", kernel)[0]) for what in ("stack frame", "spill stores"))
+    assert stack <= STACK
+    assert stored <= SPILLED
