@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from rayfarm.reading import ReadStage
+    from renderer.cuda.render import CardRenderer
     from renderer.denoise import DenoisedPicture
     from renderer.film import Sums
     from renderer.render import RenderStats
@@ -52,6 +53,7 @@ class Order:
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
     strict: bool = False  # whether a scene's warnings are errors
+    card: CardRenderer | None = None  # renders instead of the CPU
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
         """The render settings at a moment of a scene. shutter: overrides the requested one.
@@ -108,10 +110,10 @@ def render_to(
     picture, done = order.picture, RenderStats()
     count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
     if order.tile is None and order.first == 0:
-        sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show)
+        sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show, order.card)
     else:
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
-        sums = part_of_frame(compiled, settings, tile, order.first, count, done)
+        sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.mark("render_s")
     planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
     if motion is not None and aovs.MOTION in order.planes:

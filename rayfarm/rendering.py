@@ -17,6 +17,7 @@ from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings, Tile
 
 if TYPE_CHECKING:
+    from renderer.cuda.render import CardRenderer
     from renderer.film import Sums
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
@@ -73,16 +74,20 @@ def load_scene(
     return found
 
 
-def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock) -> None:
-    """Makes the kernel for these settings and this scene ready.
+def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock, card: CardRenderer | None = None) -> None:
+    """Makes the kernel for these settings and this scene ready; on a card, if one renders.
 
     Called after the scene is read, so that errors in its files are reported before the wait.
     """
-    from renderer.render import edition_for, warm_up
+    from renderer.render import check_for_cards, edition_for, warm_up
 
     with bar() as progress:
         progress.add_task("loading the kernel (the first time compiles it: a minute or two)", total=None)
-        warm_up(settings, edition_for(settings, compiled), prepares=False)
+        if card is None:
+            warm_up(settings, edition_for(settings, compiled), prepares=False)
+        else:
+            check_for_cards(settings)
+            card.load(edition_for(settings, compiled))
     clock.mark("compile_s")
 
 
@@ -109,8 +114,9 @@ def whole_frame(
     time_limit: float | None,
     done: RenderStats,
     show: Show,
+    card: CardRenderer | None = None,
 ) -> Sums:
-    """Renders the whole frame and returns its sums.
+    """Renders the whole frame, with a card if given, and returns its sums.
 
     noise: target relative noise, with at least `least_samples` samples per pixel.
     """
@@ -123,22 +129,32 @@ def whole_frame(
             return False
         return noise_of(sums, settings.film_exponent) <= noise
 
-    return render_frame(compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit)
+    return render_frame(
+        compiled, settings, spp, threads, progress=show, stats=done, stop=quiet_enough, time_limit=time_limit, card=card
+    )
 
 
 def part_of_frame(
-    compiled: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, done: RenderStats
+    compiled: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    done: RenderStats,
+    card: CardRenderer | None = None,
 ) -> Sums:
     """Renders one batch into an otherwise empty frame, as a worker of a farm does; returns the frame's sums."""
     import numpy as np
 
     from renderer.film import CHANNELS
-    from renderer.render import render_batch
+    from renderer.render import check_for_cards, render_batch
 
     x, y, w, h = tile
     if min(x, y) < 0 or min(w, h) < 1 or x + w > settings.width or y + h > settings.height:
         raise CommandError(f"--tile reaches out of the picture of {settings.width}x{settings.height} pixels")
-    batch = render_batch(compiled, settings, tile, first, count)
+    if card is not None:
+        check_for_cards(settings)
+    batch = render_batch(compiled, settings, tile, first, count, card)
     sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
     done.samples, done.bad, done.bad_count = w * h * count, batch.bad, batch.bad_count

@@ -13,6 +13,7 @@ from rayfarm import options
 from rayfarm.console import err
 from rayfarm.errors import EXIT_FAILED, CommandError
 from rayfarm.frame import Order, camera_words, moment_words, motion_of, render_to, say_bad_samples, statistics
+from rayfarm.graphics_card import open_card
 from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
@@ -22,6 +23,7 @@ from rayfarm.replay import show_path
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
 from rayfarm.strict import refuse
 from renderer import aovs
+from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
 from renderer.frames import parse_frames
@@ -96,6 +98,14 @@ def render(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the path as JSON, for programs.", rich_help_panel=PART)] = False,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads; by default one per core.", rich_help_panel=HOW)] = None,
+    gpu: Annotated[
+        bool,
+        typer.Option(
+            "--gpu",
+            help=f"Render with the first NVIDIA card instead of the cores, to the same bits; {NOT_YET_TRIED}.",
+            rich_help_panel=HOW,
+        ),
+    ] = False,
     no_bvh: Annotated[
         bool,
         typer.Option("--no-bvh", help="Test every ray against every triangle: the same picture, slowly.", rich_help_panel=HOW),
@@ -118,6 +128,8 @@ def render(
     rectangle = options.parse_tile(tile) if tile else None
     order = Order(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
     if pixel is not None:
+        if gpu:
+            raise CommandError("--pixel follows a path on the processor: leave out --gpu")
         if frames is not None:
             raise CommandError("--pixel follows a path of one frame: name it by --frame")
         _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
@@ -128,6 +140,8 @@ def render(
         raise CommandError("--sample and --json go with --pixel X,Y")
     if frame is not None and frames is not None:
         raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
+    if gpu:
+        order = replace(order, card=open_card())
     if overwrite and frames is None:
         raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
     order = replace(order, planes=_aovs(aov, output))
@@ -162,7 +176,7 @@ def render(
     for warning in warnings:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
-    load_kernels(settings, compiled, clock)
+    load_kernels(settings, compiled, clock, order.card)
     with shown() as show:
         done = render_to(output, order, compiled, summary["defaults"], settings, clock, show, motion[0])
     _say(output, settings, clock, done)

@@ -25,13 +25,14 @@ OLDEST_CLOCK = 1735689600.0  # 2025: older than any release
 
 
 def look_at_machine() -> Iterator[Finding]:
-    """Checks Python, the compiler and processor, the denoiser, memory, the cache and the clock."""
+    """Checks Python, the compiler, processor and graphics cards, the denoiser, memory, the cache and the clock."""
     yield _python()
     if importlib.util.find_spec("numba") is None:  # a service's container image
         yield note("Compiler", "Numba is not installed: nothing is rendered here.", "Workers render, elsewhere.")
         yield _memory()
     else:
         yield _compiler()
+        yield from _cards()
         yield _denoiser()
         yield _memory()
         yield from _cache(cache_home())
@@ -59,6 +60,16 @@ def _compiler() -> Finding:
         return fault("Processor", f"{error}".rstrip(".") + ".", "Render on another machine; this one can run `up --workers 0`.")
     used = f"{jit.TARGET} with AVX-512" if jit.HAS_AVX512 else jit.TARGET
     return fine("Compiler", f"Numba {numba.__version__}; kernels for {used}, which this processor runs.")
+
+
+def _cards() -> Iterator[Finding]:
+    from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
+
+    cards = find_cards()
+    for card in cards.usable:
+        yield fine("Card", f"{described(card)}; used with --gpu only ({NOT_YET_TRIED}).")
+    for reason in cards.refused:
+        yield fine("Card", reason)
 
 
 def _denoiser() -> Finding:
