@@ -34,6 +34,8 @@ from renderer import denoise, jit
 from renderer.blender import program
 from renderer.blender.program import Blender
 from renderer.confine.running import confinement
+from renderer.cuda.cards import CHOICES, NOT_YET_TRIED, CardsError, chosen_cards, described, find_cards_before_fork
+from renderer.cuda.driver import Card
 from renderer.printable import printable
 from renderer.render import helpers_for
 from renderer.shipped_kernels import take_shipped
@@ -82,6 +84,7 @@ def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
     health_file.say(State.STARTING)
     blender = _check(options)
+    cards = _cards(options)
     log = logging.getLogger("worker")
     stopping: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stopping.append(number))
@@ -121,9 +124,12 @@ def _work(options: argparse.Namespace) -> int:
         started=started,
         tail=tail,
         blender=blender,
+        cards=cards,
         keeping=Keeping(options.slots, _tags(options, host, kind), _own_terms(options)),
         pieces=_pieces(log),
     )
+    for number, card in enumerate(cards, options.slots - len(cards)):
+        log.info("slot %d renders with card %s (%s)", number, described(card), NOT_YET_TRIED)
     if lines is not None:
         lines.always["worker"] = joined.name
     log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
@@ -143,6 +149,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--slots", type=_positive, default=os.cpu_count() or 1, help="batches rendered at a time")
+    parser.add_argument("--gpu", default="none", help=f"NVIDIA cards to render with, a slot each: {CHOICES}; {NOT_YET_TRIED}")
     parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
     parser.add_argument(
@@ -204,6 +211,21 @@ def _check(options: argparse.Namespace) -> Blender | None:
     except ValueError:
         raise RefusedError("RAYFARM_PREPARE_MEMORY_MB is a number of megabytes, as 4000") from None
     return _blender(options.blender) if options.blender is not None else None
+
+
+def _cards(options: argparse.Namespace) -> tuple[Card, ...]:
+    """Returns the graphics cards to use, and adds a slot for each to `options.slots`; with `only` there are no others.
+
+    Raises RefusedError if one of them is not there or cannot be used.
+    """
+    if options.gpu == "none":
+        return ()
+    try:
+        cards, with_cpu = chosen_cards(options.gpu, find_cards_before_fork())
+    except CardsError as error:
+        raise RefusedError(str(error)) from None
+    options.slots = len(cards) + (options.slots if with_cpu else 0)
+    return tuple(cards)
 
 
 def _blender(named: str) -> Blender:

@@ -24,9 +24,9 @@ from worker.leaving import Leaving
 from worker.process import context
 from worker.process.queue_order import STRATEGY
 from worker.process.queue_reading import be_patient
+from worker.process.slot_number import slot
 from worker.work.frames import forget_frames
 from worker.work.joint_render import hand_in
-from worker.work.slot import slot
 
 __all__ = ["make_app", "run"]
 

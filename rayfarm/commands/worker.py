@@ -10,9 +10,11 @@ import typer
 
 from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import err
+from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
+from renderer.cuda.cards import CHOICES, NOT_YET_TRIED, CardsError, chosen_cards, find_cards
 
 __all__ = ["register"]
 
@@ -36,6 +38,13 @@ def worker(
         typer.Option(dir_okay=False, help="A file with the farm's token, or with this worker's own. [dim]$RAYFARM_TOKEN[/dim]"),
     ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; by default one per core.")] = None,
+    gpu: Annotated[
+        str,
+        typer.Option(
+            metavar="CARDS",
+            help=f"NVIDIA cards to render with, a slot each beside the cores': {CHOICES} (all, and no cores); {NOT_YET_TRIED}.",
+        ),
+    ] = "none",
     name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,
     tag: Annotated[
         list[str] | None,
@@ -85,11 +94,13 @@ def worker(
       rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
       rayfarm worker --join studio.local:8000 --token-file T --blender
+      rayfarm worker --join studio.local:8000 --token-file T --gpu 0,1
     """
     use_log_format(log_format)
     join = farm_address(join)
     token = shown_token("A worker", token, token_file)
-    command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores())]
+    count = _slots(gpu, slots or cores())
+    command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores()), f"--gpu={gpu}"]
     if name:
         command += ["--name", name]
     said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
@@ -98,4 +109,15 @@ def worker(
     command += [f"--site={site}"] if site else []
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
         command.append(f"--blender={program}")
-    run("worker", command, token, f"Joining {join} with {slots or cores()} slots. Ctrl-C leaves the farm.")
+    run("worker", command, token, f"Joining {join} with {count} slots. Ctrl-C leaves the farm.")
+
+
+def _slots(gpu: str, cpu_slots: int) -> int:
+    """Returns the number of slots: one for each card, and those of the CPU unless `gpu` is "only". Raises CommandError."""
+    if gpu == "none":
+        return cpu_slots
+    try:
+        cards, with_cpu = chosen_cards(gpu, find_cards())
+    except CardsError as error:
+        raise CommandError(str(error)) from None
+    return len(cards) + (cpu_slots if with_cpu else 0)

@@ -99,3 +99,20 @@ def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_
     done = rayfarm(*WORKER, "--join=127.0.0.1:9", "--token-file=/not/there")
     assert done.returncode == 1
     assert "/not/there" in done.stderr
+
+
+@pytest.mark.parametrize("command", (("worker", "--join=127.0.0.1:9", "--token=t"), ("render", "no.obj", "-o", "no.png")))
+def test_a_card_that_is_not_there_ends_it_with_a_sentence(command: tuple[str, ...], tmp_path: Path) -> None:
+    gpu = ("--gpu=only",) if command[0] == "worker" else ("--gpu",)
+    (tmp_path / "libcuda.so.1").write_text("no library")
+    done = rayfarm(*command, *gpu, LD_LIBRARY_PATH=str(tmp_path))
+    assert done.returncode == 1
+    assert "--gpu only: No graphics card is used: the NVIDIA driver's library cannot be loaded" in done.stderr.replace("\n", " ")
+    assert "Leave out --gpu to render with the processor." in done.stderr.replace("\n", " ")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_choice_of_cards_that_is_none_ends_it_with_a_sentence() -> None:
+    done = rayfarm("worker", "--join=127.0.0.1:9", "--token=t", "--gpu=first")
+    assert done.returncode == 1
+    assert "--gpu is 'first'; give none, all, only, or numbers such as 0,1" in done.stderr.replace("\n", " ")

@@ -15,6 +15,7 @@ from protocol.joint import help_queue
 from protocol.view_parts import view_queue
 from renderer import denoise
 from renderer.blender.program import Blender
+from renderer.cuda.driver import Card
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
 from worker.exchange.results import ResultStream
@@ -44,6 +45,7 @@ class WorkerContext:
     tail: LogTail | None = None  # of the log
     keeping: Keeping | None = None  # applies the service's terms; in the parent process only
     blender: Blender | None = None  # to open .blend files; None without Blender
+    cards: tuple[Card, ...] = ()  # graphics cards; the last slots have one each
     pieces: Pieces | None = None  # none where this machine has no folder for them
     _results: ResultStream | None = None
     _sites: SiteLink | None = None

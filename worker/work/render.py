@@ -12,6 +12,7 @@ from protocol.contract import RenderBatch, Result
 from protocol.reproduce import batch_command
 from protocol.sums import pack_sums
 from renderer.errors import RayfarmError
+from renderer.film import BatchSums
 from renderer.render import edition_for, is_warm, render_batch
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
@@ -21,6 +22,7 @@ from worker.exchange.retry import patiently
 from worker.process.context import WorkerContext
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
+from worker.work.slot_card import render_with_card
 
 __all__ = ["batch_event", "failure", "mapped_scene", "not_understood", "render", "returned"]
 
@@ -43,6 +45,10 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         with step("open scene"):
             scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         edition = edition_for(batch.settings, scene)
+        with step("trace paths on a card", first=batch.first, count=batch.count, tile=list(batch.tile)):
+            of_card = render_with_card(worker, batch, scene, edition, compiling)
+        if of_card is not None:
+            return _rendered(worker, batch, *of_card)
         if not is_warm(batch.settings, edition):
             compiling(True)
             with step("kernel"):
@@ -70,9 +76,14 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
         return failure(worker, batch, f"{type(error).__name__}: {error}", last)
+    return _rendered(worker, batch, sums, time.perf_counter() - begun)
+
+
+def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
+    """The event of a batch that took so many seconds, with its sums."""
     event = {
         **batch_event(worker, batch, "batch"),
-        "seconds": time.perf_counter() - begun,
+        "seconds": seconds,
         "bad": [list(bad) for bad in sums.bad],
         "bad_count": sums.bad_count,
     }

@@ -7,24 +7,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
-from billiard import current_process
-
 from protocol.contract import RenderBatch, Result
 from telemetry import tracing
 from telemetry.log_lines import ids
 from worker.process.context import WorkerContext
+from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import overhear
 from worker.telemetry.task_context import named
 from worker.work.render import render
 
-__all__ = ["InHand", "at_work", "slot"]
+__all__ = ["InHand", "at_work"]
 
 log = logging.getLogger(__name__)
-
-
-def slot() -> int:
-    """This process's slot: its index in the prefork pool, which a replacement process inherits."""
-    return int(getattr(current_process(), "index", 0) or 0)
 
 
 class InHand:

@@ -32,7 +32,8 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
     slot._open.clear()
-    return SimpleNamespace(name="w", link=object(), cache=SimpleNamespace(path=lambda sha256: tmp_path / "compiled"), made=made)
+    cache = SimpleNamespace(path=lambda sha256: tmp_path / "compiled")
+    return SimpleNamespace(name="w", slots=1, cards=(), link=object(), cache=cache, made=made)
 
 
 def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
