@@ -14,7 +14,7 @@ from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
-from renderer.cuda.cards import CHOICES, NOT_YET_TRIED, CardsError, chosen_cards, find_cards
+from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, find_cards
 
 __all__ = ["register"]
 
@@ -42,7 +42,8 @@ def worker(
         str,
         typer.Option(
             metavar="CARDS",
-            help=f"NVIDIA cards to render with, a slot each beside the cores': {CHOICES} (all, and no cores); {NOT_YET_TRIED}.",
+            help="NVIDIA cards that render, in a slot each beside the cores': none, all, or numbers such as 0,1; only: all of "
+            f"them, and no cores. {NOT_YET_TRIED.capitalize()}.",
         ),
     ] = "none",
     name: Annotated[str | None, typer.Option(help="The worker's name; by default this machine's host name.")] = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,7 @@ from renderer.reference import Reference
 from renderer.shipped_kernels import take_shipped
 from renderer.target import KernelDispatcher
 
-__all__ = ["card_module_of", "kernel_name", "ptx_of"]
+__all__ = ["card_module_of", "kernel_name", "path_of", "ptx_of"]
 
 _FOLDER = "ptx"
 
@@ -36,7 +37,7 @@ def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
     fetch: called with the kernel's name before it is built, to fetch it from elsewhere. Raises InexactError.
     """
     name = kernel_name(variant)
-    path = _path(variant)
+    path = path_of(variant)
     if not jit.is_cached(name):
         take_shipped(jit.cache_folder())
     with jit.compiling(name, None if fetch is None else lambda: fetch(name)):
@@ -57,7 +58,8 @@ def card_module_of(variant: str) -> Any:
     return card_module(module, name, size)
 
 
-def _path(variant: str) -> Path:
+def path_of(variant: str) -> Path:
+    """Returns the place of a variant's PTX in the cache."""
     assert variant in EDITIONS
     return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
 
@@ -79,4 +81,5 @@ def _write(path: Path, text: str) -> None:
         beside.write_text(text)
         beside.replace(path)
     except OSError:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink()

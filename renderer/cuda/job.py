@@ -32,7 +32,7 @@ def job_for(
     return Job(scene, camera, options, batch, film, np.zeros(COUNTERS, np.int64), np.int64(pieces))
 
 
-def job_type(variant: str) -> types.Type:
+def job_type(variant: str) -> Any:
     """Returns the type of the jobs of a kernel variant (renderer/arrays/scene_features.py)."""
     scene = only(example(), variant)
     return typeof(job_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0))
@@ -49,7 +49,7 @@ def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
     return bytes(data)
 
 
-def _append(data: bytearray, value: Any, kind: types.Type, place: Callable[[npt.NDArray[Any]], int]) -> None:
+def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray[Any]], int]) -> None:
     data.extend(bytes(-len(data) % _alignment(kind)))
     if isinstance(kind, types.BaseTuple):
         for part, part_kind in zip(value, kind, strict=True):
@@ -63,7 +63,7 @@ def _append(data: bytearray, value: Any, kind: types.Type, place: Callable[[npt.
         data.extend(np.array(0 if value is None else value, _format(kind)).tobytes())
 
 
-def _format(kind: types.Type) -> str:
+def _format(kind: Any) -> str:
     """Returns numpy's name of a number's type."""
     if kind in _SCALARS:
         return _SCALARS[kind]
@@ -72,7 +72,7 @@ def _format(kind: types.Type) -> str:
     raise TypeError(f"jobs cannot contain {kind}")
 
 
-def _alignment(kind: types.Type) -> int:
+def _alignment(kind: Any) -> int:
     if isinstance(kind, types.BaseTuple):
         return max((_alignment(each) for each in kind), default=1)
     return 8 if isinstance(kind, types.Array) else np.dtype(_format(kind)).itemsize

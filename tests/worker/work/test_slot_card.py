@@ -25,7 +25,8 @@ class Renderer:
     answer: Any = "sums"
 
     def __init__(self, card: Card) -> None:
-        self.card, self.loaded = card, set()
+        self.card = card
+        self.loaded: set[str] = set()
 
     def has(self, variant: str) -> bool:
         return variant in self.loaded
@@ -54,7 +55,8 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def render(worker: Any, batch: RenderBatch = BATCH) -> tuple[Any, list[bool]]:
     compiling: list[bool] = []
-    return slot_card.render_with_card(worker, batch, SimpleNamespace(), "plain", compiling.append), compiling
+    scene: Any = SimpleNamespace()
+    return slot_card.render_with_card(worker, batch, scene, "plain", compiling.append), compiling
 
 
 def test_the_last_slots_have_a_card_each(worker: Any) -> None:

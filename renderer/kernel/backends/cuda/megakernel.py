@@ -49,7 +49,7 @@ class _Part(NamedTuple):
     x: Any
     y: Any
     first: Any
-    count: Any  # type: ignore[assignment]  # hides tuple.count, which is not used
+    count: Any
     origin: Any
 
 

@@ -1,0 +1,31 @@
+"""`python -m renderer.cuda`: builds the PTX of kernel variants into the cache, without a card; prints each file's place."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from renderer.arrays.scene_features import EDITIONS
+from renderer.cuda.artefacts import path_of, ptx_of
+from renderer.cuda.cards import NOT_YET_TRIED
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Builds the variants that are missing in the cache."""
+    parser = argparse.ArgumentParser(
+        prog="python -m renderer.cuda", description=f"Builds the kernels for NVIDIA cards, without a card ({NOT_YET_TRIED})."
+    )
+    parser.add_argument("variants", nargs="*", metavar="VARIANT", help=f"of {', '.join(EDITIONS)}; by default all")
+    wanted = parser.parse_args().variants or list(EDITIONS)
+    if unknown := [name for name in wanted if name not in EDITIONS]:
+        parser.error(f"there is no kernel {', '.join(unknown)}; known are {', '.join(EDITIONS)}")
+    for variant in wanted:
+        begin = time.perf_counter()
+        size = len(ptx_of(variant))
+        print(f"{variant}: {size / 1e6:.1f} MB, {time.perf_counter() - begin:.1f} s, {path_of(variant)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

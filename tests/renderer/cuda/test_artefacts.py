@@ -1,0 +1,57 @@
+"""The PTX of variants in the kernel cache."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+
+from renderer import jit, kernel_file
+from renderer.arrays.scene_features import EDITIONS
+from renderer.cuda import artefacts
+from renderer.cuda.artefacts import kernel_name, path_of, ptx_of
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty kernel cache, in which a kernel takes no time to build."""
+    place = tmp_path / "0123456789abcdef"
+    monkeypatch.setattr(jit, "cache_folder", lambda: place)
+    monkeypatch.setattr(artefacts, "card_module_of", lambda variant: variant)
+    monkeypatch.setattr(artefacts, "emit_ptx", lambda module: f"PTX of {module}")
+    return place
+
+
+def test_a_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert ptx_of("plain") == "PTX of plain"
+    assert path_of("plain").stat().st_mode & 0o077 == 0
+    monkeypatch.setattr(artefacts, "emit_ptx", lambda module: "built again")
+    assert ptx_of("plain") == "PTX of plain"
+
+
+@pytest.mark.parametrize("variant", EDITIONS)
+def test_a_kernel_passes_through_a_farm_as_others_do(
+    variant: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ptx_of(variant)
+    name = kernel_name(variant)
+    assert kernel_file.is_name(kernel_file.name_of(folder, name))
+    packed = io.BytesIO()
+    kernel_file.pack(folder, name, "key", packed)
+    other = tmp_path / "other" / folder.name
+    monkeypatch.setattr(jit, "cache_folder", lambda: other)
+    monkeypatch.setattr(artefacts, "emit_ptx", lambda module: "built again")
+
+    def fetch(wanted: str) -> None:
+        assert wanted == name
+        packed.seek(0)
+        kernel_file.unpack(packed, "key", other)
+
+    assert ptx_of(variant, fetch) == f"PTX of {variant}"
+
+
+def test_a_cache_that_cannot_be_written_builds_each_time(folder: Path) -> None:
+    folder.mkdir(parents=True)
+    (folder / "ptx").write_text("a file in the folder's place")
+    assert ptx_of("plain") == "PTX of plain"
