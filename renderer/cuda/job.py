@@ -21,6 +21,7 @@ from renderer.settings import RenderSettings, View
 __all__ = ["job_for", "job_type", "packed"]
 
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+_TUPLE: Any = types.BaseTuple  # which Numba's annotations do not declare as iterable
 _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 
 
@@ -51,7 +52,7 @@ def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
 
 def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray[Any]], int]) -> None:
     data.extend(bytes(-len(data) % _alignment(kind)))
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, _TUPLE):
         for part, part_kind in zip(value, kind, strict=True):
             _append(data, part, part_kind, place)
         data.extend(bytes(-len(data) % _alignment(kind)))
@@ -73,6 +74,6 @@ def _format(kind: Any) -> str:
 
 
 def _alignment(kind: Any) -> int:
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, _TUPLE):
         return max((_alignment(each) for each in kind), default=1)
     return 8 if isinstance(kind, types.Array) else np.dtype(_format(kind)).itemsize
