@@ -226,20 +226,23 @@ def run_tests(python, arguments):
     need_typescript()
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
-    beside = [] if arguments else [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python)]
+    is_whole = not arguments
+    # Kernels first, since tests wait for them; the checks get what is left.
+    beside = [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(10))] if is_whole else []
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
-    # One more than the number of processors, since a third of the tests mostly wait.
-    processes = min(max(os.cpu_count() or 1, 2), 8) + 1
+    # Three for two processors, since a third of the tests mostly wait. Each process runs its own share of the files
+    # (tests/conftest.py); files that are asked for are handed out one by one.
+    processes = 3 * min(max((os.cpu_count() or 1) // 2, 1), 4)
     command = [
+        *(nice(5) if is_whole else []),
         str(python),
         "-m",
         "pytest",
         "-n",
         str(processes),
         "--dist",
-        "loadfile",
-        "--no-loadscope-reorder",
+        "each" if is_whole else "loadfile",
         *([] if is_long else ["-m", "not long"]),
     ]
     failed = subprocess.call([*command, *arguments], cwd=str(ROOT), env=environment)
@@ -252,18 +255,23 @@ def run_checks(python):
     return max([each.result() for each in start_checks(python)])
 
 
-def start_checks(python):
-    """Starts the static checks. Each check stores a cache in the clone."""
+def nice(priority):
+    """Returns what runs a command at a lower priority."""
+    return ["nice", "-n", str(priority)] if shutil.which("nice") else []
+
+
+def start_checks(python, prefix=()):
+    """Starts the static checks, each behind `prefix`. Each check stores a cache in the clone."""
     imports = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports())"
     checks = [
-        Beside("mypy", [str(python), "-m", "mypy"]),
-        Beside("ruff check", [str(python), "-m", "ruff", "check", "."]),
-        Beside("ruff format", [str(python), "-m", "ruff", "format", "--check", "."]),
-        Beside("import contracts", [str(python), "-c", imports]),
+        Beside("mypy", [*prefix, str(python), "-m", "mypy"]),
+        Beside("ruff check", [*prefix, str(python), "-m", "ruff", "check", "."]),
+        Beside("ruff format", [*prefix, str(python), "-m", "ruff", "format", "--check", "."]),
+        Beside("import contracts", [*prefix, str(python), "-c", imports]),
     ]
     compiler = TYPESCRIPT / "node_modules" / ".bin" / "tsc"
     if compiler.exists():
-        checks.append(Beside("types of web/", [str(compiler), "--project", str(ROOT / "web")]))
+        checks.append(Beside("types of web/", [*prefix, str(compiler), "--project", str(ROOT / "web")]))
     elif os.environ.get("CI"):
         fail("TypeScript is not installed; where $CI is set the types of web/ must be checked.")
     return checks
