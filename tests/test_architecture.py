@@ -61,24 +61,21 @@ def test_the_arrows_of_the_page_point_one_way() -> None:
 
 def _imports(path: Path, modules: set[str]) -> set[str]:
     """Returns the modules that a file imports, in functions too, except imports for type checkers only."""
-    tree = ast.parse(path.read_text())
-    unused = {
-        id(node)
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING"
-        for node in ast.walk(block)
-    }
     named: list[str] = []
-    for node in ast.walk(tree):
-        if id(node) in unused:
+    left: list[ast.AST] = [ast.parse(path.read_text())]
+    while left:
+        node = left.pop()
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            left += node.orelse
             continue
         if isinstance(node, ast.Import):
             named += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             inside = [f"{node.module}.{alias.name}" for alias in node.names]
             named += [name if name in modules else str(node.module) for name in inside]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) == "import_module":
             named += [str(each.value) for each in node.args[:1] if isinstance(each, ast.Constant)]
+        left += ast.iter_child_nodes(node)
     return set(named) & modules
 
 
@@ -88,7 +85,8 @@ def test_no_modules_import_each_other() -> None:
         path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
     }
     modules = {".".join(parts).removesuffix(".__init__"): path for parts, path in paths.items()}
-    TopologicalSorter({name: _imports(path, set(modules)) - {name} for name, path in modules.items()}).prepare()
+    names = set(modules)
+    TopologicalSorter({name: _imports(path, names) - {name} for name, path in modules.items()}).prepare()
 
 
 def test_no_modules_of_the_page_import_each_other() -> None:

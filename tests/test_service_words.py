@@ -56,8 +56,10 @@ def _said() -> tuple[Said, ...]:
 
 
 def _of(path: Path) -> Iterator[Said]:
-    at = str(path.relative_to(ROOT))
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    at, source = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+    if "Sentence(" not in source:
+        return
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Sentence":
             values = [arg.value if isinstance(arg, ast.Constant) else None for arg in node.args]
             assert len(values) == 2 and all(isinstance(each, str) for each in values), f"{at}:{node.lineno}: code and template"

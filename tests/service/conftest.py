@@ -66,6 +66,10 @@ def _quick_hasher() -> PasswordHasher:
 passwords._hasher = _quick_hasher
 
 
+# redis reads its package's metadata anew for each connection pool.
+redis.utils.get_lib_version = functools.cache(redis.utils.get_lib_version)
+
+
 class _Compiled(dict[Any, Any]):
     """A cache of statements compiled to SQL, shared by all databases of a kind; SQLAlchemy's own is per dialect object."""
 
@@ -99,7 +103,9 @@ class Service:
         self.port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
         self.app = application(Settings(port=self.port, **self.options))
-        config = uvicorn.Config(self.app, port=self.port, log_level="warning", timeout_graceful_shutdown=2, proxy_headers=False)
+        config = uvicorn.Config(
+            self.app, port=self.port, log_level="warning", log_config=None, timeout_graceful_shutdown=2, proxy_headers=False
+        )
         self.server = uvicorn.Server(config)
         self.thread = threading.Thread(target=self.server.run, daemon=True)
         self.thread.start()
