@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import signal
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -141,6 +142,15 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2)
     yield farm
     stop_farm(farm)
+
+
+@pytest.fixture(scope="session")
+def program() -> str:
+    """Node.js; the test is skipped if there is none."""
+    path = shutil.which("node")
+    if path is None:
+        pytest.skip("no Node.js on the PATH (Debian: apt-get install nodejs)")
+    return path
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from typing import Any
 
 import httpx
 import pytest
@@ -12,6 +13,7 @@ from playwright.sync_api import Browser, Page, expect
 from tests.e2e.conftest import SOON_CLEAR
 from tests.e2e.screen import rendered
 from tests.helpers import ROOT, Farm
+from tests.page.node import Node
 
 HEADINGS = {
     "de-AT": ("Szene irgendwo auf diese Seite ziehen", "Rendern", "Speichern", "Jobs", "de"),
@@ -79,26 +81,43 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
     assert_nothing_is_english(page, locale)
 
 
-def test_what_the_service_says_is_translated_by_its_code(farm: Farm, foreign: tuple[Page, str]) -> None:
-    """A warning with its count, from a worker's confined reader to the page; and a problem."""
-    page, locale = foreign
+@pytest.fixture(scope="module")
+def warned(farm: Farm) -> dict[str, Any]:
+    """The record of a scene with a warning that has a count, from a worker's confined reader."""
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
     scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
     with farm.client() as client:
         client.wait_for_scene(scene)
-    found = httpx.get(f"{farm.url}/api/scenes/{scene}").json()
-    at, coded = next((i, each) for i, each in enumerate(found["codes"]["warnings"]) if each and each["code"] == CODE)
-    assert found["warnings"][at].startswith("odd.obj: 1 vertices") and 1 in coded["params"].values()
-    words = json.loads((ROOT / "web" / "words" / f"service.{locale[:2]}.json").read_text(encoding="utf-8"))
-    shown = words[coded["code"]]
+    found: dict[str, Any] = httpx.get(f"{farm.url}/api/scenes/{scene}").raise_for_status().json()
+    return found
+
+
+def translated_warning(record: dict[str, Any], language: str) -> str:
+    """Returns the warning in another language, by its code and parameters."""
+    at, coded = next((i, each) for i, each in enumerate(record["codes"]["warnings"]) if each and each["code"] == CODE)
+    assert record["warnings"][at].startswith("odd.obj: 1 vertices") and 1 in coded["params"].values()
+    words = json.loads((ROOT / "web" / "words" / f"service.{language}.json").read_text(encoding="utf-8"))
+    shown: str = words[coded["code"]]
     for name, value in coded["params"].items():
         shown = shown.replace(f"{{{name}}}", str(value))
-    page.goto(f"{farm.url}/#/scenes/{scene}")
-    expect(page.get_by_text(shown)).to_be_visible()
+    return shown
+
+
+def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
+    """With its count, through the service to the page's modules, in Node.js; and a problem has its code."""
+    with Node(program, "de-DE") as node:
+        shown = node.call("base/said", "return m.allSaidOf(a, 'warnings');", warned)
+    assert translated_warning(warned, "de") in shown
     problem = httpx.get(f"{farm.url}/api/jobs/none").json()
-    assert (problem["code"], problem["params"]) == ("job-not-found", {"id": "'none'"}) and problem["detail"].startswith(
-        "There is no job"
-    )
+    assert (problem["code"], problem["params"]) == ("job-not-found", {"id": "'none'"})
+    assert problem["detail"].startswith("There is no job")
+
+
+@pytest.mark.long
+def test_a_warning_is_shown_in_the_language_of_the_browser(farm: Farm, warned: dict[str, Any], foreign: tuple[Page, str]) -> None:
+    page, locale = foreign
+    page.goto(f"{farm.url}/#/scenes/{warned['id']}")
+    expect(page.get_by_text(translated_warning(warned, locale[:2]))).to_be_visible()
 
 
 @pytest.mark.long

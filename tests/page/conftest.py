@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 
 import pytest
 
 from tests.page.node import Node
-
-
-@pytest.fixture(scope="session")
-def program() -> str:
-    """Node.js; the test is skipped if there is none."""
-    path = shutil.which("node")
-    if path is None:
-        pytest.skip("no Node.js on the PATH (Debian: apt-get install nodejs)")
-    return path
 
 
 @pytest.fixture(scope="module")
