@@ -12,19 +12,32 @@ from renderer.jit import entry
 
 
 @entry
-def _places(keys, time, out, back):
+def _places(keys, time, out):
     for i in range(len(time)):
-        there = placed_at(keys, 0, len(keys), time[i])
-        out[i, 0], out[i, 1], out[i, 2] = there
-        back[i, 0], back[i, 1], back[i, 2] = inverse_of(there)
+        out[i, 0], out[i, 1], out[i, 2] = placed_at(keys, 0, len(keys), time[i])
+
+
+@entry
+def _inverses(keys, time, out):
+    for i in range(len(time)):
+        out[i, 0], out[i, 1], out[i, 2] = inverse_of(placed_at(keys, 0, len(keys), time[i]))
+
+
+def _filled(kernel, keys, time):
+    time = np.atleast_1d(np.asarray(time, np.float32))
+    out = np.empty((len(time), 3, 4))
+    kernel(np.ascontiguousarray(keys), time, out)
+    return out
 
 
 def places(keys, time):
-    """Returns (matrices with translations, their inverses) at shutter times."""
-    time = np.atleast_1d(np.asarray(time, np.float32))
-    out, back = np.empty((len(time), 3, 4)), np.empty((len(time), 3, 4))
-    _places(np.ascontiguousarray(keys), time, out, back)
-    return out, back
+    """Returns matrices with translations at shutter times."""
+    return _filled(_places, keys, time)
+
+
+def inverses(keys, time):
+    """Returns the inverses of `places`."""
+    return _filled(_inverses, keys, time)
 
 
 def about(axis, angle):
@@ -63,7 +76,7 @@ def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
     keys = motion_keys(np.array([[at(k / 3) for k in range(4)]]))[0]
     assert turned_by(keys[None]) == pytest.approx(math.pi / 2)
     time = np.linspace(0, 1, 41)
-    found, back = places(keys, time)
+    found, back = places(keys, time), inverses(keys, time)
     np.testing.assert_allclose(found, [at(float(np.float32(t))) for t in time], atol=1e-6)
     whole = np.concatenate([found, np.broadcast_to([[[0, 0, 0, 1]]], (41, 1, 4))], axis=1)
     np.testing.assert_allclose(back, np.linalg.inv(whole)[:, :3], atol=1e-9)
@@ -77,7 +90,7 @@ def test_what_flies_and_spins_goes_straight_where_its_middle_does():
     keys = motion_keys(np.array([[at(k / 8) for k in range(9)]]))[0]
     np.testing.assert_allclose(keys[:, POINT : POINT + 3], 0, atol=1e-6)
     time = np.linspace(0, 1, 33)
-    np.testing.assert_allclose(places(keys, time)[0], [at(float(np.float32(t))) for t in time], atol=1e-6)
+    np.testing.assert_allclose(places(keys, time), [at(float(np.float32(t))) for t in time], atol=1e-6)
 
 
 def test_of_two_keys_the_origin_goes_straight_and_the_rest_turns():
@@ -85,7 +98,7 @@ def test_of_two_keys_the_origin_goes_straight_and_the_rest_turns():
     keys = motion_keys(np.array([[first, last]]))[0]
     assert keys.shape == (2, KEY_COLUMNS)
     assert keys[0, ANGLE] == pytest.approx(1.0)
-    (found,), _ = places(keys, 0.5)
+    (found,) = places(keys, 0.5)
     np.testing.assert_allclose(found, placed(2 * about((0, 1, 0), 1.0), (1, 0, 0)), atol=1e-9)
 
 
@@ -93,7 +106,7 @@ def test_at_its_keys_a_body_is_where_they_say():
     random = np.random.default_rng(2)
     given = random.normal(size=(20, 5, 3, 4))
     for keys, expected in zip(motion_keys(given), given, strict=True):
-        found, _ = places(keys, np.linspace(0, 1, 5))
+        found = places(keys, np.linspace(0, 1, 5))
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
         turns = keys[:, TURN : TURN + 4]
         assert ((turns[1:] * turns[:-1]).sum(axis=1) >= 0).all(), "the shorter way"
