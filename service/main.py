@@ -14,7 +14,6 @@ from types import FrameType
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.routing import APIRoute
 from starlette.responses import RedirectResponse
 
 from renderer import __version__
@@ -89,11 +88,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
-        responses={"default": problems.ProblemBody, 422: problems.ProblemBody},
-        generate_unique_id_function=_operation_name,
+        routes=registry.ROUTES,
     )
     problems.install(app)
-    app.include_router(registry.router)
     app.add_api_route("/docs", lambda: RedirectResponse("/docs/"), include_in_schema=False)
     app.mount("/docs", Pages(directory=DOCS, html=True), name="docs")
     if settings.web.is_dir():
@@ -106,10 +103,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(SecurityMiddleware, settings=settings)  # checks host, origin and size of each request
     app.add_middleware(ClientAddress, settings=settings)  # outermost: the others use the client's address and scheme
     return app
-
-
-def _operation_name(route: APIRoute) -> str:
-    return route.name
 
 
 @contextlib.contextmanager

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 
 from service.addon import FILE, addon_zip
 from service.http.file_names import named
+from service.http.routers import api_router
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["farm"])
+router = api_router(tags=["farm"])
 ZIP = {"content": {"application/zip": {}}, "description": "The add-on."}
 
 

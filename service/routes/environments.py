@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Request, Response
 from fastapi import Path as PathParameter
+from fastapi import Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from sqlalchemy import select
@@ -24,6 +24,7 @@ from service.errors import Conflict
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import id_in, serving
@@ -33,7 +34,7 @@ from service.store.models import ACTIVE, Environment, Job
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/environments", tags=["environments"])
+router = api_router(prefix="/api/environments", tags=["environments"])
 
 PICTURES = Path(__file__).parent.parent / "light_pictures"  # of the presets; made by scenes/light_pictures.py
 WIDTH = 160  # pixels across a thumbnail, twice its height

@@ -7,7 +7,6 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any
 
-from fastapi import APIRouter
 from fastapi.responses import StreamingResponse
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -17,6 +16,7 @@ from service.access.visit import Visit
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe import jobs_out
 from service.jobs.lookup import is_lit
@@ -26,7 +26,7 @@ from service.store.models import Job, Scene
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["events"])
+router = api_router(tags=["events"])
 
 EVERY_S = 0.5
 AT_A_TIME = 500  # changes per round; further ones wait for the next

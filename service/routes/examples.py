@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from pydantic import BaseModel
 
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.http.visit import IntoProject, VisitDependency
 from service.intake.examples import examples
 from service.models.scenes import SceneOut
@@ -16,7 +17,7 @@ from service.scenes.upload import open_example as store_example
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/examples", tags=["examples"])
+router = api_router(prefix="/api/examples", tags=["examples"])
 
 
 class ExampleOut(BaseModel):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import BaseModel, Field
 
 from protocol.contract import PrepareFrames
@@ -18,6 +18,7 @@ from service.errors import Conflict, Invalid, Unavailable
 from service.events import PreparationRequested
 from service.farm import Farm
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.jobs.lookup import find_film, find_job
 from service.shot import Shot
 from service.store.films import Film
@@ -29,7 +30,7 @@ __all__ = ["router"]
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
 
-router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+router = api_router(prefix="/api/jobs", tags=["jobs"])
 
 Numbers = list[float | None]
 Spot = Annotated[

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import anyio
-from fastapi import APIRouter, Request, Response
 from fastapi import Path as PathParameter
+from fastapi import Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -20,6 +20,7 @@ from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.intake.uploads import gathered
 from service.jobs.describe import UNREADABLE_SCENE
@@ -33,7 +34,7 @@ from service.store.models import Scene
 __all__ = ["router"]
 
 
-router = APIRouter(prefix="/api/farm", tags=["farm"])
+router = api_router(prefix="/api/farm", tags=["farm"])
 
 
 @router.get("/join")

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import anyio
 import anyio.to_thread
 import numpy as np
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import PlainTextResponse, StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
@@ -34,6 +34,7 @@ from service.http.farm import FarmDependency
 from service.http.file_names import named, picture_name
 from service.http.head_requests import headers_alone, is_head
 from service.http.paths import Number
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.lookup import find_film, find_job, find_picture, no_frame, without_samples
@@ -48,7 +49,7 @@ from service.watching.pictures import MEDIA, PictureWish, memory, picture
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/jobs/{id}/frames", tags=["frames"])
+router = api_router(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}

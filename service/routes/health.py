@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import anyio
 import anyio.to_thread
-from fastapi import APIRouter, Response
+from fastapi import Response
 from prometheus_client import CONTENT_TYPE_LATEST
 from sqlalchemy import text
 
@@ -12,11 +12,12 @@ from renderer.sentences import Sentence
 from service.errors import Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.routes import metrics
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["health"])
+router = api_router(tags=["health"])
 
 PATIENCE_S = 2.0  # seconds, timeout of the database check
 

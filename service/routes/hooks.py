@@ -6,7 +6,7 @@ import time
 import uuid
 from typing import Any
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from sqlalchemy import func, select
 
 from renderer.sentences import Sentence
@@ -15,11 +15,12 @@ from service.farm import Farm
 from service.hooks.deliver import UndeliveredError, shown
 from service.hooks.message import trial
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.store.models import Delivery
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/hooks", tags=["hooks"])
+router = api_router(prefix="/api/hooks", tags=["hooks"])
 
 
 @router.get("")

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter
-
 from renderer import __version__, aovs
 from renderer.formats import ARCHIVE_SUFFIXES, FOREIGN, SCENE_SUFFIXES
 from renderer.image.tonemap import CURVES
 from renderer.sentences import codes_of
 from renderer.setting_docs import described
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["info"])
+router = api_router(tags=["info"])
 
 
 @router.get("/api/info")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, Field
 
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.jobs.lookup import find_job
 from service.scheduling.jobs.history import History
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+router = api_router(prefix="/api/jobs", tags=["jobs"])
 
 
 class HistoryPoint(BaseModel):

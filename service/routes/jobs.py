@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import Depends, Header, Query, Response
 from pydantic import TypeAdapter
 
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.http.visit import InProject, VisitDependency
 from service.jobs.change import change
 from service.jobs.change_many import change_many
@@ -21,7 +22,7 @@ from service.models.jobs import JobIn, JobOut, JobPatch, JobState
 __all__ = ["router"]
 
 
-router = APIRouter(prefix="/api/jobs", tags=["jobs"])
+router = api_router(prefix="/api/jobs", tags=["jobs"])
 
 _JOBS = TypeAdapter(list[JobOut])
 

@@ -6,7 +6,7 @@ download kernels, signed with that token.
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from fastapi.responses import FileResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -16,12 +16,13 @@ from service.access.visit import Visit
 from service.errors import NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.problems import Problem
+from service.http.routers import api_router
 from service.http.visit import VisitDependency, shown_secret
 from service.store.disk_space import full_disk
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/farm/kernels", tags=["farm"])
+router = api_router(prefix="/api/farm/kernels", tags=["farm"])
 
 NOT_FROM_THEM = (
     "Kernels are taken from workers that show the farm's own token: all others run them. "

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
+from fastapi import Query, WebSocket, WebSocketDisconnect
 from sqlalchemy import select
 from starlette.concurrency import run_in_threadpool
 
@@ -32,6 +32,7 @@ from renderer.sentences import Sentence
 from service.errors import FarmError
 from service.farm import Farm
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.http.websocket_messages import throttled_messages
 from service.jobs.describe import job_out
 from service.jobs.describe_frames import frame_numbers, plain_frames
@@ -43,7 +44,7 @@ from service.watching.broadcast import Listener
 
 __all__ = ["router"]
 
-router = APIRouter()
+router = api_router()
 
 MAX_UNACKNOWLEDGED = 2  # rounds
 SPEAK_EVERY_S = 5.0

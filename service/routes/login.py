@@ -12,7 +12,7 @@ import math
 from typing import Annotated
 
 from anyio.to_thread import run_sync
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse
@@ -29,12 +29,13 @@ from service.http.cookies import set_cookie
 from service.http.farm import FarmDependency
 from service.http.gate import cookie_name
 from service.http.problems import Problem
+from service.http.routers import api_router
 from service.http.sessions import forget_login, way_out
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["access"])
+router = api_router(tags=["access"])
 
 Password = Annotated[str, Field(min_length=1, max_length=LONGEST)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 
-from fastapi import APIRouter, Query, Request
+from fastapi import Query, Request
 from starlette.requests import cookie_parser
 from starlette.responses import RedirectResponse
 
@@ -19,12 +19,13 @@ from service.farm import Farm
 from service.http.cookies import set_cookie
 from service.http.farm import FarmDependency
 from service.http.gate import cookie_name
+from service.http.routers import api_router
 from service.http.sessions import base_url, keep_login
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/login/openid", tags=["access"])
+router = api_router(prefix="/api/login/openid", tags=["access"])
 log = logging.getLogger(__name__)
 
 LONGEST = 2048

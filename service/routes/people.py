@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import select
 
@@ -15,12 +15,13 @@ from service.access.roles import OWNER, Role, RoleName
 from service.errors import Conflict
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.store.models import User
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["access"])
+router = api_router(tags=["access"])
 
 MOST_LINES = 1000
 Name = Annotated[str, Field(min_length=1, max_length=64)]

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.projects import Kind, MemberRole, Summary
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/projects", tags=["access"])
+router = api_router(prefix="/api/projects", tags=["access"])
 
 
 class ProjectIn(BaseModel):

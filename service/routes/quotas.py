@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Annotated, Literal
 
-from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.access.quotas import MOST, Allowance, Limits
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]
 
-router = APIRouter(tags=["access"])
+router = api_router(tags=["access"])
 
 Amount = Annotated[int | None, Field(ge=0, le=MOST)]
 Of = Literal["users", "tokens"]

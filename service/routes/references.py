@@ -6,8 +6,8 @@ from functools import partial
 from typing import Annotated, Literal
 
 import anyio
-from fastapi import APIRouter, Query, Request, Response
 from fastapi import Path as PathParameter
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from sqlalchemy import select
@@ -22,6 +22,7 @@ from service.http.farm import FarmDependency
 from service.http.file_names import named
 from service.http.head_requests import headers_alone, is_head
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.intake.projects import Owner, serving
@@ -34,7 +35,7 @@ from service.watching.pictures import MEDIA
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/references", tags=["references"])
+router = api_router(prefix="/api/references", tags=["references"])
 
 KEPT = {"Cache-Control": "max-age=86400, immutable"}  # the id is a hash of the content
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}

@@ -1,6 +1,6 @@
 """The REST API: one router per resource."""
 
-from fastapi import APIRouter
+from starlette.routing import BaseRoute
 
 from service.routes import (
     addon,
@@ -34,38 +34,40 @@ from service.routes import (
     workers,
 )
 
-__all__ = ["router"]
+__all__ = ["ROUTES"]
 
-router = APIRouter()
-for module in (
-    references,
-    scenes,
-    environments,
-    jobs,
-    job_history,
-    frames,
-    explain,
-    shot_files,
-    snapshots,
-    live,
-    viewport,
-    workers,
-    sites,
-    shares,
-    events,
-    hooks,
-    examples,
-    info,
-    addon,
-    farm,
-    kernels,
-    retention,
-    health,
-    login,
-    openid,
-    people,
-    projects,
-    quotas,
-    tokens,
-):
-    router.include_router(module.router)
+ROUTES: list[BaseRoute] = [
+    route
+    for module in (
+        references,
+        scenes,
+        environments,
+        jobs,
+        job_history,
+        frames,
+        explain,
+        shot_files,
+        snapshots,
+        live,
+        viewport,
+        workers,
+        sites,
+        shares,
+        events,
+        hooks,
+        examples,
+        info,
+        addon,
+        farm,
+        kernels,
+        retention,
+        health,
+        login,
+        openid,
+        people,
+        projects,
+        quotas,
+        tokens,
+    )
+    for route in module.router.routes
+]

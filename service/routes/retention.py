@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Literal
 
-from fastapi import APIRouter, Response
+from fastapi import Response
 from pydantic import BaseModel, Field
 
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.maintenance.retention import Rules, Run
 from service.models.strict import Strict
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/retention", tags=["farm"])
+router = api_router(prefix="/api/retention", tags=["farm"])
 MOST_DAYS = 36500.0
 
 

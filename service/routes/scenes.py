@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from renderer.sentences import Sentence
 from service.errors import NotFound
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 from service.http.single_upload import check_length, check_room
 from service.http.visit import InProject, IntoProject, VisitDependency
 from service.jobs.lookup import find_scene
@@ -23,7 +24,7 @@ from telemetry import tracing
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/scenes", tags=["scenes"])
+router = api_router(prefix="/api/scenes", tags=["scenes"])
 
 THUMBNAIL = {"content": {"image/png": {}}, "description": "the picture"}
 UPLOAD_FORM = {

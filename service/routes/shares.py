@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import Path
 from pydantic import BaseModel, Field
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -19,6 +19,7 @@ from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.strict import Strict
 from service.scheduling.jobs.shares import EVERYBODY, Terms, share_of
@@ -26,7 +27,7 @@ from service.store.models import ACTIVE, Job, ShareTerms, User
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/shares", tags=["shares"])
+router = api_router(prefix="/api/shares", tags=["shares"])
 
 SHARE = re.compile(rf"{EVERYBODY}|(?:user|project):{NAME.pattern}")
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 
@@ -22,6 +22,7 @@ from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named, title_of
 from service.http.head_requests import headers_alone, is_head
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
 from service.jobs.lookup import find_job, without_samples
@@ -36,7 +37,7 @@ from service.watching.shot_files import ZipStream, movie, movie_memory
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/jobs/{id}", tags=["frames"])
+router = api_router(prefix="/api/jobs/{id}", tags=["frames"])
 
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 LOOK_EVERY_S = 1.0

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
 from protocol.site import SITE
 from service.http.farm import FarmDependency
+from service.http.routers import api_router
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/sites", tags=["workers"])
+router = api_router(prefix="/api/sites", tags=["workers"])
 
 
 class SiteOut(BaseModel):

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
@@ -18,6 +18,7 @@ from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.file_names import named, picture_name
 from service.http.head_requests import headers_alone, is_head
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.lookup import find_job
 from service.store.film_snapshots import FilmSnapshot
@@ -27,7 +28,7 @@ from service.watching.pictures import MEDIA
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/jobs/{id}/snapshots", tags=["snapshots"])
+router = api_router(prefix="/api/jobs/{id}/snapshots", tags=["snapshots"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}

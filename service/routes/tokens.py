@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from renderer.sentences import Sentence
@@ -13,13 +13,14 @@ from service.errors import Conflict
 from service.http.farm import FarmDependency
 from service.http.pagination import PageDependency
 from service.http.problems import Problem
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.intake.names import plain_title
 from service.store.models import Key
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/tokens", tags=["access"])
+router = api_router(prefix="/api/tokens", tags=["access"])
 
 DAY_S = 86400.0
 MOST_DAYS = 3650

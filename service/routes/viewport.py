@@ -13,7 +13,7 @@ import json
 import time
 from collections import deque
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
@@ -24,6 +24,7 @@ from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.problems import told
+from service.http.routers import api_router
 from service.http.websocket_messages import throttled_messages
 from service.jobs.lookup import find_scene
 from service.models.jobs import JobIn
@@ -32,7 +33,7 @@ from service.viewing.view_request import ViewRequest, resolve_view
 
 __all__ = ["router"]
 
-router = APIRouter()
+router = api_router()
 
 MAX_UNACKNOWLEDGED = 2
 STATE_EVERY_S = 0.2

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import redis
-from fastapi import APIRouter
 
 from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.redaction import seen_slots
+from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out
 from service.scheduling.faults.redis_errors import away
@@ -20,7 +20,7 @@ from service.store.models import WorkerTerms
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/workers", tags=["workers"])
+router = api_router(prefix="/api/workers", tags=["workers"])
 
 
 @router.get("", response_model=list[WorkerOut])

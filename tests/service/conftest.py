@@ -16,15 +16,12 @@ import httpx
 import pytest
 import redis
 import uvicorn
-from fastapi import FastAPI
 from sqlalchemy import Connection, Engine, create_engine, event, text
-from starlette.routing import BaseRoute
 
 from rayfarm.local.farm import free_port
 from service.access import passwords
 from service.farm import Farm
 from service.main import create_app
-from service.routes import registry as routes
 from service.settings import Settings
 from service.store.database import connect
 from service.store.models import Base
@@ -102,7 +99,7 @@ class Service:
     def start(self) -> None:
         self.port = free_port("127.0.0.1")
         self.url = f"http://127.0.0.1:{self.port}"
-        self.app = application(Settings(port=self.port, **self.options))
+        self.app = create_app(Settings(port=self.port, **self.options))
         config = uvicorn.Config(
             self.app, port=self.port, log_level="warning", log_config=None, timeout_graceful_shutdown=2, proxy_headers=False
         )
@@ -162,19 +159,6 @@ class Service:
 
     def digest(self, id: str) -> str:
         return str(self.http.get(f"/api/jobs/{id}/frames/0/digest").raise_for_status().json()["digest"])
-
-
-_routes: list[BaseRoute] = []
-
-
-def application(settings: Settings) -> FastAPI:
-    """Returns the service's application, sharing what FastAPI derives from all routes at the first request, which takes 0.1 s."""
-    app = create_app(settings)
-    places = [i for i, route in enumerate(app.router.routes) if getattr(route, "original_router", None) is routes.router]
-    _routes[:] = _routes or [app.router.routes[i] for i in places]
-    for i, known in zip(places, _routes, strict=True):
-        app.router.routes[i] = known
-    return app
 
 
 @functools.cache
