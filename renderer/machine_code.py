@@ -73,7 +73,7 @@ class FunctionCacheFiles:
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Returns the function compiled for a signature, None if it is not cached."""
-        context.refresh()  # so that it knows the symbols that the machine code links to
+        context.prepare_to_load()
         kept = self._files.load(self._key(signature, context.codegen()))
         return None if kept is None else restore_compiled(context, kept)
 

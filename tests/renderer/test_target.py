@@ -148,3 +148,41 @@ def test_kernels_call_numbas_own_overloads() -> None:
 
     assert summed(np.arange(4.0)) == 6.0
     assert njit(lambda values: values.sum())(np.arange(4.0)) == 6.0
+
+
+KERNELS = """
+import sys
+import numpy as np
+from renderer import jit
+
+@jit.builder
+def spread(values, factor):
+    found = np.empty(2 * len(values))
+    for i in range(len(found)):
+        found[i] = np.sin(values[i // 2]) * factor
+    return found
+
+@jit.builder
+def added(values):
+    return values + 1.0
+
+print(spread(np.arange(3.0), 2.0).tolist(), "numba.np.linalg" in sys.modules)
+if len(sys.argv) > 1:  # another kernel must be compiled after one was loaded
+    print(added(np.arange(3.0)).tolist(), "numba.np.linalg" in sys.modules)
+"""
+
+
+def test_loading_a_kernel_needs_none_of_numbas_declarations(tmp_path: Path) -> None:
+    """They take three quarters of the time, and a starting worker only loads."""
+    program = tmp_path / "kernels.py"
+    program.write_text(KERNELS)
+    environment = {**os.environ, "RAYFARM_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+
+    def run(*arguments: str) -> list[str]:
+        return subprocess.check_output([sys.executable, str(program), *arguments], env=environment, text=True).splitlines()
+
+    (compiled,) = run()
+    values, has_declarations = compiled.rsplit(" ", 1)
+    assert has_declarations == "True"
+    assert run() == [f"{values} False"]
+    assert run("more") == [f"{values} False", "[1.0, 2.0, 3.0] True"]
