@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import subprocess
 import time
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from worker.exchange.foreign_server import is_address
 
 __all__ = ["farm_address", "run", "shown_token"]
 
+GRACE_S = 10.0
 FATAL = 3  # exit code after which a restart does not help
 
 
@@ -46,8 +48,18 @@ def shown_token(who: str, token: str, token_file: Path | None) -> str:
     return token
 
 
-def run(name: str, command: list[str], token: str, sentence: str, grace_s: float = 10.0) -> None:
-    """Keeps a process running until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError."""
+def run(
+    name: str,
+    command: list[str],
+    token: str,
+    sentence: str,
+    arguments: list[str] | None = None,
+    waiting: subprocess.Popen[bytes] | None = None,
+) -> None:
+    """Keeps a process running until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
+
+    arguments: of a command that loads first, and then takes them from a line. waiting: its process, if already started.
+    """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
     from renderer.cache_folders import cache_home
@@ -56,7 +68,7 @@ def run(name: str, command: list[str], token: str, sentence: str, grace_s: float
     log = cache_home() / "logs" / f"{name}-{os.getpid()}.log"
     supervisor = Supervisor(ROOT, lambda sentence: err.print(sentence, markup=False, soft_wrap=True))
     env = {"RAYFARM_TOKEN": token, "PYTHONUNBUFFERED": "1"}
-    part = Part(name, command, log, env, grace_s=grace_s, fatal_codes=(FATAL,), steady_s=WORKER_STEADY_S)
+    part = Part(name, command, log, env, GRACE_S, (FATAL,), WORKER_STEADY_S, arguments=arguments, spare=waiting)
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         log.touch()  # raises if the log is not writable, with which the supervisor would start anyway

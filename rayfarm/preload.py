@@ -1,4 +1,7 @@
-"""Modules and kernels that the launcher of readers loads, and its early start in parallel with the command's own imports."""
+"""What a command starts before it is imported, so that both load at the same time.
+
+A command that reads scenes starts the launcher of readers; `up` and `worker` start the processes of the farm.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,18 @@ PRELOAD = (
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
 )
 _READING = ("info", "render")
+_FARM = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
 
 
 def begin(words: Sequence[str]) -> None:
-    """Starts the launcher of readers if the typed command reads a scene. A failure is reported later by the command."""
-    if words[:1] and words[0] in _READING and not {"-h", "--help"} & set(words):
+    """Starts the processes that the typed command will need. A failure is reported later by the command."""
+    if {"-h", "--help"} & set(words):
+        return
+    if words[:1] and words[0] in _FARM:
+        from rayfarm.local import early
+
+        early.begin(_FARM[words[0]])
+    elif words[:1] and words[0] in _READING:
         from renderer.confine.running import begin_launcher
         from renderer.errors import MachineError
 

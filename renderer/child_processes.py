@@ -1,19 +1,28 @@
-"""Child processes that end with their parent, however the parent dies.
+"""Child processes that end with their parent, however the parent dies, and those that load before they are told what to do.
 
-On Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
+The end with the parent: on Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import json
 import os
 import signal
 import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
-__all__ = ["die_with_parent", "share_one_heap", "signal_name", "spawn_guard"]
+__all__ = ["begin_line", "begun_later", "die_with_parent", "share_one_heap", "signal_name", "spawn_guard", "wait_to_begin"]
 
 PR_SET_PDEATHSIG = 1
 M_ARENA_MAX = -8
+_BEGUN_LATER = """
+import runpy, sys, time
+time.sleep(float(sys.argv.pop(1)))
+runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)
+"""
 _prctl = ctypes.CDLL(None, use_errno=True).prctl if sys.platform == "linux" else None
 
 
@@ -54,3 +63,37 @@ class spawn_guard:  # noqa: N801 - used like a function
 def signal_name(number: int) -> str:
     """Returns a signal's name, or its number if it has no name, as real-time signals."""
     return signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+
+
+def begun_later(module: str, seconds: float) -> list[str]:
+    """Returns a command line as `python -m MODULE` that loads nothing for some seconds, while others need the processor."""
+    return [sys.executable, "-c", _BEGUN_LATER, str(seconds), module]
+
+
+def begin_line(arguments: Sequence[str], environment: Mapping[str, str], log: Path) -> bytes:
+    """Returns the line on which a process begins that waits in `wait_to_begin`."""
+    return json.dumps({"arguments": [*arguments], "environment": {**environment}, "log": str(log)}).encode() + b"\n"
+
+
+def wait_to_begin() -> list[str] | None:
+    """Waits for a `begin_line` on standard input; returns its arguments, or None at the end of the input.
+
+    Adds the line's variables to the environment, and appends standard output and error to its log from now on.
+    """
+    line = sys.stdin.readline()
+    if not line:
+        return None
+    begin = json.loads(line)
+    os.environ |= begin["environment"]
+    _become(os.devnull, os.O_RDONLY, 0)
+    with contextlib.suppress(OSError):  # as on a full disk: the output stays where it went before
+        _become(begin["log"], os.O_WRONLY | os.O_APPEND | os.O_CREAT, 1, 2)
+    return list(begin["arguments"])
+
+
+def _become(path: str, flags: int, *descriptors: int) -> None:
+    """Makes these descriptors refer to a file. Raises OSError."""
+    opened = os.open(path, flags, 0o600)
+    for each in descriptors:
+        os.dup2(opened, each)
+    os.close(opened)

@@ -23,6 +23,7 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from protocol import blends
@@ -63,9 +64,9 @@ gc.enable()
 EXIT_REFUSED = 3
 
 
-def main() -> int:
+def main(arguments: Sequence[str]) -> int:
     """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
-    options = _options()
+    options = _options(arguments)
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # inherited by child processes
     try:
@@ -144,7 +145,7 @@ def _pieces(log: logging.Logger) -> Pieces | None:
         return None
 
 
-def _options() -> argparse.Namespace:
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
@@ -169,7 +170,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
     parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
     parser.add_argument("--memory", type=float, default=0.0, help="GB that it may use; all that there is unless told")
-    return parser.parse_args()
+    return parser.parse_args(arguments)
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
@@ -251,4 +252,4 @@ def _positive(text: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

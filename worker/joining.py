@@ -22,9 +22,9 @@ __all__ = ["Joined", "Joining", "check_redis", "free_name"]
 
 # Errors that a retry does not resolve: the address or the token must change.
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
-FIRST_PAUSE_S = 0.2
+FIRST_PAUSE_S = 0.05
 LAST_PAUSE_S = 3.0
-LONGER = 1.1  # growth per retry; small, since a service started together with this worker answers within seconds
+LONGER = 1.05  # growth per retry; small, since a service started together with this worker answers within seconds
 
 log = logging.getLogger(__name__)
 

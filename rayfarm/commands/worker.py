@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,7 @@ from rayfarm.blender import Program, Wanted, program_for
 from rayfarm.console import err
 from rayfarm.errors import CommandError
 from rayfarm.joining import farm_address, run, shown_token
+from rayfarm.local import early
 from rayfarm.log_format import LogFormat, use_log_format
 from rayfarm.machine import cores
 from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, find_cards
@@ -101,16 +101,17 @@ def worker(
     join = farm_address(join)
     token = shown_token("A worker", token, token_file)
     count = _slots(gpu, slots or cores())
-    command = [sys.executable, "-m", "worker", "--service", join, "--slots", str(slots or cores()), f"--gpu={gpu}"]
+    arguments = ["--service", join, "--slots", str(slots or cores()), f"--gpu={gpu}"]
     if name:
-        command += ["--name", name]
+        arguments += ["--name", name]
     said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
-    command += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
-    command += [f"--tag={each}" for each in tag or ()]
-    command += [f"--site={site}"] if site else []
+    arguments += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
+    arguments += [f"--tag={each}" for each in tag or ()]
+    arguments += [f"--site={site}"] if site else []
     if (program := program_for(blender, blender_program, lambda text: err.print(text, markup=False, soft_wrap=True))) is not None:
-        command.append(f"--blender={program}")
-    run("worker", command, token, f"Joining {join} with {count} slots. Ctrl-C leaves the farm.")
+        arguments.append(f"--blender={program}")
+    sentence = f"Joining {join} with {count} slots. Ctrl-C leaves the farm."
+    run("worker", early.command(early.WORKER), token, sentence, arguments, early.take(early.WORKER))
 
 
 def _slots(gpu: str, cpu_slots: int) -> int:

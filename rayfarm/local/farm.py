@@ -7,7 +7,6 @@ import errno
 import json
 import os
 import socket
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ import redis
 from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.client import Client
 from rayfarm.errors import CommandError
-from rayfarm.local import broker
+from rayfarm.local import broker, early
 from rayfarm.local.state import ROOT, FarmAddress, announce, save_secrets, secrets_of
 from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
 from rayfarm.login import link_of, owner_token
@@ -129,20 +128,26 @@ class LocalFarm:
         }
         if self.names:
             env["RAYFARM_ALLOWED_HOSTS"] = json.dumps(self.names)
-        uvicorn = [sys.executable, "-m", "service.standby", "--no-access-log"]
-        uvicorn += ["--host", listening, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
+        uvicorn = ["--no-access-log", "--host", listening, "--port", str(self.port), "--timeout-graceful-shutdown", "2"]
         if self.tls:
             uvicorn += ["--ssl-certfile", str(self.tls.certificate), "--ssl-keyfile", str(self.tls.key)]
             env[TRUST_VARIABLE] = str(self.tls.certificate)
-        service = Part("service", uvicorn, self._log("service"), env, steady_s=SERVICE_STEADY_S, serves=self._service_listens)
-        service.has_spare = True
-        service.at_peace = self.worker_ready if self.slots else None  # it may be compiling on all cores until then
+        service = Part(
+            "service", early.command(early.SERVICE), self._log("service"), env, steady_s=SERVICE_STEADY_S, arguments=uvicorn
+        )
+        service.serves = self._service_listens
+        service.has_spare, service.spare = True, early.take(early.SERVICE)
+        service.at_peace = self._worker_rests if self.slots else None  # it may be compiling on all cores until then
         self._start(service)
         if self.slots:
             # The token is passed in the environment, since command lines are visible to all users.
-            worker = [sys.executable, "-m", "worker", "--service", self.url, "--slots", str(self.slots)]
-            worker += [f"--blender={self.blender}"] if self.blender is not None else []
-            self._start(Part("worker", worker, self._log("worker"), env, steady_s=WORKER_STEADY_S))
+            options = ["--service", self.url, "--slots", str(self.slots)]
+            options += [f"--blender={self.blender}"] if self.blender is not None else []
+            worker = Part(
+                "worker", early.command(early.WORKER), self._log("worker"), env, steady_s=WORKER_STEADY_S, arguments=options
+            )
+            worker.spare = early.take(early.WORKER)
+            self._start(worker)
         self._announce()
 
     def _warnings(self, server: Path) -> Iterator[str]:
@@ -202,6 +207,8 @@ class LocalFarm:
 
     def service_answers(self) -> bool:
         """Whether the service takes requests."""
+        if not self._service_listens():
+            return False
         try:
             # Plain HTTP, since loading the trust store for each check would take CPU time from the starting parts.
             return httpx.get(f"{self.url}/readyz", timeout=5.0, verify=False, trust_env=False).is_success
@@ -217,13 +224,26 @@ class LocalFarm:
 
     def worker_ready(self) -> bool:
         """Whether this farm's worker has its kernels and takes batches."""
+        report = self._worker_report()
+        return report is not None and report.state == "ready"
+
+    def _worker_rests(self) -> bool:
+        """Whether this farm's worker could work, and has nothing to do."""
+        report = self._worker_report()
+        return report is not None and report.state == "ready" and not any(report.current)
+
+    def _worker_report(self) -> WorkerReport | None:
+        """Returns the latest report of this farm's worker."""
         process = self._parts["worker"].process
         with contextlib.suppress(redis.RedisError), redis.Redis.from_url(self.redis_url, socket_timeout=5) as store:
             for key in store.scan_iter(WORKER_KEYS):
                 data = store.get(key)
-                if isinstance(data, bytes) and process is not None and _is_ready(data, process.pid):
-                    return True
-        return False
+                with contextlib.suppress(TypeError, ValueError):  # report of another release
+                    if isinstance(data, bytes) and process is not None:
+                        report = WorkerReport.from_bytes(data)
+                        if report.pid == process.pid:
+                            return report
+        return None
 
     def _service_listens(self) -> bool:
         """Whether the service listens on its port, which it does once its startup is complete."""
@@ -262,14 +282,6 @@ class LocalFarm:
             self._unannounced = time.monotonic() + ANNOUNCE_EVERY_S
         else:
             self._unannounced = None
-
-
-def _is_ready(report: bytes, pid: int) -> bool:
-    try:
-        worker = WorkerReport.from_bytes(report)
-    except (TypeError, ValueError):
-        return False  # report of another release
-    return worker.pid == pid and worker.state == "ready"
 
 
 def _family(host: str) -> socket.AddressFamily:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
 
-from renderer.child_processes import signal_name, spawn_guard
+from renderer.child_processes import begin_line, signal_name, spawn_guard
 
 __all__ = ["WORKER_STEADY_S", "Part", "Supervisor"]
 
@@ -29,8 +29,9 @@ KILLED_PAUSE_S = 1.0  # maximum after a kill from outside, which says nothing ab
 SERVED_PAUSE_S = 0.2  # after a part that has served
 LOOK_EVERY_S = 0.05  # seconds between checks whether a new part serves
 PEACE_EVERY_S = 0.5  # seconds between checks whether the other parts are ready
-SPARE_AFTER_S = 3.0  # seconds of serving before the first spare, since a starting farm needs the CPU
-SPARE_LATEST_S = 10.0  # seconds of serving after which a spare starts even if other parts are not ready: it takes a second of CPU
+SPARE_AFTER_S = 10.0  # seconds of serving before the first spare, since a starting farm and its first picture need the CPU
+SPARE_LATEST_S = 30.0  # seconds of serving after which a spare starts even if other parts are busy: it takes two seconds of CPU
+SPARE_PAUSE_S = 3.0  # seconds between starts of spares
 SPARE_AGAIN_S = 0.3  # seconds of serving after a restart, as the same fault may strike again
 KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
@@ -38,6 +39,9 @@ KILLS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 @dataclass
 class Part:
     """One process of the farm. grace_s: its time limit for a graceful stop. fatal_codes: exit codes without a restart.
+
+    arguments: of a command that loads first, and then takes them from a line (renderer.child_processes.wait_to_begin); None for
+    other commands. spare: such a process that waits; has_spare: whether there should always be one.
 
     Pauses before restarts increase while the part ends before it serves. serves: whether it serves now; a quick check, called
     until it is true. Without it, a part fails if it ends within steady_s of its start; steady_s exceeds its startup time.
@@ -59,6 +63,7 @@ class Part:
     has_served: bool = False
     looked: float = 0.0
     ends: int = 0  # unexpected ones
+    arguments: list[str] | None = None
     has_spare: bool = False
     at_peace: Callable[[], bool] | None = None
     spare: subprocess.Popen[bytes] | None = None
@@ -94,10 +99,13 @@ class Supervisor:
         if part not in self.parts:
             self.parts.append(part)
         spare, part.spare = part.spare, None
-        part.process = spare if spare is not None and spare.poll() is None else self._spawn(part)
+        if spare is not None and spare.poll() is not None:
+            spare.communicate()  # closes its input
+            spare = None
+        part.process = spare or self._spawn(part)
         part.start_failures = 0
-        if part.has_spare:
-            self._let_begin(part.process)
+        if part.arguments is not None:
+            _let_begin(part, part.process, part.arguments)
         part.started = time.monotonic()
         part.restart_at = None
         part.has_served = False
@@ -108,27 +116,21 @@ class Supervisor:
                 part.command,
                 cwd=self.folder,
                 env={**os.environ, **part.env},
-                stdin=subprocess.PIPE if part.has_spare else subprocess.DEVNULL,
+                stdin=subprocess.DEVNULL if part.arguments is None else subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 preexec_fn=spawn_guard(),
             )
 
-    def _let_begin(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # it died just now, which the next check detects
-            process.stdin.write(b"begin\n")
-            process.stdin.close()
-
     def _keep_spare(self, part: Part, now: float) -> None:
         """Starts a spare process if there is none and the part has been serving for a while."""
         is_there = part.spare is not None and part.spare.poll() is None
         pause = SPARE_AGAIN_S if part.ends else SPARE_AFTER_S
-        is_time = now - part.started > pause and (not part.spare_started or now - part.spare_started > SPARE_AFTER_S)
+        is_time = now - part.started > pause and (not part.spare_started or now - part.spare_started > SPARE_PAUSE_S)
         if part.has_spare and part.has_served and not is_there and is_time and self._is_peace(part, now):
             part.spare_started = now
-            with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_AFTER_S
+            with contextlib.suppress(OSError, subprocess.SubprocessError):  # tried again after SPARE_PAUSE_S
                 part.spare = self._spawn(part)
 
     def _is_peace(self, part: Part, now: float) -> bool:
@@ -212,6 +214,13 @@ class Supervisor:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(part.process.pid, signal.SIGKILL)
         part.process.wait()
+
+
+def _let_begin(part: Part, process: subprocess.Popen[bytes], arguments: list[str]) -> None:
+    assert process.stdin is not None
+    with contextlib.suppress(BrokenPipeError):  # it died just now, which the next check detects
+        process.stdin.write(begin_line(arguments, {**os.environ, **part.env}, part.log))
+        process.stdin.close()
 
 
 def _bound(log: Path) -> None:

@@ -18,7 +18,7 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
 
     def is_worker(process: psutil.Process) -> bool:
         try:
-            return process.cmdline()[1:3] == ["-m", "worker"]
+            return process.cmdline()[1:3] == ["-m", "worker.standby"]
         except psutil.NoSuchProcess:  # one that has just ended
             return False
 

@@ -19,7 +19,8 @@ def test_any_address_of_ipv6_is_any_of_ipv4_too(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(farm, "wait", lambda *arguments: True)
     farm.start(lambda: False)
     service = next(part for part in started if part.name == "service")
-    assert service.command[service.command.index("--host") + 1] == listens
+    assert service.arguments is not None
+    assert service.arguments[service.arguments.index("--host") + 1] == listens
     assert service.env["RAYFARM_HOST"] == listens
 
 

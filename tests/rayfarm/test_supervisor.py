@@ -154,7 +154,9 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 0.0)
     monkeypatch.setattr(supervision, "PEACE_EVERY_S", 0.0)
     others: list[str] = []
-    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, at_peace=lambda: bool(others))
+    part = Part(
+        "server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: bool(others)
+    )
     supervisor.start(part)
     wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
     for _ in range(3):
@@ -165,12 +167,12 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     first, waiting = part.process, part.spare
     assert first is not None
     assert waiting is not None
-    wait_until(lambda: part.last_words().count("begin") == 1, 20, "the first has begun, and the other has not")
+    wait_until(lambda: part.last_words().count("arguments") == 1, 20, "the first has begun, and the other has not")
     first.kill()
     first.wait()
     wait_until(lambda: supervisor.tend() is None and part.running, 20, "there is a part again")
     assert part.process is waiting
-    wait_until(lambda: part.last_words().count("begin") == 2, 20, "it begins")
+    wait_until(lambda: part.last_words().count("arguments") == 2, 20, "it begins")
     wait_until(lambda: supervisor.tend() is None and part.spare is not None, 20, "and another waits")
     assert part.spare is not None
     part.spare.kill()
@@ -186,7 +188,7 @@ def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_ser
 ) -> None:
     """Independent of the other parts, since the same fault may recur while they start."""
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
-    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, at_peace=lambda: False)
+    part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: False)
     supervisor.start(part)
     wait_until(lambda: supervisor.tend() is None and part.has_served, 20, "it serves")
     assert part.spare is None, "others are starting"

@@ -15,7 +15,7 @@ import sys
 import threading
 
 from renderer import jit
-from renderer.child_processes import spawn_guard
+from renderer.child_processes import begun_later, spawn_guard
 from renderer.render import FULL, kernel_name
 from worker.exchange.errors import WorkerError
 from worker.exchange.kernels import hand_in
@@ -27,11 +27,12 @@ __all__ = ["get_ready_ahead"]
 
 log = logging.getLogger("worker")
 
+LATER_S = 3.0  # the worker has its first tile to render
 STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
 
 
 def get_ready_ahead(link: Link) -> None:
-    """Starts the process, unless this machine has the kernel. The process ends with this one."""
+    """Starts the process, unless this machine has the kernel. It works after LATER_S, and ends with this process."""
     if jit.is_cached(kernel_name(edition=FULL)):
         return
     guard = spawn_guard()
@@ -41,7 +42,7 @@ def get_ready_ahead(link: Link) -> None:
         os.nice(STANDS_BACK)
 
     process = subprocess.Popen(
-        [sys.executable, "-m", "worker.exchange.kernel_precompile", f"--service={link.service}"],
+        [*begun_later("worker.exchange.kernel_precompile", LATER_S), f"--service={link.service}"],
         env={**os.environ, "RAYFARM_TOKEN": link.token},
         stdin=subprocess.DEVNULL,
         preexec_fn=stand_back,

@@ -16,7 +16,7 @@ import threading
 import time
 from pathlib import Path
 
-from renderer.child_processes import spawn_guard
+from renderer.child_processes import begun_later, spawn_guard
 from renderer.kernel_file import ArtefactError, name_of, pack, unpack
 from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
@@ -25,6 +25,7 @@ from worker.telemetry import logs
 __all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
 
 log = logging.getLogger(__name__)
+_LATER_S = 10.0  # a new worker has its first tile to render
 _PATIENCE_S, _PAUSE_S = 60.0, 1.0
 
 
@@ -54,11 +55,9 @@ def hand_in(link: Link, folder: Path, kernel: str) -> None:
 
 
 def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
-    """Like `hand_in`, in a child process that ends with this one."""
+    """Like `hand_in`, some seconds later, in a child process that ends with this one."""
     command = [
-        sys.executable,
-        "-m",
-        "worker.exchange.kernels",
+        *begun_later("worker.exchange.kernels", _LATER_S),
         f"--service={link.service}",
         f"--folder={folder}",
         f"--kernel={kernel}",
@@ -68,7 +67,7 @@ def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
 
     def stand_back() -> None:
         guard()
-        os.nice(10)  # the worker has its first tile to render
+        os.nice(10)
 
     process = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, preexec_fn=stand_back)
     threading.Thread(target=process.wait, name="kernels handed in", daemon=True).start()  # reaps the child

@@ -11,6 +11,7 @@ import pytest
 
 from protocol.terms import Terms
 from renderer import jit
+from renderer.child_processes import begun_later
 from renderer.render import FULL, kernel_name
 from worker.exchange import kernel_precompile
 from worker.exchange.errors import LinkError
@@ -47,7 +48,10 @@ def test_it_begins_behind_everything_else(
     monkeypatch.setattr(jit, "is_cached", lambda name: False)
     kernel_precompile.get_ready_ahead(LINK)
     ((command, process),) = started
-    assert command[1:] == ["-m", "worker.exchange.kernel_precompile", "--service=http://127.0.0.1:9"]
+    assert command[1:] == [
+        *begun_later("worker.exchange.kernel_precompile", kernel_precompile.LATER_S)[1:],
+        "--service=http://127.0.0.1:9",
+    ]
     assert process.stdout is not None
     assert int(process.stdout.read()) == min(os.getpriority(os.PRIO_PROCESS, 0) + kernel_precompile.STANDS_BACK, 19)
     process.stdout.close()

@@ -1,0 +1,33 @@
+"""`python -m worker.standby`: as `python -m worker`, but loads first and takes its options from a line on standard input.
+
+Loading takes more than a second of processor time. `rayfarm up` and `rayfarm worker` start this process before they load
+themselves (rayfarm/local/early.py).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+from renderer import jit
+from renderer.child_processes import wait_to_begin
+from renderer.render import kernel_name, warm_up
+from renderer.shipped_kernels import take_shipped
+from worker.__main__ import main
+from worker.work.reader import begin_launcher
+
+
+def load() -> None:
+    """Loads the plain kernel, and starts the launcher of readers, if this machine has the kernel."""
+    take_shipped(jit.cache_folder())
+    if jit.is_cached(kernel_name()):
+        begin_launcher()
+        warm_up()
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(Exception):  # `main` meets the same error, and reports it
+        load()
+    arguments = wait_to_begin()
+    if arguments is not None:  # at the end of the input, the supervisor is gone
+        sys.exit(main(arguments))
