@@ -64,7 +64,7 @@ gc.enable()
 EXIT_REFUSED = 3
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
     options = _options(arguments)
     if options.log_format:
@@ -145,7 +145,7 @@ def _pieces(log: logging.Logger) -> Pieces | None:
         return None
 
 
-def _options(arguments: Sequence[str]) -> argparse.Namespace:
+def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m worker", description="A worker of the farm; `rayfarm worker` starts one.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default="", help="the farm's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
@@ -252,4 +252,4 @@ def _positive(text: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

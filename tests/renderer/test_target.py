@@ -54,7 +54,8 @@ def compiled():
     fresh = njit(host.total.py_func)  # compiled, not loaded
     fresh(np.arange(64.0), 2.0)
     (listing,) = fresh.inspect_asm().values()
-    return re.sub(r"0x[0-9a-f]+|v\\d+B|B\\d+v\\d+|\\d{10,}", "", listing)  # numbers of this process's functions and objects
+    # without numbers of this process's functions and objects, and the sizes of names with them
+    return re.sub(r"0x[0-9a-f]+|v\\d+B|B\\d+v\\d+|\\d{10,}|\t.size\t.*", "", listing)
 
 def state():
     from numba.core import config
