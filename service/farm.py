@@ -8,6 +8,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 import redis
 from anyio import CapacityLimiter
@@ -30,6 +31,7 @@ from service.maintenance.scrub import Scrubber
 from service.maintenance.taint import TaintMarker
 from service.ownership.candidate import own
 from service.ownership.ownership import Ownership
+from service.scheduling.dispatching.celery_dispatcher import CeleryDispatcher
 from service.scheduling.engine import Engine
 from service.scheduling.records import Records
 from service.scheduling.snapshot import SnapshotBoard
@@ -53,6 +55,7 @@ __all__ = ["Farm"]
 log = logging.getLogger(__name__)
 
 ENGINE_PATIENCE_S = 0.25  # with a locked database: meanwhile all jobs stand still
+READ_BYTES = 1 << 20  # bytes that the engine reads at a time; a result may have megabytes
 OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
@@ -73,8 +76,7 @@ class Farm:
         except BaseException:
             self.owning.stop()
             raise
-        queue = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
-        self.redis_users = RedisUsers(queue, self.access.keys, settings.token, self.instance)
+        self.redis_users = RedisUsers(_redis(settings), self.access.keys, settings.token, self.instance)
         self.events = Events()
         self._assemble_store(settings)
         self._assemble_scheduling(settings)
@@ -103,10 +105,12 @@ class Farm:
         """The engine, live views, explanations and quotas."""
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         board = SnapshotBoard(self.events)
-        self.views = ViewScheduler(settings, board, self.events)
-        self.explaining = Explaining(settings, board)
+        self.views = ViewScheduler(*_broker(settings), board, self.events)
+        self.explaining = Explaining(*_broker(settings), board)
+        connection = _redis(settings, health_check_interval=30, socket_read_size=READ_BYTES)
+        dispatcher = CeleryDispatcher(settings.redis_url, connection, self.owning.guard)
         self.engine = Engine(
-            *(settings, self.records, self.films, self.snapshots, self.blobs, board, self.events),
+            *(settings, connection, dispatcher, self.records, self.films, self.snapshots, self.blobs, board, self.events),
             guard=self.owning.guard,
             has_views=self.views.has_unfinished,
         )
@@ -138,7 +142,7 @@ class Farm:
 
     def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
         """Cleans up after an earlier run and starts all parts. on_lost: called in some thread if another service takes over."""
-        self.owning.start(on_lost, lambda: self.engine.moves)
+        self.owning.start(on_lost, self.engine.moves)
         self.broadcast.open(loop)
         self.reserve.fill()
         try:
@@ -175,6 +179,17 @@ class Farm:
             ) from None
         recorded = self.records.samples(job.id, frame) if job.state in FINAL else 0
         return self.films.open(job.id, settings, job.tile_size, recorded=recorded, frame=frame)
+
+
+def _redis(settings: Settings, **options: Any) -> redis.Redis:
+    """Returns connections to the broker, opened when they are needed."""
+    return redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2, **options)
+
+
+def _broker(settings: Settings) -> tuple[redis.Redis, CeleryDispatcher]:
+    """Returns connections to the broker, and a dispatcher that uses them."""
+    connection = _redis(settings)
+    return connection, CeleryDispatcher(settings.redis_url, connection)
 
 
 def open_blobs(settings: Settings) -> BlobStore:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import AsyncIterator
 from typing import Any
@@ -12,6 +11,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from protocol.event_stream import EVENTS, KEEP_ALIVE, RETRY
 from service.access.visit import Visit
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -46,7 +46,7 @@ async def events(farm: FarmDependency, visit: VisitDependency) -> StreamingRespo
 
 async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
     with farm.broadcast.listen() as listener:
-        yield "retry: 2000\n\n"
+        yield RETRY
         spoke = sent = time.monotonic()
         while not farm.broadcast.closing:
             await listener.wait(1.0)
@@ -63,7 +63,7 @@ async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
             elif listener.changed:
                 await listener.pause(EVERY_S - (now - sent))
             elif now - spoke > KEEP_ALIVE_S:
-                yield ": still here\n\n"
+                yield KEEP_ALIVE
                 spoke = now
 
 
@@ -83,7 +83,7 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
             projects.note("job" if what == "job" else "scene", id, data["project"])
         if what == "worker" or sight.sees(data["project"] if data else projects.known("job" if what == "job" else "scene", id)):
             told.append((what, id, data))
-    return [f"event: {what}\ndata: {json.dumps(data or {'id': id, 'deleted': True})}\n\n" for what, id, data in told]
+    return [EVENTS[what](id, data).to_text() for what, id, data in told]
 
 
 def _described(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:

@@ -20,13 +20,13 @@ import redis
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
 from protocol.terms import Terms
 from renderer.sentences import Sentence
-from service.errors import FarmError
+from service.errors import FarmError, QueueError
 from service.events import Events, PreparationRequested, RowWritten
 from service.scheduling.answers import Answers
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.pacing import Pace
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.faults.bulkhead import Bulkheads, Step
@@ -54,7 +54,6 @@ from service.store.films import Film
 __all__ = ["Engine"]
 
 BLOCK_MS = 200
-READ_BYTES = 1 << 20  # bytes read at a time; a result may have megabytes
 PAUSE_AFTER_FAULT_S = 0.5
 SERVICE_KEY = "rayfarm:service"  # Unix time of the service's latest write to Redis
 SERVICE_KEY_TTL_S = 10
@@ -71,6 +70,8 @@ class Engine:
     def __init__(
         self,
         settings: Settings,
+        connection: redis.Redis,
+        dispatcher: Dispatcher,
         records: Records,
         films: FilmStore,
         snapshots: FilmSnapshots,
@@ -82,19 +83,14 @@ class Engine:
     ) -> None:
         """Creates the engine without starting its thread.
 
-        guard: raises FarmError if this service may not act as the farm. has_views: whether unfinished views wait for slots.
+        connection, dispatcher: closed by `stop`. guard: raises FarmError if this service may not act as the farm. has_views:
+        whether unfinished views wait for slots.
         """
         self._guard = guard
         self.films = films
         self._records = records
-        self._redis = redis.Redis.from_url(
-            settings.redis_url,
-            socket_timeout=5,
-            socket_connect_timeout=2,
-            health_check_interval=30,
-            socket_read_size=READ_BYTES,
-        )
-        self._dispatcher = Dispatcher(settings.redis_url, self._redis, guard)
+        self._redis = connection
+        self._dispatcher = dispatcher
         self._results = Results(self._redis, guard)
         self._board = board
         self._changes = Changes()
@@ -156,7 +152,6 @@ class Engine:
         """Whether the thread is running."""
         return self._thread.is_alive()
 
-    @property
     def moves(self) -> bool:
         """Whether the thread completes its rounds. True during start-up, which may take long after a previous run."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)

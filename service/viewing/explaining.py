@@ -14,12 +14,11 @@ import redis
 from protocol.explained import ExplainPixel, explained_key
 from protocol.view_parts import view_queue
 from renderer.sentences import Sentence, decoded
-from service.errors import Failed, TooLate, Unavailable
+from service.errors import Failed, QueueError, TooLate, Unavailable
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import away
 from service.scheduling.snapshot import SnapshotBoard
-from service.settings import Settings
 
 __all__ = ["Explaining", "no_sense"]
 
@@ -34,9 +33,10 @@ ASKED_AT_MOST = 2
 class Explaining:
     """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
 
-    def __init__(self, settings: Settings, board: SnapshotBoard) -> None:
-        self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
-        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
+    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard) -> None:
+        """Keeps what requests share. connection, dispatcher: closed by `stop`."""
+        self._redis = connection
+        self._dispatcher = dispatcher
         self._board = board
         self._room = threading.BoundedSemaphore(AT_ONCE)
         self._stop = threading.Event()

@@ -22,12 +22,12 @@ from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewP
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
 from renderer.sentences import Sentence, stopped
+from service.errors import QueueError
 from service.events import Events
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.faults.redis_errors import redis_fault
 from service.scheduling.snapshot import SnapshotBoard
-from service.settings import Settings
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import FULL, fits_in_memory
 from service.viewing.pending import PendingMessage
@@ -54,14 +54,10 @@ log = logging.getLogger(__name__)
 class ViewScheduler:
     """Serves all view sessions from `start` to `stop`. Other methods are thread-safe."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        board: SnapshotBoard,
-        events: Events,
-    ) -> None:
-        self._redis = redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2)
-        self._dispatcher = Dispatcher(settings.redis_url, self._redis)
+    def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard, events: Events) -> None:
+        """Creates the scheduler without starting its thread. connection, dispatcher: closed by `stop`."""
+        self._redis = connection
+        self._dispatcher = dispatcher
         self._board = board
         self._workers = ViewWorkers(board, events)
         self._frame_cache = FrameCache(events)

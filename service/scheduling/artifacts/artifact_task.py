@@ -20,10 +20,10 @@ from typing import Generic, TypeVar
 
 from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment, WorkerReport, prepare_queue
 from renderer.sentences import Sentence
-from service.errors import Failed, FarmError, NotFound, TooLate, Unavailable
+from service.errors import Failed, FarmError, NotFound, QueueError, TooLate, Unavailable
 from service.events import BlobsReleased, Events
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.faults.redis_errors import away
 from service.scheduling.fleet.workers import Workers

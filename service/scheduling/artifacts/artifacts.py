@@ -10,7 +10,7 @@ from service.scheduling.artifacts.frame_preparation import FramePreparation
 from service.scheduling.artifacts.scene_preparation import Preparing
 from service.scheduling.artifacts.unfit_machines import Fault
 from service.scheduling.artifacts.vectors import Vectors
-from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.messages import (
     DenoiseDone,

@@ -15,7 +15,7 @@ from functools import cache
 from protocol.contract import FrameInfo, PrepareFrames, prepare_queue
 from renderer.settings import OPTIONAL
 from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
-from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results

@@ -11,7 +11,7 @@ from protocol.blends import WAITS, blender_queue
 from protocol.contract import WorkerReport, prepare_queue
 from renderer.sentences import Sentence, joined
 from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
-from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results

@@ -5,7 +5,7 @@ job_queue.py     the jobs that a kind of workers may render, by priority
 batch_groups.py  several batches in one message
 sites.py         batches for the machines of a site
 pacing.py        length of batches, and number of outstanding ones
-dispatch.py      sends through Celery and inspects its queues
+dispatcher.py    the port through which work is sent to queues; celery_dispatcher.py implements it
 leases.py        outstanding work
 held_batches.py  the batches that workers report to hold
 lost_batches.py  lost and late leases

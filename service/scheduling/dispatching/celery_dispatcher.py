@@ -1,4 +1,4 @@
-"""Sending side of the queue: sends tasks through Celery and inspects the messages waiting in Redis."""
+"""The dispatcher with Celery: sends tasks through it, and inspects the messages waiting in Redis."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame
 from service.errors import FarmError, QueueError
 from service.scheduling.jobs.traces import headers_of
 
-__all__ = ["Dispatcher"]
+__all__ = ["CeleryDispatcher"]
 
 _AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
 
-class Dispatcher:
-    """Sends tasks. A task's id is that of its lease or message, so waiting tasks can be identified and withdrawn."""
+class CeleryDispatcher:
+    """Implements service.scheduling.dispatching.dispatcher.Dispatcher."""
 
     def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
         """Connects to the broker. guard: raises FarmError if nothing may be sent."""
@@ -157,7 +157,7 @@ class Dispatcher:
             raise QueueError(str(error)) from error
 
     def close(self) -> None:
-        """Close the connections."""
+        """Closes its connections to the broker."""
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:

@@ -15,8 +15,9 @@ import redis
 
 from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence
+from service.errors import QueueError
 from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, joint_work_of, next_batch_groups, work_of
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder

@@ -18,7 +18,7 @@ import redis
 from protocol.joint import Run
 from protocol.site import SITE
 from service.scheduling.dispatching.batch_groups import BatchGroup
-from service.scheduling.dispatching.dispatch import Dispatcher
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.pacing import MOST_JOINT, Pace
 from service.scheduling.fleet.needs import Needs

@@ -20,9 +20,10 @@ from dataclasses import dataclass, field
 import redis
 
 from renderer.sentences import Sentence
+from service.errors import QueueError
 from service.events import Events, WorkerSetAside
 from service.scheduling.dispatching.batch_groups import work_of
-from service.scheduling.dispatching.dispatch import Dispatcher, QueueError
+from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
 from service.scheduling.dispatching.scheduler import Scheduler
 from service.scheduling.fleet.workers import BY_A_PERSON, Workers

@@ -1,0 +1,30 @@
+"""Events of GET /api/events are encoded as the HTML standard's event streams, and the page handles each of them."""
+
+from __future__ import annotations
+
+import json
+import re
+
+from protocol.event_stream import EVENTS, KEEP_ALIVE, RETRY, JobEvent, WorkerEvent
+from tests.helpers import ROOT
+
+
+def test_an_event_has_a_type_and_one_line_of_data() -> None:
+    text = JobEvent("a1", {"id": "a1", "name": "two\nlines"}).to_text()
+    assert text.endswith("\n\n")
+    event, data = text.rstrip("\n").split("\n")
+    assert event == "event: job"
+    assert json.loads(data.removeprefix("data: ")) == {"id": "a1", "name": "two\nlines"}
+    assert WorkerEvent("attic", None).to_text() == 'event: worker\ndata: {"id": "attic", "deleted": true}\n\n'
+
+
+def test_what_is_no_event_is_a_field_or_a_comment() -> None:
+    assert re.fullmatch(r"retry: \d+\n\n", RETRY)
+    assert re.fullmatch(r": .*\n\n", KEEP_ALIVE)
+
+
+def test_the_page_handles_every_event() -> None:
+    code = (ROOT / "web/js/news/farm.js").read_text()
+    handlers = re.search(r"const TAKERS = .*?\}\);", code, re.DOTALL)
+    assert handlers is not None
+    assert set(re.findall(r"^  (\w+):", handlers[0], re.MULTILINE)) == set(EVENTS)
