@@ -13,5 +13,6 @@ redis_tls.py     addresses of a Redis that is reached over TLS
 sums.py          serialization of a batch's sums
 result_bytes.py  serialization of a result
 blends.py        scenes that Blender has to convert
+event_stream.py  events of GET /api/events; websocket.py, live.py and viewport.py: messages of WebSockets
 reproduce.py     the command that renders a failed batch again, without a farm
 """

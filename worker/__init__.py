@@ -14,4 +14,5 @@ Each folder builds on those above it:
     leaving.py    reports work in progress while the worker shuts down
     app.py        the Celery application, and its hooks around forks
     __main__.py   the worker's main function
+    standby.py    as __main__.py, but loads first, and takes its options from a line
 """
