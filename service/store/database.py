@@ -91,7 +91,11 @@ class Sessions:
 def connect(url: str) -> tuple[Engine, Sessions]:
     """Opens the database, creates or migrates its tables, and returns the engine and a session factory."""
     engine = open_database(url)
-    upgrade(engine)
+    try:
+        upgrade(engine)
+    except BaseException:
+        engine.dispose()
+        raise
     return engine, Sessions(engine)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,14 +19,15 @@ from service.store.models import Frame, FrameChange, Job, Scene, Wait
 
 
 @pytest.fixture
-def records(tmp_path: Path) -> Records:
-    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+def records(tmp_path: Path) -> Iterator[Records]:
+    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
     with sessions.begin() as session:
         job = Job(id="job", scene="scene", name="", state="running", priority=0, created=0.0, active_s=0.0, request={}, spp=8)
         session.add(job)
     with sessions.begin() as session:
         session.add(Frame(job="job", number=0))
-    return Records(sessions, 1 << 20)
+    yield Records(sessions, 1 << 20)
+    engine.dispose()
 
 
 def active(spp: int) -> Any:
@@ -77,6 +79,7 @@ def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: P
     assert [frame.samples for frame in found["job0"].frames or ()] == [7]
     assert found["lit"].frames == [], "deleted a moment ago"
     assert (found["shot"].frames, found["shot"].history) == (None, {"points": []})
+    engine.dispose()
 
 
 def test_writers_wait_for_each_other(records: Records) -> None:
@@ -104,7 +107,7 @@ def test_a_database_that_another_program_holds_is_said_to_be_away(
     records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.store.database.LOCK_PATIENCE_S", 0.1)
-    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
     other = sqlite3.connect(tmp_path / "test.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     with pytest.raises(Unavailable, match="database is locked"), sessions.begin() as session:
@@ -115,6 +118,7 @@ def test_a_database_that_another_program_holds_is_said_to_be_away(
     other.close()
     with sessions.begin() as session:
         assert session.get(Job, "job") is not None
+    engine.dispose()
 
 
 def test_a_database_on_a_full_disk_says_so(records: Records) -> None:

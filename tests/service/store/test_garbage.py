@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -82,10 +82,11 @@ def test_a_worker_that_stores_a_blob_while_others_are_deleted_keeps_nobody_waiti
 
 
 @pytest.fixture
-def garbage(tmp_path: Path) -> tuple[Garbage, BlobFolder]:
-    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+def garbage(tmp_path: Path) -> Iterator[tuple[Garbage, BlobFolder]]:
+    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
-    return Garbage(sessions, blobs, patience_s=60.0), blobs
+    yield Garbage(sessions, blobs, patience_s=60.0), blobs
+    engine.dispose()
 
 
 def put(blobs: BlobFolder, content: bytes) -> str:
@@ -184,7 +185,7 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
     """The service was suspended after deleting the rows; meanwhile the same file was uploaded to the service that took over."""
-    _, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
+    engine, sessions = connect(f"sqlite:///{tmp_path / 'test.sqlite'}")
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
     def stood_still() -> None:
@@ -194,6 +195,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
     sha256 = put(blobs, b"content")
     Garbage(sessions, blobs, patience_s=60.0, guard=stood_still).collect(lambda session: {sha256})
     assert blobs.exists(sha256)
+    engine.dispose()
 
 
 @pytest.mark.long
