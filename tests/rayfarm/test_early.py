@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
@@ -28,7 +29,7 @@ if arguments is not None:
 
 
 @pytest.fixture
-def waits(monkeypatch: pytest.MonkeyPatch):
+def waits(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.setattr(early, "command", lambda module: [sys.executable, "-c", WAITS])
     yield
     early.end()
