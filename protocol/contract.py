@@ -179,6 +179,7 @@ class SceneInfo:
     names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
     lights_power: float | None = None  # what its own lights send out: renderer.scene.relight needs it
     blend: dict[str, Any] | None = None  # files that Blender wrote: the name of `main`, and `files`, a BlobRef each
+    preview: BlobRef | None = None  # a mesh (protocol/mesh.py) that a viewer draws until there are samples
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:
@@ -189,9 +190,19 @@ class SceneInfo:
             raise ValueError("SceneInfo has fields of other types")
         if not all(isinstance(camera, dict) and {"name", "view"} <= camera.keys() for camera in known["cameras"]):
             raise ValueError("SceneInfo has cameras without a name or a view")
-        compiled, thumbnail = known["compiled"], known["thumbnail"]
-        stored = {"compiled": BlobRef.from_json(compiled), "thumbnail": BlobRef.from_json(thumbnail) if thumbnail else None}
+        pictures = {name: BlobRef.from_json(known[name]) if known.get(name) else None for name in ("thumbnail", "preview")}
+        stored = {"compiled": BlobRef.from_json(known["compiled"]), **pictures}
         return cls(**{**known, **stored})
+
+
+@dataclass(frozen=True)
+class ScenePreview:
+    """What a viewer can draw once a scene was read, before it is compiled: fields of SceneInfo."""
+
+    preview: BlobRef
+    cameras: list[dict[str, Any]]
+    bounds: list[list[float]]
+    defaults: dict[str, Any]
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,7 @@ class PrepareProgress(PrepareStarted):
 
     step: str
     fraction: float
+    preview: NotRequired[dict[str, Any]]  # once the scene was read: contract.ScenePreview
 
 
 class Prepared(PrepareStarted):

@@ -21,6 +21,7 @@ from protocol.contract import (
     PrepareFrames,
     RenderBatch,
     Result,
+    ScenePreview,
 )
 from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP, RENDER_JOINTLY, JointBatch
@@ -141,6 +142,10 @@ def _prepare(task: Any, scene: str) -> None:
         steps.now(step)
         worker.results.send(Result({"type": "prepare-progress", **about, "step": step, "fraction": fraction}), 0.0)
 
+    def show(preview: ScenePreview) -> None:
+        said = {"step": "reading", "fraction": 0.3, "preview": asdict(preview)}
+        worker.results.send(Result({"type": "prepare-progress", **about, **said}), 0.0)
+
     with InHand(worker, {"scene": scene}):
         try:
             if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
@@ -155,7 +160,7 @@ def _prepare(task: Any, scene: str) -> None:
                 return
             send("prepare-started")
             manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-            info = patiently(lambda: prepare_scene(worker, manifest, progress), LINK_PATIENCE_S)
+            info = patiently(lambda: prepare_scene(worker, manifest, progress, show), LINK_PATIENCE_S)
             steps.now(None)
             send("prepared", info=asdict(info))
         except WorkError as error:

@@ -39,7 +39,7 @@ from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
 
-__all__ = ["AUTO_CAMERA", "camera_names", "compile_scene", "own_cameras", "summarise", "summarise_again"]
+__all__ = ["AUTO_CAMERA", "camera_dicts", "camera_names", "compile_scene", "own_cameras", "summarise", "summarise_again"]
 
 AUTO_CAMERA = "auto"
 
@@ -224,12 +224,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     with the seconds of their first and last key. objects, materials: their names by number; the film's OBJECT and MATERIAL planes
     hold number + 1.
     """
-    cameras = [
-        *own_cameras(description, compiled),
-        Camera(AUTO_CAMERA, frame(_visible_points(compiled) + compiled.origin, description.up)),
-    ]
     return {
-        "cameras": [_camera_dict(c) for c in cameras],
+        "cameras": camera_dicts(description, _bounds(compiled), _visible_points(compiled) + compiled.origin),
         "counts": {
             "triangles": sum(len(description.meshes[i.mesh].triangles) for i in description.instances),
             "unique_triangles": len(compiled.triangle) - _filling(compiled),
@@ -262,10 +258,9 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
     """
     low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
-    cameras = [*own_cameras(description, compiled), Camera(AUTO_CAMERA, frame(corners, description.up))]
     return {
         **before,
-        "cameras": [_camera_dict(c) for c in cameras],
+        "cameras": camera_dicts(description, _bounds(compiled), corners),
         "bounds": _bounds(compiled).tolist(),
         "warnings": list(description.warnings),
     }
@@ -277,10 +272,19 @@ def camera_names(description: SceneDescription) -> list[str]:
     return [*own, AUTO_CAMERA]
 
 
+def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.ndarray) -> list[dict[str, Any]]:
+    """Returns the cameras as `summarise` has them. bounds: (2, 3) corners of all geometry; points: (N, 3) that "auto" frames."""
+    cameras = [*_aimed_cameras(description, bounds), Camera(AUTO_CAMERA, frame(points, description.up))]
+    return [_camera_dict(camera) for camera in cameras]
+
+
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
     """Returns the file's own cameras, as in `summarise`."""
+    return _aimed_cameras(description, _bounds(compiled))
+
+
+def _aimed_cameras(description: SceneDescription, bounds: np.ndarray) -> list[Camera]:
     names = camera_names(description)
-    bounds = _bounds(compiled)
     return [
         Camera(name, _aimed(c.view, bounds), tuple(_aimed(view, bounds) for view in c.keys))
         for name, c in zip(names, description.cameras, strict=False)

@@ -49,4 +49,8 @@ class SceneOut(Coded):
     strict: bool = Field(description="whether warnings fail it: then `error` and `warnings` list them")
     defaults: dict[str, Any]
     thumbnail: str | None
+    preview: str | None = Field(
+        default=None,
+        description="a mesh to draw until there are samples; cameras, bounds and defaults come with it",
+    )
     project: str = Field(default="", description="whose members see it; empty: everybody who is let in")

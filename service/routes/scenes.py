@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import asdict
+from typing import Annotated, Any
 
 from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
 
 from renderer.sentences import Sentence
 from service.errors import NotFound
+from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.http.single_upload import check_length, check_room
@@ -26,6 +28,7 @@ __all__ = ["router"]
 
 router = api_router(prefix="/api/scenes", tags=["scenes"])
 
+PREVIEW = {"content": {"application/octet-stream": {}}, "description": "the mesh"}
 THUMBNAIL = {"content": {"image/png": {}}, "description": "the picture"}
 UPLOAD_FORM = {
     "requestBody": {
@@ -113,11 +116,26 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
     ref = (scene.info or {}).get("thumbnail")
     if not ref:
         raise NotFound(Sentence("scene-without-thumbnail", "This scene has no thumbnail yet."))
+    return _blob(ref, "image/png", request, farm)
+
+
+@router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})
+def preview(id: str, request: Request, farm: FarmDependency) -> Response:
+    """The scene's triangles, at most about a million, as soon as a worker has read it. protocol/mesh.py has the layout."""
+    scene = find_scene(id, farm)
+    progress = farm.engine.snapshot.preparing.get(id)
+    ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)
+    if not ref:
+        raise NotFound(Sentence("scene-without-preview", "This scene has no preview yet."))
+    return _blob(ref, "application/octet-stream", request, farm)
+
+
+def _blob(ref: dict[str, Any], media_type: str, request: Request, farm: Farm) -> Response:
     headers = {"Cache-Control": "no-cache", "ETag": f'"{ref["sha256"]}"'}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
     blob = farm.blobs.serve(ref["sha256"])
-    return StreamingResponse(blob.chunks, media_type="image/png", headers=headers | {"Content-Length": str(blob.size)})
+    return StreamingResponse(blob.chunks, media_type=media_type, headers=headers | {"Content-Length": str(blob.size)})
 
 
 @router.delete("/{id}", status_code=204)

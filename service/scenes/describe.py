@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import asdict
 from typing import Any, cast
 
 from renderer.sentences import Sentence
@@ -38,6 +39,8 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
     waits = scene.status == "preparing"
     view = engine.snapshot
     preparing = view.preparing.get(scene.id) if waits else None
+    if preparing and preparing.preview:
+        info = {**asdict(preparing.preview), **info}
     return SceneOut(
         id=scene.id,
         name=scene.name,
@@ -62,6 +65,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         warnings=[*scene.notes, *info.get("warnings", [])],
         strict=bool(scene.strict),
         defaults=info.get("defaults", {}),
+        preview=f"/api/scenes/{scene.id}/preview" if info.get("preview") else None,
         thumbnail=f"/api/scenes/{scene.id}/thumbnail.png" if info.get("thumbnail") else None,
         project=scene.project or "",
     )

@@ -367,7 +367,7 @@ class Answers:
                 self._errands.preparing.heard(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
                 self._tell("scene", message.scene)
             case PrepareGoesOn():
-                progress = Progress(message.step, message.fraction)
+                progress = Progress(message.step, message.fraction, message.preview)
                 self._errands.preparing.heard(message.scene, message.kind, message.worker, progress)
                 self._tell("scene", message.scene)
             case PrepareDone():

@@ -89,7 +89,7 @@ class Scene(Base):
 
     @property
     def blobs(self) -> set[str]:
-        """The hashes of the blobs that the scene refers to: its files, Blender's export, its compiled forms, its thumbnail.
+        """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms, thumbnail and preview.
 
         Malformed references are skipped, so that a damaged row or one of another release does not block the deletion of others.
         """
@@ -99,7 +99,7 @@ class Scene(Base):
         blend = info.get("blend")
         written = blend.get("files") if isinstance(blend, dict) else None
         files = [*files, *(written if isinstance(written, list) else ())]
-        refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail")) if isinstance(ref, dict)]
+        refs = [ref for ref in (*files, *compiled.values(), info.get("thumbnail"), info.get("preview")) if isinstance(ref, dict)]
         return blobs_of(refs)
 
 

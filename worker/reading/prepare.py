@@ -5,7 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from protocol.contract import Manifest
+from protocol.mesh import Mesh, encode_mesh
 from renderer import denoise
 from renderer.aovs import values
 from renderer.confine.reader import Link
@@ -13,17 +16,20 @@ from renderer.film import mean
 from renderer.image import encode
 from renderer.render import edition_for, render_batch, render_frame
 from renderer.scene.animation import Moment
-from renderer.scene.compile import compile_scene, summarise
+from renderer.scene.compile import camera_dicts, compile_scene, summarise
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import Saver
+from renderer.scene.description import SceneDescription
 from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot
+from renderer.scene.preview import preview
 from renderer.sentences import Sentence
 from renderer.settings import RenderSettings, Tile, View
 from worker.reading.scene_folder import folder_of
 
-__all__ = ["THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]
+__all__ = ["PREVIEW", "THUMBNAIL", "THUMBNAIL_WIDTH", "prepare"]
 
+PREVIEW = "preview.mesh"
 THUMBNAIL = "thumbnail.png"
 THUMBNAIL_WIDTH = 256
 THUMBNAIL_SPP = 16
@@ -39,6 +45,8 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     progress("reading", 0.05)
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
     description = shot.at(Moment(shot.start))
+    if (shown := draw_preview(description, folder_of(out) / PREVIEW)) is not None:
+        link.send({"step": "reading", "fraction": 0.3, "preview": shown})
     kept = ShotCache()
     compiled = compile_scene(description, lambda step, fraction: progress(step, 0.3 + 0.5 * fraction), kept=kept)
     summary = summarise(description, compiled)
@@ -48,6 +56,17 @@ def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[s
     progress(Sentence("progress-thumbnail", "rendering a thumbnail"), 0.85)
     render_thumbnail(compiled, summary, link, folder_of(out) / THUMBNAIL)
     return summary
+
+
+def draw_preview(description: SceneDescription, path: Path) -> dict[str, Any] | None:
+    """Writes the preview mesh; returns the scene's cameras, bounds and defaults, None if nothing is to be seen."""
+    mesh = preview(description)
+    if mesh is None:
+        return None
+    path.write_bytes(encode_mesh(Mesh(*mesh)))
+    bounds = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
+    cameras = camera_dicts(description, bounds, mesh.positions)
+    return {"cameras": cameras, "bounds": bounds.tolist(), "defaults": dict(description.defaults)}
 
 
 def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Link, path: Path) -> None:

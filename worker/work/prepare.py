@@ -10,16 +10,17 @@ from functools import partial
 from typing import Any
 
 from protocol.blends import is_blend
-from protocol.contract import BlobRef, Manifest, SceneInfo
+from protocol.contract import BlobRef, Manifest, SceneInfo, ScenePreview
+from renderer import jit
 from renderer.arrays.scene_features import EDITIONS
 from renderer.blender.convert import convert
 from renderer.blender.program import find
-from renderer.render import warm_up
+from renderer.render import kernel_name, warm_up
 from renderer.sentences import Sentence
 from renderer.settings import RenderSettings, View
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
-from worker.reading.prepare import THUMBNAIL, THUMBNAIL_WIDTH, prepare
+from worker.reading.prepare import PREVIEW, THUMBNAIL, THUMBNAIL_WIDTH, prepare
 from worker.work.files import memory_budget, place_files
 from worker.work.reader import Room, as_of_worker
 from worker.work.relight import relight
@@ -31,11 +32,16 @@ SECONDS = 600.0  # below Celery's task_time_limit
 MAX_NAMES = 10_000
 LEFT_S = 120.0  # seconds reserved for the files that Blender wrote
 WRITTEN = "written"
+COMPILING = Sentence("compiling-renderer", "compiling the renderer, once: about 40 s")
+
+Progress = Callable[[str, float], None]
+Show = Callable[[ScenePreview], None]
 
 
-def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None]) -> SceneInfo:
+def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Progress, show: Show = lambda preview: None) -> SceneInfo:
     """Prepares an uploaded scene and stores the results at the service.
 
+    show: receives what a viewer can draw, once the scene was read.
     Raises WorkError with a sentence if the files are not a scene; Trouble, UnfitError or RefusedError if the service or this
     machine cannot be used.
     """
@@ -44,12 +50,12 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         if (info := relight(worker, manifest)) is not None:
             return replace(info, seconds=time.monotonic() - begun)
         try:
-            return _prepared(worker, manifest, progress, begun)
+            return _prepared(worker, manifest, progress, show, begun)
         except WorkError:
             # Damaged files in the cache are not errors of the scene.
             if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
                 raise
-        return _prepared(worker, manifest, progress, begun)
+        return _prepared(worker, manifest, progress, show, begun)
     except OSError as error:
         if not is_of_machine(error):
             raise
@@ -63,7 +69,7 @@ def prepare_scene(worker: WorkerContext, manifest: Manifest, progress: Callable[
         ) from error
 
 
-def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str, float], None], begun: float) -> SceneInfo:
+def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, show: Show, begun: float) -> SceneInfo:
     with Room("prepare") as room:
         progress(Sentence("progress-fetching-files", "fetching files"), 0.0)
         place_files(worker, manifest, room.scene)
@@ -74,11 +80,22 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str
             read = replace(manifest, main=written[0])
         folder = room.folder / WRITTEN if written else room.scene
 
+        preview: BlobRef | None = None
+
         def take(message: dict[str, Any]) -> None:
+            nonlocal preview
+            if isinstance(shown := message.get("preview"), dict) and preview is None and room.has(room.out / PREVIEW):
+                preview = store(worker, room.out / PREVIEW)
+                show(ScenePreview(preview, *(shown.get(name, []) for name in ("cameras", "bounds")), shown.get("defaults", {})))
             progress(str(message.get("step")), float(message.get("fraction", 0.0)))
 
+        def warm(edition: str) -> None:
+            if edition in EDITIONS and not jit.is_cached(kernel_name(edition=edition)):
+                progress(COMPILING, 0.85)
+            _warm_up(edition)
+
         job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
-        summary = room.run(job, manifest.main, SECONDS, take, calls={"warm_up": _warm_up}, reads=[folder])
+        summary = room.run(job, manifest.main, SECONDS, take, calls={"warm_up": warm}, reads=[folder])
         progress("storing", 0.95)
         compiled = store_scene(worker, room.compiled(summary.get("compiled")))
         if written:
@@ -88,7 +105,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Callable[[str
         if room.has(room.out / THUMBNAIL):
             thumbnail = store(worker, room.out / THUMBNAIL)
     try:
-        return _info(worker, summary, compiled, thumbnail, begun)
+        return replace(_info(worker, summary, compiled, thumbnail, begun), preview=preview)
     except (KeyError, TypeError, AttributeError) as error:
         raise WorkError(
             Sentence(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 from protocol.blends import WAITS, blender_queue
-from protocol.contract import WorkerReport, prepare_queue
+from protocol.contract import ScenePreview, WorkerReport, prepare_queue
 from renderer.sentences import Sentence, joined
 from service.scheduling.artifacts.unfit_machines import Fault, Place, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
@@ -23,10 +23,14 @@ LOSSES_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of preparing a scene: the current step's name, and the fraction done in [0, 1]."""
+    """Progress of preparing a scene: the current step's name, and the fraction done in [0, 1].
+
+    preview: what a viewer can draw, once the scene was read.
+    """
 
     step: str
     fraction: float
+    preview: ScenePreview | None = None
 
 
 NO_BLENDER = Progress(WAITS, 0.0)
@@ -119,7 +123,8 @@ class Preparing:
                 lease.holder = worker
                 lease.unseen, lease.answered_by = 0, None
         if progress is not None:
-            self.progress[scene] = progress
+            before = self.progress.get(scene)
+            self.progress[scene] = replace(progress, preview=progress.preview or (before.preview if before else None))
 
     def arrived(self, scene: str, kind: str) -> None:
         """Marks an answer as read. It is stored once the database accepts it, and its lease is not lost until then."""

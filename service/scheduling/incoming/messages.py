@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 from pydantic import BaseModel, Field, PlainValidator, TypeAdapter, ValidationError, field_validator, model_validator
 
 from protocol.blends import written_of
-from protocol.contract import BlobRef, FrameInfo, SceneInfo
+from protocol.contract import BlobRef, FrameInfo, SceneInfo, ScenePreview
 from renderer.sentences import Sentence
 from service.scheduling.fleet.reports import is_plain
 from service.scheduling.incoming.results import Entry
@@ -249,6 +249,15 @@ class PrepareGoesOn(_Prepare):
     type: Literal["prepare-progress"]
     step: Said
     fraction: float = Field(ge=0.0, le=1.0)
+    preview: ScenePreview | None = None
+
+    @field_validator("preview")
+    @classmethod
+    def _usable(cls, preview: ScenePreview | None) -> ScenePreview | None:
+        if preview is not None:
+            _check(preview.preview)
+            _check_seen(preview)
+        return preview
 
 
 class PrepareDone(_Prepare):
@@ -266,17 +275,11 @@ class PrepareDone(_Prepare):
     @classmethod
     def _usable(cls, info: SceneInfo) -> SceneInfo:
         written = written_of({"blend": info.blend})
-        for blob in (info.compiled, info.thumbnail, *(written[1] if written is not None else ())):
+        for blob in (info.compiled, info.thumbnail, info.preview, *(written[1] if written is not None else ())):
             _check(blob)
-        if not all(math.isfinite(value) for corner in info.bounds for value in corner):
-            raise ValueError("bounds are no numbers")
         _check_seconds(info.seconds)
         _check_plain(info)
-        if not info.cameras:
-            raise ValueError("no cameras; the last one frames the scene")
-        for camera in info.cameras:
-            if not isinstance(camera.get("name"), str) or not isinstance(camera.get("view"), dict):
-                raise ValueError("a camera without a name or a view")
+        _check_seen(info)
         return info
 
     @model_validator(mode="after")
@@ -284,6 +287,16 @@ class PrepareDone(_Prepare):
         if self.info.kind != self.kind:
             raise ValueError(f"it is of workers of the kind {self.info.kind[:80]!r}")
         return self
+
+
+def _check_seen(info: SceneInfo | ScenePreview) -> None:
+    if not all(math.isfinite(value) for corner in info.bounds for value in corner):
+        raise ValueError("bounds are no numbers")
+    if not info.cameras:
+        raise ValueError("no cameras; the last one frames the scene")
+    for camera in info.cameras:
+        if not isinstance(camera.get("name"), str) or not isinstance(camera.get("view"), dict):
+            raise ValueError("a camera without a name or a view")
 
 
 def _check(blob: BlobRef | None) -> None:

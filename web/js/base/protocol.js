@@ -120,3 +120,24 @@ export function decodeViewTileHead(view, at = 0) {
     samples: view.getUint32(at + 8, true),
   };
 }
+
+/**
+ * The head of a preview mesh.
+ *
+ * @typedef {object} MeshHead
+ * @property {number} reserved u16: 0
+ * @property {number} vertices u32: number of vertices
+ * @property {number} triangles u32: number of triangles
+ */
+
+export const MESH_HEAD_BYTES = 12;
+
+/** @param {DataView} view @param {number} [at] @returns {MeshHead} */
+export function decodeMeshHead(view, at = 0) {
+  check(view, at, 1, 4, "preview mesh");
+  return {
+    reserved: view.getUint16(at + 2, true),
+    vertices: view.getUint32(at + 4, true),
+    triangles: view.getUint32(at + 8, true),
+  };
+}

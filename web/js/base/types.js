@@ -32,6 +32,7 @@
  * @property {number} created unix seconds
  * @property {number} bytes
  * @property {string | null} thumbnail URL
+ * @property {string | null} [preview] URL of a mesh; while the scene is prepared it comes with cameras, bounds and defaults
  * @property {Camera[]} cameras the last one frames the whole scene
  * @property {Record<string, number>} counts
  * @property {number[][] | null} bounds lower and upper corner

@@ -1,5 +1,6 @@
 /** The REST API, one function per call. Failures are an `ApiError` with the service's message. */
 
+import { decodeMesh } from "./mesh-packet.js";
 import { decodeFilm } from "./tile-packet.js";
 import { fetchPatiently } from "./busy.js";
 import { inProject } from "../base/project.js";
@@ -387,6 +388,13 @@ export async function fetchPacket(url, signal) {
   const response = await fetchPatiently(url, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
+}
+
+/** Fetches a scene's preview mesh. @param {string} scene @returns {Promise<import("./mesh-packet.js").MeshPacket>} */
+export async function fetchMesh(scene) {
+  const response = await fetchPatiently(`api/scenes/${scene}/preview`, {});
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return decodeMesh(await response.arrayBuffer());
 }
 
 /** @param {Response} response */

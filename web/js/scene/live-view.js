@@ -15,7 +15,9 @@ import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clearness } from "./clarity.js";
+import { MeshCanvas } from "./mesh-canvas.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
 import { sunHand } from "./sun-hand.js";
 import { viewHand } from "./view-hand.js";
@@ -57,6 +59,7 @@ const HAND_KEYS = [
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
   const over = h("canvas", { hidden: true });
+  const meshed = h("canvas", { class: "mesh", "aria-hidden": "true", hidden: true });
   const surface = h(
     "div",
     {
@@ -66,6 +69,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       "aria-label":
         t("The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly."),
     },
+    meshed,
     canvas,
     over,
   );
@@ -88,7 +92,23 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (!(error instanceof CannotShow)) throw error;
     return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
   }
-  // A previous picture of the scene until the first samples arrive.
+  // A previous picture of the scene, or its preview mesh, until the first samples arrive.
+  const mesh = new MeshCanvas(meshed);
+  let isSampled = false;
+  const showMesh = () => {
+    if (isSampled || !scene.preview) return;
+    meshOf(scene.id).then(
+      (packet) => {
+        if (isSampled || mesh.mesh) return;
+        mesh.setMesh(packet);
+        mesh.setView(form.view());
+        meshed.hidden = false;
+        surface.style.backgroundImage = "";
+      },
+      () => {}, // the samples come without it
+    );
+  };
+  if (!meanwhile || hasMesh(scene.id)) showMesh();
   if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
 
   const film = new ViewFilm();
@@ -106,6 +126,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture(next) {
       film.take(next);
       surface.dataset.view = String(next.id);
+      if (!isSampled) {
+        isSampled = true;
+        meshed.hidden = true;
+        mesh.dispose();
+      }
       surface.style.backgroundImage = "";
       picture.invalidate();
     },
@@ -147,12 +172,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
     link.show({ ...request, ...clear.request(), width, height });
+    if (!isSampled) mesh.setView(form.view());
     offer();
     if (focused && form.view().aperture) tell();
   };
   /** @param {View} view */
   const turn = (view) => {
     form.turn(view);
+    showMesh(); // a previous picture is of another view
     refresh();
     turned(view);
   };
@@ -322,6 +349,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       endKeys();
       form.element.removeEventListener(PLACE_SUN, placeSun);
       link.close();
+      mesh.dispose();
       picture.dispose();
     },
   };

@@ -15,6 +15,7 @@ import { go, here } from "./router.js";
 import { Card, announce, offerNews, showError } from "./tray.js";
 import { Pace } from "./upload-pace.js";
 import { upload } from "../news/upload.js";
+import { uploadSeconds } from "../news/upload-times.js";
 import { filesFor, rivals, whichScene } from "./which-scene.js";
 import { t } from "../base/words.js";
 
@@ -195,6 +196,7 @@ async function sendOnce(files, fields) {
   let stalling;
   const stalled = () => setText(line, t("Nothing was sent for {n} s. It goes on when the connection does.", { n: STALLED_MS / 1000 }));
   setUnderWay(1);
+  const begun = performance.now();
   try {
     const scene = await upload(files, {
       fields,
@@ -207,6 +209,7 @@ async function sendOnce(files, fields) {
         setText(line, sent < all ? progressWords(sent, all, pace.now) : t("Storing …"));
       },
     });
+    uploadSeconds.set(scene.id, (performance.now() - begun) / 1000);
     adoptScene(scene);
     return scene;
   } catch (error) {

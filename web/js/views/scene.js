@@ -2,7 +2,7 @@
 
 import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
-import { adoptJob, adoptScene, jobs, scenes, workers } from "../news/farm.js";
+import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
@@ -18,6 +18,9 @@ import { announce, showError } from "../shell/tray.js";
 import { lookParams } from "../job/display-panel.js";
 import { liveView } from "../scene/live-view.js";
 import { viewFromText, viewToText } from "../scene/view-url.js";
+import { prepareSteps } from "../scene/prepare-steps.js";
+import { preparingView } from "../scene/preparing-view.js";
+import { takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
 import { failure, stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
@@ -46,6 +49,8 @@ export function sceneView(id) {
   let asked = false;
   /** @type {{status: string, update: (scene: Scene) => void} | null} */
   let part = null;
+  const own = new Disposer(); // of the part
+  life.add(() => own.dispose());
   life.add(
     scenes.subscribe((all) => {
       const scene = all?.find((candidate) => candidate.id === id);
@@ -53,7 +58,8 @@ export function sceneView(id) {
         if (part?.status !== scene.status) {
           if (part && scene.status === "ready") announce(t("{name} is ready to render", { name: scene.name }));
           offer(element, scene.project);
-          part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, life) };
+          own.dispose();
+          part = { status: scene.status, update: { preparing, failed, ready }[scene.status](element, scene, own) };
         }
         part.update(scene);
         setTitle(scene.name);
@@ -94,15 +100,53 @@ function heading(scene) {
  */
 function preparing(page, scene, life) {
   const chip = stateChip("preparing");
-  const step = h("p", { class: "quiet", "aria-live": "polite" });
+  const step = h("p", { class: "quiet small", "aria-live": "polite" });
   const bar = progressBar(t("Preparing"));
   const notice = h("div", { class: "notice-slot" });
+  const steps = prepareSteps(scene);
+  const view = preparingView(scene);
+  page.classList.add("workspace");
+  life.add(() => page.classList.remove("workspace"));
+  life.add(view.dispose);
   life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && noWorkerNotice())));
-  fill(page, heading(scene), notice, h("section", { class: "preparing-panel panel" }, chip.element, bar.element, step));
+  life.every(200, steps.tick);
+  askForPreview(scene, life);
+  fill(
+    page,
+    heading(scene),
+    notice,
+    h(
+      "div",
+      { class: "workspace-columns" },
+      h("div", { class: "workspace-view" }, view.element),
+      h("div", { class: "workspace-side" }, h("section", { class: "panel preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element)),
+    ),
+  );
   return (next) => {
     setText(step, stepWords(next));
     bar.update(next.progress);
+    steps.update(next);
+    view.update(next);
   };
+}
+
+/** Interval and duration of the questions for a preview: events come twice a second, and half a second is seen. */
+const [ASK_MS, ASKED_MS] = [150, 5000];
+
+/** Asks for a scene's state until it has a preview. @param {Scene} scene @param {Disposer} life */
+function askForPreview({ id }, life) {
+  const until = performance.now() + ASKED_MS;
+  let isAsking = false;
+  life.every(ASK_MS, async () => {
+    const known = scenes.value?.find((candidate) => candidate.id === id);
+    if (isAsking || !known || known.preview || known.status !== "preparing" || performance.now() > until) return;
+    isAsking = true;
+    await getScene(id).then(
+      (next) => next.preview && scenes.value?.some((candidate) => candidate.id === id) && putScene(next),
+      () => {}, // the events say it
+    );
+    isAsking = false;
+  });
 }
 
 /**
@@ -200,7 +244,7 @@ function showStudioNote(page, form) {
  */
 function viewOf(scene, form, sides, life) {
   let written = here().params.get("view");
-  const linked = viewFromText(written);
+  const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
   const finished = (jobs.value ?? []).find((job) => job.scene === scene.id && job.state === "finished");
   const seen = finished

@@ -1,0 +1,43 @@
+"""An uploaded scene is drawn as a mesh until the path tracer has samples, and turns as the live view does."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.e2e.conftest import Watched
+from tests.e2e.small_glb import small_glb
+from tests.helpers import Farm, wait_until
+
+
+def seen(page: Page) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
+
+
+def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched) -> None:
+    page = watched.page
+    page.set_viewport_size({"width": 800, "height": 480})
+    page.route_web_socket("**/viewport", lambda socket: None)  # no samples
+    page.goto(farm.url)
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Choose files").click()
+    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}])
+    expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=90_000)
+    mesh = page.locator(".live-view canvas.mesh")
+    expect(mesh).to_be_visible()
+    expect(mesh).to_have_attribute("data-drawn", "16")  # a cube, a floor and a lamp
+    first = seen(page)
+    red = (first[..., 0] > 2 * first[..., 1]) & (first[..., 0] > 60)
+    assert 0.01 < red.mean() < 0.6, "the red cube"
+
+    box = page.locator(".live-view").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 220, box["y"] + 120, steps=4)
+    page.mouse.up()
+    wait_until(lambda: np.abs(seen(page) - first).mean() > 2, 20, "the mesh turns")
+    assert watched.errors == []

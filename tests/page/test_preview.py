@@ -1,0 +1,81 @@
+"""The preview mesh on the page: its packet, its camera, and the steps of a preparation."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocol.mesh import Mesh, encode_mesh
+from tests.page.node import Node
+
+VIEW: dict[str, Any] = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0], "fov": 40}
+LOW, HIGH = [-1.0, 0.0, -2.0], [2.0, 3.0, 1.0]
+
+
+def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
+    positions = np.array([[-1.0, 0, -2], [2, 3, 1], [0.5, 1.5, -0.5]])
+    mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]))
+    body = """
+        const { low, high, positions, normals, colors, indices } = m.decodeMesh(new Uint8Array(a).buffer);
+        return [low, high, [...positions], [...normals], [...colors], [...indices]];"""
+    low, high, shares, normals, colors, indices = node.call("news/mesh-packet", body, list(encode_mesh(mesh)))
+    assert (low, high, indices) == (LOW, HIGH, [0, 1, 2])
+    assert shares == [0, 0, 0, 0, 65535, 65535, 65535, 0, 32768, 32768, 32768, 0]
+    assert normals == [127, 0, 0, 0, 0, 127, 0, 0, 0, 0, 127, 0]
+    assert colors == [1, 2, 3, 255] * 3
+    refused = "try { m.decodeMesh(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
+    assert "came with" in node.call("news/mesh-packet", refused, list(encode_mesh(mesh))[:-4])
+
+
+def projected(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
+    """Normalised device coordinates of a point."""
+    call = "return [...m.clipMatrix(a.view, a.aspect, a.low, a.high)];"
+    columns = node.call("scene/mesh-camera", call, {"view": view, "aspect": aspect, "low": LOW, "high": HIGH})
+    clip = np.array(columns).reshape(4, 4).T @ [*(np.array(point) - (np.array(LOW) + HIGH) / 2), 1]
+    return np.asarray(clip[:3] / clip[3])
+
+
+def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
+    """The target is in the middle; a point a picture's half height above it, at its distance, is at the upper edge."""
+    np.testing.assert_allclose(projected(node, VIEW, VIEW["target"])[:2], 0, atol=1e-6)
+    eye, target = np.array(VIEW["eye"], float), np.array(VIEW["target"], float)
+    forward = target - eye
+    distance = np.linalg.norm(forward)
+    right = np.cross(forward, VIEW["up"])
+    right /= np.linalg.norm(right)
+    above = np.cross(right, forward / distance)
+    half = distance * math.tan(math.radians(20))
+    np.testing.assert_allclose(projected(node, VIEW, list(target + half * above))[:2], [0, 1], atol=1e-5)
+    np.testing.assert_allclose(projected(node, VIEW, list(target + 1.5 * half * right))[:2], [1, 0], atol=1e-5)
+    shifted = {**VIEW, "shift_x": 0.25, "shift_y": -0.1}  # in picture heights
+    np.testing.assert_allclose(projected(node, shifted, VIEW["target"])[:2], [-0.5 / 1.5, 0.2], atol=1e-5)
+    flat = {**VIEW, "projection": "orthographic", "height": 4.0}
+    np.testing.assert_allclose(projected(node, flat, list(target + 2 * above))[:2], [0, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize("more", [{}, {"projection": "orthographic", "height": 4.0}])
+def test_all_of_the_scene_is_between_the_clipping_planes(node: Node, more: dict[str, Any]) -> None:
+    corners = [[x, y, z] for x in (LOW[0], HIGH[0]) for y in (LOW[1], HIGH[1]) for z in (LOW[2], HIGH[2])]
+    for view in (VIEW, {**VIEW, "eye": [300, 200, 500]}):
+        assert all(-1 <= projected(node, {**view, **more}, corner)[2] <= 1 for corner in corners)
+
+
+def test_steps_are_timed_as_they_are_heard_of(node: Node) -> None:
+    body = """
+        const times = new m.StepTimes(0.2);
+        for (const [progress, code, now] of a) times.put(m.stepOf({ progress, codes: { step: { code } } }), now);
+        return [times.step, times.took];"""
+    heard = [
+        [0, "waits-for-free-worker", 0],
+        [0.05, "", 1],
+        [0.3, "", 1.5],
+        [0.9, "compiling-renderer", 2],
+        [0.2, "", 3],
+        [0.95, "", 42],
+    ]
+    step, took = node.call("scene/prepare-steps", body, heard)
+    assert step == "render"
+    assert took == {"upload": 0.2, "read": 0.5, "build": 0.5, "compile": 40}

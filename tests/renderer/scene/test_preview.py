@@ -1,0 +1,94 @@
+"""The preview mesh: the scene's triangles in world space with their colours, decimated where they are many."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from protocol.mesh import Mesh as Packet
+from protocol.mesh import decode_mesh, encode_mesh
+from renderer.scene.description import Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.preview import preview
+
+
+def sheet(side: int) -> Mesh:
+    """A unit square in the plane z = 0 of side * side cells."""
+    x, y = np.meshgrid(np.linspace(0, 1, side + 1), np.linspace(0, 1, side + 1))
+    positions = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(np.float32)
+    i, j = (each.ravel() for each in np.meshgrid(np.arange(side), np.arange(side)))
+    a = j * (side + 1) + i
+    triangles = np.concatenate([np.column_stack([a, a + 1, a + side + 1]), np.column_stack([a + 1, a + side + 2, a + side + 1])])
+    normals = np.tile(np.float32([0, 0, 1]), (len(positions), 1))
+    return Mesh("sheet", positions, triangles.astype(np.int32), normals, positions[:, :2].copy())
+
+
+def scene(mesh: Mesh, *instances: Instance, material: Material | None = None) -> SceneDescription:
+    return SceneDescription(meshes=[mesh], instances=list(instances) or [Instance(0)], materials=[material or Material()])
+
+
+def test_instances_are_placed_and_normals_follow_their_scale() -> None:
+    tilted = Mesh(
+        "tilted",
+        np.float32([[0, 0, 0], [1, 1, 0], [0, 0, 1]]),
+        np.int32([[0, 1, 2]]),
+        np.float32([[1, -1, 0]] * 3) / math.sqrt(2),
+    )
+    placed = np.diag([2.0, 1.0, 1.0, 1.0])
+    placed[:3, 3] = 10, 20, 30
+    found = preview(scene(tilted, Instance(0, placed), Instance(0)))
+    assert found is not None
+    np.testing.assert_allclose(found.positions[:3], [[10, 20, 30], [12, 21, 30], [10, 20, 31]])
+    np.testing.assert_allclose(found.normals[0], np.array([1, -2, 0]) / math.sqrt(5), atol=1e-6)
+    np.testing.assert_array_equal(found.triangles, [[0, 1, 2], [3, 4, 5]])
+
+
+def test_many_triangles_are_decimated_and_cover_the_same_area() -> None:
+    found = preview(scene(sheet(300)), most=20_000)
+    assert found is not None
+    assert 5_000 < len(found.triangles) <= 20_000
+    a, b, c = (found.positions[found.triangles[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert abs(area - 1) < 0.05
+    assert found.positions.min() >= 0 and found.positions.max() <= 1
+
+
+def test_a_vertex_has_its_texels_colour_in_srgb() -> None:
+    pixels = np.zeros((1, 2, 4), np.uint8)
+    pixels[0] = [[255, 0, 0, 255], [0, 128, 0, 255]]
+    mesh = sheet(1)
+    mesh.uvs = np.float32([[0.25, 0.5], [0.75, 0.5], [0.25, 0.5], [1.75, -0.5]])
+    described = scene(mesh, material=Material(base_color=(1.0, 1.0, 1.0), base_color_texture=0))
+    described.textures, described.images = [Texture(0)], [Image("two", pixels)]
+    found = preview(described)
+    assert found is not None
+    assert found.colors.tolist() == [[255, 0, 0, 255], [0, 128, 0, 255], [255, 0, 0, 255], [0, 128, 0, 255]]
+
+
+def test_what_emits_is_shown_unshaded_and_what_only_bounds_a_medium_is_not() -> None:
+    lamp = preview(scene(sheet(1), material=Material(emission=(5.0, 5.0, 5.0))))
+    assert lamp is not None and lamp.colors.tolist() == [[255, 255, 255, 0]] * 4
+    assert preview(scene(sheet(1), material=Material(kind="interface"))) is None
+    assert preview(SceneDescription()) is None
+
+
+def test_spheres_are_round() -> None:
+    found = preview(SceneDescription(spheres=[Sphere((1.0, 2.0, 3.0), 0.5)], materials=[Material()]))
+    assert found is not None
+    np.testing.assert_allclose(np.linalg.norm(found.positions - [1, 2, 3], axis=1), 0.5)
+
+
+def test_a_mesh_survives_its_packet() -> None:
+    """Positions to a 65535th of the bounds, also far from the origin; normals to a 127th."""
+    random = np.random.default_rng(3)
+    positions = 1e7 + random.uniform(-3, 3, (50, 3))
+    positions[:, 2] = 4e6  # flat
+    normals = random.normal(size=(50, 3))
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    colors = random.integers(0, 256, (50, 4), dtype=np.uint8)
+    triangles = random.integers(0, 50, (20, 3), dtype=np.uint32)
+    found = decode_mesh(encode_mesh(Packet(positions, normals, colors, triangles)))
+    np.testing.assert_allclose(found.positions, positions, atol=6 / 65535)
+    np.testing.assert_allclose(found.normals, normals, atol=0.5 / 127 + 1e-6)
+    np.testing.assert_array_equal(found.colors, colors)
+    np.testing.assert_array_equal(found.triangles, triangles)

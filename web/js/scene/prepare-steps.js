@@ -1,0 +1,84 @@
+/** The steps from an upload to the first picture, each with the time that it took. */
+
+import { fill, h } from "../base/dom.js";
+import { icon } from "../base/icons.js";
+import { uploadSeconds } from "../news/upload-times.js";
+import { t } from "../base/words.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+
+export const STEPS = /** @type {const} */ (["upload", "read", "build", "compile", "render"]);
+
+/** @typedef {(typeof STEPS)[number]} Step */
+
+/** @type {Record<Step, string>} */
+const LABELS = { upload: t("Upload"), read: t("Read"), build: t("Build"), compile: t("Compile renderer"), render: t("Render") };
+
+/** Fractions of a preparation from which a scene is built, and rendered (worker/reading/prepare.py). */
+const [BUILT_FROM, RENDERED_FROM] = [0.3, 0.85];
+
+/** Returns the step that a scene's preparation is at; null while it waits for a worker. @param {Pick<Scene, "progress" | "codes">} scene @returns {Step | null} */
+export function stepOf({ progress, codes }) {
+  if (codes?.["step"]?.code === "compiling-renderer") return "compile";
+  if (!progress) return null;
+  return progress < BUILT_FROM ? "read" : progress < RENDERED_FROM ? "build" : "render";
+}
+
+/** Times of the steps of one preparation, as the page hears of them. */
+export class StepTimes {
+  /** @param {number | null} upload seconds, null if this page did not upload it */
+  constructor(upload) {
+    /** Seconds of finished steps. @type {Partial<Record<Step, number>>} */
+    this.took = upload === null ? {} : { upload };
+    /** @type {Step | null} */
+    this.step = null;
+    this.since = 0;
+  }
+
+  /** @param {Step | null} step @param {number} now seconds */
+  put(step, now) {
+    if (step === this.step || (step && this.step && STEPS.indexOf(step) < STEPS.indexOf(this.step))) return;
+    if (this.step) this.took[this.step] = now - this.since;
+    [this.step, this.since] = [step, now];
+  }
+}
+
+/** "0.4 s", "12 s". @param {number} seconds */
+export const secondsText = (seconds) => t("{n} s", { n: seconds < 10 ? seconds.toFixed(1) : Math.round(seconds) });
+
+/**
+ * @param {Scene} scene
+ * @returns {{element: HTMLElement, update: (scene: Scene) => void, tick: () => void}}
+ */
+export function prepareSteps(scene) {
+  const times = new StepTimes(uploadSeconds.get(scene.id) ?? null);
+  const list = h("ol", { class: "steps number" });
+  const now = () => performance.now() / 1000;
+  const tick = () => {
+    const at = times.step ? STEPS.indexOf(times.step) : 0;
+    const row = (/** @type {Step} */ step, /** @type {number} */ i) => {
+      const isCurrent = step === times.step;
+      const isDone = step === "upload" || i < at;
+      const took = isCurrent ? now() - times.since : times.took[step];
+      // Skipped steps were already done.
+      if (step === "compile" && !isCurrent && took === undefined) return null;
+      const hint = step === "compile" && isCurrent && h("span", { class: "quiet small" }, t("first time, about 40 s"));
+      return h(
+        "li",
+        { class: isCurrent ? "current" : isDone ? "done" : "", "aria-current": isCurrent ? "step" : null },
+        icon(isDone && !isCurrent ? "check" : "clock"),
+        h("span", { class: "grow" }, LABELS[step], " ", hint),
+        took !== undefined && h("span", { class: "quiet" }, secondsText(took)),
+      );
+    };
+    fill(list, ...STEPS.map(row));
+  };
+  return {
+    element: list,
+    tick,
+    update(next) {
+      times.put(stepOf(next), now());
+      tick();
+    },
+  };
+}

@@ -1,0 +1,64 @@
+/** The view of a scene that is being prepared: its mesh, as soon as a worker has read it. It turns as the live view does. */
+
+import { h } from "../base/dom.js";
+import { t } from "../base/words.js";
+import { MeshCanvas } from "./mesh-canvas.js";
+import { lookAt } from "./orbit.js";
+import { keepTurned, meshOf } from "./preview-mesh.js";
+import { viewHand } from "./view-hand.js";
+
+/** @typedef {import("../base/types.js").Scene} Scene */
+/** @typedef {import("../base/types.js").View} View */
+
+const [WIDTH, HEIGHT] = [1280, 720];
+
+/**
+ * @param {Scene} scene
+ * @returns {{element: HTMLElement, update: (scene: Scene) => void, dispose: () => void}}
+ */
+export function preparingView(scene) {
+  const canvas = h("canvas", { class: "mesh", role: "img", "aria-label": t("The scene as it is seen now") });
+  const surface = h(
+    "div",
+    {
+      ...{ class: "live-view", tabindex: "0", role: "application" },
+      "aria-label": t("The view. Arrows turn it, Shift and arrows move it, plus and minus go nearer and farther; W, A, S, D, Q and E fly."),
+    },
+    canvas,
+  );
+  surface.style.setProperty("--aspect", String(WIDTH / HEIGHT));
+  const mesh = new MeshCanvas(canvas);
+  /** @type {View | null} */
+  let view = null;
+  let letGo = () => {};
+  /** @param {View} next */
+  const turn = (next) => {
+    view = next;
+    mesh.setView(next);
+    keepTurned(scene.id, next);
+  };
+  return {
+    element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface)),
+    update({ id, preview, cameras, bounds, defaults }) {
+      const first = cameras[0]?.view;
+      const [low, high] = bounds ?? [];
+      if (!preview || !first || !low || !high || view) return;
+      view = first;
+      surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
+      mesh.setView(first);
+      meshOf(id).then(
+        (packet) => mesh.setMesh(packet),
+        () => {}, // the steps show that it goes on
+      );
+      letGo = viewHand(surface, {
+        ...{ view: () => view ?? first, turn, pressed: () => false, keyed: () => false },
+        size: Math.hypot(...high.map((value, i) => value - (low[i] ?? 0))) || 1,
+        centre: () => turn(lookAt(view ?? first, /** @type {import("../base/types.js").Vec3} */ (high.map((value, i) => (value + (low[i] ?? 0)) / 2)))),
+      });
+    },
+    dispose() {
+      letGo();
+      mesh.dispose();
+    },
+  };
+}

@@ -1,0 +1,34 @@
+/** The preview mesh of the latest scene, and the view that it was turned to while the scene was being prepared. */
+
+import { fetchMesh } from "../news/api.js";
+
+/** @typedef {import("../base/types.js").View} View */
+/** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
+
+/** @type {{scene: string, mesh: Promise<MeshPacket>} | null} */
+let latest = null;
+
+/** Fetches a scene's mesh, once. @param {string} scene its id @returns {Promise<MeshPacket>} */
+export function meshOf(scene) {
+  if (latest?.scene !== scene) {
+    latest = { scene, mesh: fetchMesh(scene) };
+    latest.mesh.catch(() => (latest = null));
+  }
+  return latest.mesh;
+}
+
+/** Whether the mesh of a scene has been fetched or is being. @param {string} scene */
+export const hasMesh = (scene) => latest?.scene === scene;
+
+/** By scene: the view to which its mesh was turned. @type {{scene: string, view: View} | null} */
+let turned = null;
+
+/** @param {string} scene @param {View} view */
+export const keepTurned = (scene, view) => (turned = { scene, view });
+
+/** Returns the view to which a scene's mesh was turned, once. @param {string} scene @returns {View | null} */
+export function takeTurned(scene) {
+  const view = turned?.scene === scene ? turned.view : null;
+  if (view) turned = null;
+  return view;
+}
