@@ -35,7 +35,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     page = watched.page
     page.goto(f"{farm.url}/#/jobs/{job}?ev=0.5&tone=srgb")
     panel = page.get_by_label("Display", exact=True)
-    panel.get_by_text("Beside").click()
+    panel.get_by_text("Split").click()
     expect(page.locator(".channel-tag.right")).to_have_text("Denoised")
     expect(page.locator(".channel-tag.left")).to_have_text("Raw")
     page.keyboard.press("1")
@@ -43,12 +43,13 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     assert_screen(page, split(*pictures, page), "beside")
     expect(page).to_have_url(re.compile("denoise=wipe"))
 
-    panel.get_by_text("Instead").click()
+    panel.get_by_text("On", exact=True).click()
     assert_screen(page, pictures[1], "instead")
     panel.get_by_text("Off").click()
     assert_screen(page, pictures[0], "off again")
 
     # Both are there to be taken away.
+    page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="PNG, denoised").click()
     assert download.value.suggested_filename.endswith("-denoised.png")

@@ -98,6 +98,8 @@ def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
     page.go_back()
     expect(page).to_have_url(picture)
 
+    tab_to(page, page.get_by_role("tab", name="View"))
+    keys.press("ArrowRight")
     tab_to(page, page.get_by_role("link", name="PNG", exact=True))
     with page.expect_download() as download:
         keys.press("Enter")

@@ -69,6 +69,7 @@ def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
     page = watched.page
     before = len(httpx.get(f"{farm.url}/api/scenes").json())
     page.goto(f"{farm.url}/#/scenes/{scene['id']}")
+    page.get_by_role("group", name="Light", exact=True).get_by_role("button", name="More").click()
     page.get_by_role("radio", name="Low sun").check(force=True)
     dial = page.get_by_role("slider", name="Where the sun stands")
     expect(dial).to_have_attribute("aria-valuetext", "8° high, 110° around")
@@ -81,6 +82,7 @@ def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
     render(page)
     expect(page.locator(".facts")).to_contain_text("Clear sky, sun at 3")
     expect(page.locator(".facts")).to_contain_text("° height, 0°, strength 2")
+    page.get_by_role("tab", name="Info").click()
     page.get_by_role("link", name="Render with other settings").click()
     expect(page.get_by_role("radio", name="Clear sky")).to_be_checked()
 

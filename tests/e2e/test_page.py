@@ -112,6 +112,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
 
     # The PNG looks as the page does.
     page.get_by_label("Tone curve").select_option("neutral")
+    page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="PNG", exact=True).click()
     png = np.asarray(Image.open(download.value.path()).convert("RGB"))

@@ -73,6 +73,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
     page.mouse.move(5, 5)
     assert_shows(page, read_exr(f"{farm.url}/api/jobs/{finished}/frames/0/image.exr", tmp_path), 0, "neutral")
     assert asked == ["0/film"], "the JPEG is the list's"
+    page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="EXR", exact=True).click()
     assert download.value.suggested_filename == "Spheres-8spp.exr", "what people call it"
@@ -206,6 +207,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
 def test_the_history_tells_what_happened(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     open_job(page, farm, finished)
+    page.get_by_role("tab", name="Info").click()
     page.get_by_text("History", exact=True).click()
     timeline = page.locator(".timeline")
     expect(timeline.get_by_role("listitem").first).to_contain_text("Asked for")

@@ -38,7 +38,7 @@ def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.get_by_label("Wanted by").fill("2035-05-01T08:00")
     fold.get_by_label("Priority").fill("5")
-    fold.get_by_label("Slots at most").fill("3")
+    fold.get_by_label("Max slots").fill("3")
     fold.get_by_label("Needs").fill("gpu, memory_gb=12")
     fold.get_by_label("After", exact=True).select_option(label="The hero")
     fold.get_by_label("After", exact=True).select_option(label="The set · 25 %")
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     for label, wrong, said, right in (
         ("Needs", "GPU", "“GPU” is not valid", "gpu"),
         ("Wanted by", "2001-05-01T08:00", "this moment has passed", ""),
-        ("Slots at most", "0", "is at least 1", ""),
+        ("Max slots", "0", "is at least 1", ""),
         ("Verified, %", "101", "lies between 0 and 100", ""),
     ):
         fold.evaluate("fold => { fold.open = true }")

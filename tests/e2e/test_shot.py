@@ -112,6 +112,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     page.keyboard.press("Space")
     shows(int(page.locator(".frame-number").inner_text()))
 
+    page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
         page.get_by_role("link", name="PNGs").click()
     assert download.value.suggested_filename == "shot.1-4.png.zip"
@@ -127,6 +128,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
         assert len(list(movie.decode(video=0))) == 8
 
     # More of it.
+    page.get_by_role("tab", name="Info").click()
     page.get_by_text("Change the shot").click()
     page.get_by_label("More frames").get_by_role("textbox").fill("8-9")
     page.get_by_role("form", name="More frames").get_by_role("button", name="Add").click()

@@ -20,7 +20,7 @@ export function byProgram(request) {
   const element = h(
     "details",
     { class: "by-program" },
-    h("summary", null, h("span", { class: "title" }, t("By a program"))),
+    h("summary", null, h("span", { class: "title" }, t("API"))),
     h("div", { class: "stack" }, h("p", { class: "quiet small" }, t("This request, to go on from in a script.")), ways.map(({ name, code }) => h("div", { class: "stack tight" }, h("div", { class: "row spread" }, h("span", { class: "label" }, name), copying(code, name)), code))),
   );
   const update = () => {

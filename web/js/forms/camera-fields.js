@@ -12,6 +12,7 @@ import { t } from "../base/words.js";
 /**
  * @typedef {object} CameraFields
  * @property {HTMLElement[]} elements
+ * @property {HTMLDetailsElement} lens
  * @property {() => Pick<JobRequest, "camera" | "view">} get
  * @property {() => View} view what is chosen, in full
  * @property {(view: View) => void} turn to a view of the user's own
@@ -42,7 +43,8 @@ export function cameraFields({ cameras }, projected) {
   });
   show();
   return {
-    elements: [field(t("Camera"), camera), view.place, view.lens],
+    elements: [field(t("Camera"), camera), view.place],
+    lens: view.lens,
     get: () => (camera.value === OWN_VIEW || view.isChanged() ? { view: view.get() } : { camera: asked(cameras, Number(camera.value)) }),
     view: view.get,
     turn(to) {

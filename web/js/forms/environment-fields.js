@@ -25,6 +25,7 @@ import { t } from "../base/words.js";
  * @property {(light: {rotation: number, strength: number}, isDone: boolean) => void} set
  * @property {() => {elevation: number, azimuth: number} | null} sun where it is seen, the light's rotation included; null: no clear sky
  * @property {(sun: {elevation: number, azimuth: number}, isDone: boolean) => void} stand puts it there, under a clear sky
+ * @property {(id: string) => void} choose a light, as by its picture
  * @property {() => () => void} keep the light as it is now; gives what takes it back
  */
 
@@ -36,6 +37,8 @@ const ALWAYS = [
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
+/** The lights of the first row. */
+const FIRST = ["own", "studio", "overcast", "sky"];
 /** Event that asks the live view to place the sun by a click. */
 export const PLACE_SUN = "place-sun";
 
@@ -91,22 +94,30 @@ export function environmentFields(first) {
         showSun({ elevation: preset.elevation, azimuth: preset.azimuth ?? 0 });
       }
       pick(id);
+      if (id === "color" || preset || id === "sky") setOpen(opener, true);
       tell(true);
     },
     () => ask((file) => void add(file)),
   );
   const more = moreButton(environments);
+  const opener = h("button", { class: "text-button light-more", type: "button", onclick: () => setOpen(opener, opener.getAttribute("aria-expanded") !== "true") });
   const element = h(
     "fieldset",
     { class: "light-panel" },
     h("legend", null, t("Light")),
     choices.element,
-    more.element,
-    h("div", { class: "row spread" }, hint, remove),
-    colourField,
-    sky,
-    h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
+    h(
+      "div",
+      { class: "light-rest" },
+      more.element,
+      h("div", { class: "row spread" }, hint, remove),
+      colourField,
+      sky,
+      h("div", { class: "light-sliders" }, numbers.map(({ element }) => element)),
+    ),
+    opener,
   );
+  setOpen(opener, kind !== "own" || numbers.some(({ setting, get }) => get() !== setting.default));
 
   /** @param {{elevation: number, azimuth: number}} next as the sky has it */
   function showSun(next) {
@@ -125,7 +136,9 @@ export function environmentFields(first) {
     const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));
     const noon = presets.find(({ id }) => id === NOON);
     const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
-    return [...ALWAYS, ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
+    const all = [...ALWAYS, ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
+    const place = (/** @type {Light} */ { id }) => (FIRST.indexOf(id) + 1 || FIRST.length + 1);
+    return all.sort((a, b) => place(a) - place(b));
   };
   /** @param {string} id */
   function pick(id) {
@@ -197,6 +210,7 @@ export function environmentFields(first) {
         show();
         tell(isDone);
       },
+      choose: (id) => (pick(id), tell(true)),
       sun: () => (isSky() ? { elevation: numberOf(elevation, 0), azimuth: numberOf(azimuth, 0) - numberOf(rotation, 0) } : null),
       stand(sun, isDone) {
         const tenths = (/** @type {number} */ value) => Math.round(value * 10) / 10;
@@ -227,6 +241,19 @@ export function environmentFields(first) {
     if (asked) return asked;
     return kind === before.image ? { image: kind } : { preset: kind }; // the list is not loaded yet
   }
+}
+
+/** Shows or hides the further lights and the light's settings. @param {HTMLElement} opener @param {boolean} isOpen */
+function setOpen(opener, isOpen) {
+  opener.parentElement?.classList.toggle("open", isOpen);
+  opener.setAttribute("aria-expanded", String(isOpen));
+  setText(opener, isOpen ? t("Less") : t("More"));
+}
+
+/** Shows the settings of the light that an element is among. @param {Element} element */
+export function openMore(element) {
+  const opener = element.closest(".light-panel")?.querySelector(".light-more");
+  if (opener instanceof HTMLElement) setOpen(opener, true);
 }
 
 /** @param {EnvironmentRequest} light @param {boolean} hasColour */

@@ -23,7 +23,7 @@ export function lightChoices(chosen, add) {
   /** @type {Map<string, HTMLInputElement>} */
   const radios = new Map();
   let current = "";
-  const adder = h("button", { class: "light add for-submit", type: "button", onclick: add }, h("span", { class: "face" }, icon("plus")), t("Add an HDRI"));
+  const adder = h("button", { class: "light add for-submit", type: "button", "aria-label": t("Add an HDRI"), title: t("Add an HDRI"), onclick: add }, h("span", { class: "face" }, icon("plus")), "HDRI");
   /** @param {Light} light */
   const choice = ({ id, label, help, picture }) => {
     const radio = h("input", { type: "radio", name, value: id, onchange: () => ((current = id), chosen(id)) });

@@ -30,7 +30,7 @@ export function queueFold(like) {
   const element = h(
     "details",
     { class: "queue-fold" },
-    h("summary", null, h("span", { class: "title" }, t("Among other jobs")), told),
+    h("summary", null, h("span", { class: "title" }, t("Queue")), told),
     h(
       "div",
       { class: "stack" },

@@ -1,4 +1,4 @@
-/** The fields of all the renderer's settings: light, basic, advanced (collapsed) and lab. */
+/** The fields of all the renderer's settings: light, basic and advanced. */
 
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
@@ -17,7 +17,7 @@ const SIZE = ["width", "height"];
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
- * @returns {{light: HTMLElement, basic: HTMLElement[], folds: HTMLDetailsElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
+ * @returns {{light: HTMLElement, basic: HTMLElement[], advanced: HTMLElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
  */
 export function settingFields(defaults, first = {}) {
   /** @param {Setting} setting what a request that leaves it out gets */
@@ -49,18 +49,13 @@ export function settingFields(defaults, first = {}) {
     basic: elements("basic"),
     dispose: environment.dispose,
     lightHandle: environment.handle,
-    folds: [
-      fold(t("Advanced"), [
-        group(
-          t("Stop early"),
-          ends.map(({ element }) => element),
-        ),
-        ...sections,
-      ]),
-      fold(t("Lab"), [
-        h("p", { class: "quiet small" }, t("To compare what renderers do. Left alone, each is at its best.")),
-        h("div", { class: "pairs" }, elements("lab")),
-      ]),
+    // Settings of the group "lab" have no field: they compare what renderers do, by the API and in files.
+    advanced: [
+      group(
+        t("Stop early"),
+        ends.map(({ element }) => element),
+      ),
+      ...sections,
     ],
     get() {
       const changed = fields.filter(
@@ -78,6 +73,3 @@ export function settingFields(defaults, first = {}) {
 /** @param {string} title @param {HTMLElement[]} content */
 const group = (title, content) =>
   h("fieldset", { class: "group" }, h("legend", null, title), h("div", { class: "pairs" }, content));
-
-/** @param {string} title @param {HTMLElement[]} content */
-const fold = (title, content) => h("details", null, h("summary", null, title), h("div", { class: "stack" }, content));

@@ -107,7 +107,7 @@ export function viewFields(start = START, projected = () => {}) {
     },
     focus(distance) {
       focus.value = String(short(distance));
-      fold.open = true; // shows the distance, and the aperture that makes it visible
+      for (let open = fold; open; open = /** @type {HTMLDetailsElement} */ (open.parentElement?.closest("details"))) open.open = true; // shows the distance, and the aperture that makes it visible
     },
     isChanged: () => unchanged() !== asSet,
   };

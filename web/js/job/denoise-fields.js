@@ -21,8 +21,8 @@ export function denoiseFields(display, renew) {
     t("Denoise"),
     [
       { value: "off", label: t("Off") },
-      { value: "wipe", label: t("Beside") },
-      { value: "on", label: t("Instead") },
+      { value: "wipe", label: t("Split") },
+      { value: "on", label: t("On") },
     ],
     (value) => display.update((d) => ({ ...d, denoise: /** @type {typeof d.denoise} */ (value) })),
   );

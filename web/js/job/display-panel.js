@@ -30,7 +30,7 @@ import { t, tn } from "../base/words.js";
  */
 
 export const EXPOSURE_STEP = 0.5;
-const EXPOSURE_RANGE = 12;
+const EXPOSURE_RANGE = 16;
 
 /** @returns {Store<Display>} as the URL says, and written back to it */
 export function displayFromUrl() {

@@ -176,7 +176,7 @@ function pathDetail(path, look) {
     fill(about, ...(vertex ? facts(vertex) : []).map(([name, value]) => h("div", null, h("dt", null, name), h("dd", null, value))));
     look(chosen);
   };
-  const heads = [["#", t("Number")], [t("Met"), ""], [t("Weight"), t("Throughput: what radiance from here counts")], [t("Light"), t("Light that it adds to the sample")]];
+  const heads = [["#", t("Number")], [t("Hit"), ""], [t("Weight"), t("Throughput: what radiance from here counts")], [t("Light"), t("Light that it adds to the sample")]];
   return [
     h(
       "table",

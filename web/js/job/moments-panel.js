@@ -31,8 +31,8 @@ export function momentsPanel(job, picture, display, life) {
   picture.element.append(tag);
   const element = h(
     "section",
-    { class: "side-section stack tight moments", "aria-label": t("On its way"), hidden: true },
-    h("h2", null, t("On its way")),
+    { class: "side-section stack tight moments", "aria-label": t("Sample history"), hidden: true },
+    h("h2", null, t("Sample history")),
     slider,
     ticks,
     said,

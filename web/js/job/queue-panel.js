@@ -41,10 +41,10 @@ export function queuePanel() {
   const more = h(
     "details",
     { class: "among" },
-    h("summary", null, h("h2", null, t("Among other jobs"))),
+    h("summary", null, h("h2", null, t("Queue"))),
     h("div", { class: "stack" }, fields.elements),
   );
-  const element = h("section", { class: "side-section queue stack", "aria-label": t("Among other jobs") }, late, waits, ready, more);
+  const element = h("section", { class: "side-section queue stack", "aria-label": t("Queue") }, late, waits, ready, more);
   let shown = "";
   return {
     element,

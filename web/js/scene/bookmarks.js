@@ -69,7 +69,7 @@ export function bookmarks(scene, view, turn) {
           ),
         ),
       ),
-      h("button", { class: "chip-button", type: "button", "aria-label": t("Keep this view"), onclick: keep }, icon("plus"), h("span", { class: "long" }, t("Keep this view")), h("span", { class: "short" }, t("View"))),
+      h("button", { class: "chip-button", type: "button", "aria-label": t("Keep this view"), onclick: keep }, icon("plus"), t("Keep")),
     );
   show();
   return element;

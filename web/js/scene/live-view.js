@@ -7,6 +7,7 @@ import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
+import { darkness } from "../film/darkness.js";
 import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -36,6 +37,8 @@ import { t } from "../base/words.js";
 /** Maximum number of pixels rendered, whatever the screen's size. */
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
+/** Interval of looks for darkness. */
+const DARKNESS_MS = 500;
 /** Request fields that do not apply to a view. */
 const NOT_OF_A_VIEW = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
@@ -75,7 +78,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   );
   const state = h("p", { class: "small quiet number view-state", role: "status", "aria-live": "off" });
   const said = h("p", { class: "small quiet view-hint" });
-  const exposure = h("input", { type: "range", min: -8, max: 8, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
+  const exposure = h("input", { type: "range", min: -16, max: 16, step: 0.25, value: "0", "aria-label": t("Exposure in stops") });
   const curve = h(
     "select",
     { "aria-label": t("Tone curve") },
@@ -122,9 +125,34 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   /** Handler of the next picked point. @type {((picked: Picked) => void) | null} */
   let onPicked = null;
 
+  const darkWords = h("span");
+  const studio = h("button", { class: "button small", type: "button", onclick: () => (form.light.choose("studio"), expose(0)) }, icon("sun"), t("Studio light"));
+  const normal = h("button", { class: "button small", type: "button", onclick: () => expose(darkness(film.film)?.exposure ?? 0) }, icon("exposure"), t("Normalise"));
+  const dark = h("div", { class: "view-dark", role: "status", hidden: true }, darkWords, normal, studio);
+  /** Whether the exposure has been chosen, by the user or for a dark scene. */
+  let isExposed = false;
+  const lookForDarkness = () => {
+    const found = darkness(film.film);
+    dark.hidden = found === null;
+    if (!found) return;
+    setText(darkWords, t("Very dark: brightest {n}", { n: found.brightest.toPrecision(1) }));
+    if (!isExposed) expose(found.exposure); // the first view is exposed by what it shows
+  };
+  /** @param {number} stops */
+  const expose = (stops) => {
+    isExposed = true;
+    exposure.value = String(stops);
+    relook();
+  };
+  let lookedAt = -Infinity;
+
   const link = new ViewLink(scene.id, {
     picture(next) {
       film.take(next);
+      if (performance.now() - lookedAt > DARKNESS_MS) {
+        lookedAt = performance.now();
+        lookForDarkness();
+      }
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
@@ -284,7 +312,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   form.element.addEventListener(PLACE_SUN, placeSun);
 
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
-  const toolBar = h("div", { class: "view-bar view-tool-bar" }, [...tools.buttons.values()], h("span", { class: "grow" }), bookmarks(scene.id, form.view, (view) => turn(view)));
+  const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], bookmarks(scene.id, form.view, (view) => turn(view)));
+  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, curve);
+  const pills = h("div", { class: "view-pills" }, state, said, dark);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look, names },
     changed(now) {
@@ -296,12 +326,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       tell();
     },
   });
-  frame.append(stage.element, light.readout);
+  frame.append(stage.element, light.readout, pills, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
   // The light tool also works over the stage, which otherwise pans its picture.
   frame.addEventListener(
     "pointerdown",
     (event) => {
-      const onPicture = instead.isOpen && instead.hasLive && !(/** @type {Element} */ (event.target).closest(".wipe"));
+      const onPicture = instead.isOpen && instead.hasLive && !(/** @type {Element} */ (event.target).closest(".wipe, .view-floating"));
       if (onPicture && tools.press(event)) event.stopPropagation();
     },
     true,
@@ -312,9 +342,6 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { class: "live-view-box" },
     frame,
     stage.bar,
-    h("div", { class: "view-bar view-looks" }, state, h("span", { class: "grow" }), h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, curve),
-    toolBar,
-    said,
   );
   const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
   look.subscribe((now) => {
@@ -322,7 +349,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     setText(shown, `${now.exposure > 0 ? "+" : ""}${now.exposure} EV`);
     picture.invalidate();
   });
-  exposure.addEventListener("input", relook);
+  exposure.addEventListener("input", () => ((isExposed = true), relook()));
   exposure.addEventListener("dblclick", () => ((exposure.value = "0"), relook()));
   curve.addEventListener("change", relook);
 

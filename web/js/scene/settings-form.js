@@ -7,6 +7,7 @@ import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
 import { mayChange, whyNot } from "../news/projects.js";
+import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
 import { expected } from "../forms/render-presets.js";
@@ -18,6 +19,9 @@ import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
+
+/** Expected seconds from which a picture is marked as taking long. */
+const LONG_S = 600;
 
 /**
  * @typedef {object} SettingsForm
@@ -55,7 +59,9 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   };
   update = () => {
     quality.update();
-    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expect(quality.get())));
+    const expectation = expect(quality.get());
+    setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation));
+    estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
   };
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
@@ -102,16 +108,18 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const element = h(
     "form",
     { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick },
-    others.light,
-    shot.elements,
     camera.elements,
     variant.elements,
+    shot.elements,
+    others.light,
     size.elements,
     quality.elements,
-    others.basic,
-    others.folds,
-    queue.element,
-    program.element,
+    h(
+      "details",
+      { class: "advanced" },
+      h("summary", null, t("Advanced")),
+      h("div", { class: "stack" }, camera.lens, others.basic, others.advanced, queue.element, program.element),
+    ),
     h("div", { class: "submit" }, estimate, why, render),
   );
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);
@@ -129,6 +137,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
 function showFirstProblem(form) {
   const wrong = /** @type {HTMLElement | null} */ (form.querySelector("input:invalid"));
   for (let fold = wrong?.closest("details"); fold; fold = fold.parentElement?.closest("details")) fold.open = true;
+  if (wrong?.closest(".light-rest")) openMore(wrong);
   wrong?.focus();
 }
 

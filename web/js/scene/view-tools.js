@@ -40,10 +40,9 @@ export function viewTools(surface, tools, tell) {
       name,
       h(
         "button",
-        { ...{ class: "button small", type: "button", title, "aria-pressed": "false" }, onclick: () => choose(current?.name === name ? "" : name) },
+        { ...{ class: "button small", type: "button", title, "aria-label": label, "aria-pressed": "false" }, onclick: () => choose(current?.name === name ? "" : name) },
         icon(face),
-        h("span", { class: "long" }, label),
-        h("span", { class: "short" }, short),
+        short,
       ),
     ]),
   );

@@ -26,6 +26,7 @@ import { pictureTools } from "../job/picture-tools.js";
 import { asItLooks } from "../job/save-panel.js";
 import { jobKeys, stageKeys } from "../job/render-keys.js";
 import { followWithFrame, go, here, linkTo, setTitle } from "../shell/router.js";
+import { sideTabs } from "../job/side-tabs.js";
 import { savePanel } from "../job/save-panel.js";
 import { isRead, known, labelOf, valueText } from "../news/settings-table.js";
 import { parseFrames } from "../base/frame-numbers.js";
@@ -116,7 +117,7 @@ function open(page, job, life) {
   const note = notePanel();
   progress.element.append(note.element);
   const explained = explainPanel(picture, life);
-  const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => log.ofTile(picture.live.frame, pin));
+  const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => (tabs.show("info"), log.ofTile(picture.live.frame, pin)));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
   const histogram = histogramPanel(picture.live, display, life);
@@ -138,9 +139,14 @@ function open(page, job, life) {
   life.add(addShortcuts(stageKeys({ view: picture.view, display, normalise, inShot: shot !== null })));
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
+  const tabs = sideTabs(t("Picture"), [
+    { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
+    { name: "save", label: t("Save"), content: [save.element] },
+    { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
+  ]);
   const side = [
-    ...[progress.element, doubt.element, queue.element, shot?.panel, explained.element, pins.element, save.element, look.element],
-    ...[moments?.element, histogram, history.element, log.element, shot?.edit, details(job, life)],
+    ...[progress.element, doubt.element, shot?.panel, explained.element, pins.element],
+    ...tabs.elements,
   ];
   fill(
     page,

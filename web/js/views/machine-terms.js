@@ -47,7 +47,7 @@ export function machineTerms() {
     { class: "terms" },
     field(t("Works"), hours, t("For example Mon-Fri 19:00-07:00, Sat-Sun, by the machine's clock.")),
     field(t("Idle for, minutes"), idle, t("Works only if nobody has used the machine for this long.")),
-    field(t("Slots at most"), slots),
+    field(t("Max slots"), slots),
     field(t("Memory, GB"), memory),
     field(t("Nice level"), nice, t("0 to 19: how much it gives way to other programs.")),
     by,

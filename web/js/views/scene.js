@@ -118,7 +118,7 @@ function preparing(page, scene, life) {
     h(
       "div",
       { class: "workspace-columns" },
-      h("div", { class: "workspace-view" }, view.element),
+      h("div", { class: "workspace-view" }, h("div", { class: "workspace-top" }, view.element)),
       h("div", { class: "workspace-side" }, h("section", { class: "panel preparing-panel", "aria-label": t("Preparing") }, chip.element, bar.element, step, steps.element)),
     ),
   );
@@ -208,8 +208,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-view" },
-        view.element,
-        warnings(scene),
+        h("div", { class: "workspace-top" }, warnings(scene), view.element),
         renderStrip(scene.id, sides, life),
         facts(scene),
       ),

@@ -49,7 +49,7 @@ export function sharesSection(life) {
   const table = h(
     "table",
     { class: "shares number" },
-    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Slots at most"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
+    h("thead", null, h("tr", null, [t("Whose"), t("Weight"), t("Max slots"), t("Slots now"), t("Jobs")].map((head) => h("th", { scope: "col" }, head)), h("td", null))),
     body,
   );
   const shares = new Listing(getShares);
