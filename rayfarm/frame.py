@@ -96,11 +96,12 @@ def render_to(
     motion: F32 | None = None,
     hold: Hold | None = None,
     writes: bool = True,
+    seen: Callable[[F32], None] = lambda picture: None,
 ) -> RenderStats:
     """Renders a frame and writes its pictures, each atomically. defaults: the settings of the scene file.
 
     motion: from `motion_of`. hold: receives the denoised frame and a function that writes a picture to its file, in place of
-    writing the denoised frame. writes: whether the raw picture is written.
+    writing the denoised frame. writes: whether the raw picture is written. seen: receives the raw picture, (h, w, 3).
     """
     from renderer.film import mean
     from renderer.image import encode
@@ -120,8 +121,10 @@ def render_to(
         planes[aovs.MOTION] = motion
     channels = aovs.layers(planes)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
+    raw = mean(sums, settings.film_exponent)
+    seen(raw)
     if writes:
-        encode.write(output, mean(sums, settings.film_exponent), **looks)
+        encode.write(output, raw, **looks)
     if order.denoise:
         clean = _denoised(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:

@@ -41,6 +41,7 @@ __all__ = ["register"]
 WRITTEN = "What is written"
 PART = "A part of it"
 HOW = "This machine"
+LINEAR = (".exr", ".hdr")  # not tone mapped
 
 
 def register(app: typer.Typer) -> None:
@@ -56,7 +57,8 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp.",
+            help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp. "
+            "By default SCENE.png, of several frames SCENE.####.png.",
             rich_help_panel=WRITTEN,
         ),
     ] = None,
@@ -135,7 +137,7 @@ def render(
         _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
         return
     if output is None:
-        raise typer.BadParameter("Name the picture to write, or a path to follow by --pixel.", param_hint="'--output' / '-o'")
+        output = Path(f"{scene.resolve().stem}{'' if frames is None else '.####'}.png")
     if sample is not None or as_json:
         raise CommandError("--sample and --json go with --pixel X,Y")
     if frame is not None and frames is not None:
@@ -178,11 +180,29 @@ def render(
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock, order.card)
     with shown() as show:
-        done = render_to(output, order, compiled, summary["defaults"], settings, clock, show, motion[0])
+        done = render_to(
+            *(output, order, compiled, summary["defaults"], settings, clock, show, motion[0]),
+            seen=lambda picture: _say_darkness(picture, output, exposure),
+        )
     _say(output, settings, clock, done)
     say_bad_samples(scene, settings, done, moment_words(moment) + camera_words(order, settings))
     if stats is not None:
         _write(stats, statistics(clock, done))
+
+
+def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
+    """Warns of a tone-mapped picture that looks black, with the exposure that shows it."""
+    from renderer.image.darkness import darkness
+
+    if output.suffix.lower() in LINEAR or (dark := darkness(picture * 2.0**exposure)) is None:
+        return
+    brightest = dark.brightest / 2.0**exposure
+    err.print(
+        f"note: The picture is very dark: its brightest parts have radiance {brightest:.2g}. "
+        f"--exposure {exposure + dark.exposure:g} shows it; --env studio lights it.",
+        markup=False,
+        soft_wrap=True,
+    )
 
 
 def _check(output: Path, shot: Sequence | None, order: Order, stats: Path | None) -> None:

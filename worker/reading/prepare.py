@@ -14,6 +14,7 @@ from renderer.aovs import values
 from renderer.confine.reader import Link
 from renderer.film import mean
 from renderer.image import encode
+from renderer.image.darkness import darkness
 from renderer.render import edition_for, render_batch, render_frame
 from renderer.scene.animation import Moment
 from renderer.scene.compile import camera_dicts, compile_scene, summarise
@@ -83,4 +84,6 @@ def render_thumbnail(compiled: CompiledScene, summary: dict[str, Any], link: Lin
     render_batch(compiled, settings, Tile(0, 0, 0, 0), 0, 0)  # loads the kernel before timing starts
     sums = render_frame(compiled, settings, THUMBNAIL_SPP, threads=1, time_limit=THUMBNAIL_SECONDS)
     albedo, normal = (values(sums, settings.film_exponent, name) for name in ("albedo", "normal"))
-    path.write_bytes(encode.encode(denoise.denoise_preview(mean(sums, settings.film_exponent), albedo, normal), "png"))
+    picture = denoise.denoise_preview(mean(sums, settings.film_exponent), albedo, normal)
+    dark = darkness(picture)  # is exposed by what it shows
+    path.write_bytes(encode.encode(picture, "png", exposure=dark.exposure if dark else 0.0))

@@ -1,0 +1,30 @@
+"""Pictures that are black on a screen though they have light: dim lamps, or units of another program."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Dark", "darkness"]
+
+DARK = 0.01  # of white: below it a picture looks black
+BRIGHTEST = 0.995  # quantile: a few fireflies or a lamp do not make a picture bright
+
+
+class Dark(NamedTuple):
+    """A picture that looks black. brightest: its radiance; exposure: the stops that make this white."""
+
+    brightest: float
+    exposure: float
+
+
+def darkness(picture: npt.NDArray[Any]) -> Dark | None:
+    """Returns how dark a scene-linear (h, w, 3) picture is; None if it is bright enough, or all black."""
+    peaks = np.nan_to_num(picture, posinf=0.0).max(axis=-1)
+    brightest = float(np.quantile(peaks, BRIGHTEST))
+    if not 0.0 < brightest < DARK:
+        return None
+    return Dark(brightest, math.floor(-2.0 * math.log2(brightest)) / 2.0)

@@ -1,0 +1,25 @@
+"""The page tells dark pictures as renderer/image/darkness.py does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from renderer.image import rgbe9995
+from renderer.image.darkness import darkness
+from tests.page.node import Node
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.011, 0.009, 3e-4, 1e-5])
+def test_a_dark_film_is_told_as_in_python(node: Node, scale: float) -> None:
+    picture = (scale * np.random.default_rng(5).uniform(0.5, 1, (40, 50, 3))).astype(np.float32)
+    words = rgbe9995.pack(picture)
+    body = """
+        const { Film } = await read("/js/film/film.js");
+        const film = new Film(50, 40, new Uint32Array(a));
+        film.samples.fill(1);
+        return m.darkness(film);"""
+    found, wanted = node.call("film/darkness", body, words.ravel().tolist()), darkness(rgbe9995.unpack(words))
+    assert (found is None) == (wanted is None)
+    if wanted is not None:
+        assert found == {"brightest": pytest.approx(wanted.brightest, rel=1e-3), "exposure": wanted.exposure}
