@@ -92,7 +92,7 @@ def scene(random: np.random.Generator) -> Scene:
     """Returns the content of christmas.yaml."""
     return {
         "name": "Christmas",
-        "settings": {"width": 960, "height": 600, "spp": 256, "max_depth": 10},
+        "settings": {"width": 960, "height": 600, "spp": 32, "max_depth": 10},
         "cameras": [{"name": "front", "eye": [0.5, 2.15, 9.4], "target": [0.1, 1.5, 0], "fov": 37}],
         "environment": {"image": "sky.png", "strength": 1.3},
         "textures": {

@@ -25,7 +25,7 @@ def smallpt() -> Scene:
     far = 1e5
     return {
         "name": "smallpt",
-        "settings": {"width": 512, "height": 384, "spp": 256, "max_depth": 32, "filter": "tent"},
+        "settings": {"width": 512, "height": 384, "spp": 64, "max_depth": 32, "filter": "tent"},
         "cameras": [
             {
                 "name": "front",
@@ -135,7 +135,7 @@ def games101() -> Scene:
     square = [[0, 1, 2, 3]]
     return {
         "name": "Cornell box (GAMES101, 7)",
-        "settings": {"width": 784, "height": 784, "spp": 200, "max_depth": 64, "roulette": 0.8, "filter": "box"},
+        "settings": {"width": 784, "height": 784, "spp": 32, "max_depth": 64, "roulette": 0.8, "filter": "box"},
         "cameras": [{"name": "front", "eye": [278, 273, -800], "target": [278, 273, 0], "fov": 40}],
         "materials": {
             "white": {"color": [0.725, 0.71, 0.68]},
@@ -172,7 +172,7 @@ def rest_of_your_life() -> Scene:
     square = [[0, 1, 2, 3]]
     return {
         "name": "The Rest of Your Life",
-        "settings": {"width": 600, "height": 600, "spp": 1000, "max_depth": 50, "sampling": "mixture", "filter": "box"},
+        "settings": {"width": 600, "height": 600, "spp": 64, "max_depth": 50, "sampling": "mixture", "filter": "box"},
         "cameras": [{"name": "front", "eye": [278, 278, -800], "target": [278, 278, 0], "fov": 40}],
         "materials": {
             "red": {"color": [0.65, 0.05, 0.05]},

@@ -115,7 +115,7 @@ def spheres() -> dict[str, Any]:
         shapes.append(sphere(f"small {material}", material, (1.25 * (i - 2), 0.42, 1.75 - 0.18 * (i - 2) ** 2), 0.42))
     return {
         "name": "Spheres",
-        "settings": {"width": 960, "height": 540, "spp": 256, "max_depth": 12},
+        "settings": {"width": 960, "height": 540, "spp": 32, "max_depth": 12},
         "cameras": [{"name": "front", "eye": [0.6, 2.6, 8.2], "target": [0, 0.72, 0.3], "fov": 27}],
         "environment": {"color": [0.42, 0.52, 0.68], "strength": 0.9},
         "textures": {"tiles": {"checker": {"colors": ["#c9c4ba", "#4c5560"], "squares": 28}}},
@@ -243,7 +243,7 @@ def still_life() -> dict[str, Any]:
     ]
     return {
         "name": "Still life",
-        "settings": {"width": 1200, "height": 750, "spp": 512, "max_depth": 16},
+        "settings": {"width": 960, "height": 600, "spp": 32, "max_depth": 16},
         "cameras": [
             {"name": "front", "eye": [0.35, 2.0, 6.4], "target": [0.12, 0.9, 0], "fov": 27.5},
             {"name": "close", "eye": [-0.9, 0.85, 3.4], "target": [-0.3, 0.62, 0.4], "fov": 30},
