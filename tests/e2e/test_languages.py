@@ -70,7 +70,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
     expect(page.get_by_role("button", name=render, exact=True)).to_be_visible()
     assert_nothing_is_english(page, locale)
     page.goto(f"{farm.url}/#/jobs/{job}")
-    expect(page.get_by_role("heading", name=save, exact=True)).to_be_visible()
+    expect(page.get_by_role("tab", name=save, exact=True)).to_be_visible()
     assert_nothing_is_english(page, locale)
     page.goto(f"{farm.url}/#/jobs")
     expect(page.get_by_role("heading", name=jobs, exact=True, level=1)).to_be_visible()
