@@ -1,5 +1,7 @@
 /** The API as a page, from /openapi.json alone: nothing is loaded from elsewhere. */
 
+/** Tags in the order of a user's way; the others follow. */
+const FIRST = ["scenes", "jobs", "frames", "workers"];
 const METHODS = ["get", "post", "put", "patch", "delete"];
 
 /** An element with attributes and children; strings become text, never markup. */
@@ -56,6 +58,19 @@ function properties(caption, schema, api) {
   return table(caption, rows);
 }
 
+/** The commands that send a request, as a starting point for scripts. */
+function commands(path, method, about) {
+  const url = `${location.origin}${path}`;
+  const verb = method.toUpperCase();
+  const media = Object.keys(about.requestBody?.content ?? {})[0] ?? "";
+  const isForm = media.startsWith("multipart/");
+  const body = !media ? "" : isForm ? " -F files=@scene.glb" : " --json '{}'";
+  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : ", json={}";
+  const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} ${url}`;
+  const python = `import httpx\n\nanswer = httpx.${method}("${url}"${sent}).raise_for_status()`;
+  return [el("h3", {}, "curl"), el("pre", { tabindex: "0" }, curl), el("h3", {}, "Python"), el("pre", { tabindex: "0" }, python)];
+}
+
 function operation(path, method, about, api) {
   const parameters = (about.parameters ?? []).map((p) => row(`${p.name} (${p.in})`, p.schema ?? {}, p.required, api, p.description));
   const sent = Object.entries(about.requestBody?.content ?? {}).map(([media, { schema }]) => properties(`Body: ${media}`, schema, api) ?? "");
@@ -72,7 +87,7 @@ function operation(path, method, about, api) {
     el("span", { class: "about" }, (about.description ?? about.summary ?? "").split("\n")[0]),
   );
   const rest = (about.description ?? "").split("\n").slice(1).join(" ").trim();
-  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given));
+  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given, ...commands(path, method, about)));
 }
 
 function page(api) {
@@ -83,7 +98,8 @@ function page(api) {
       groups.set(tag, [...(groups.get(tag) ?? []), operation(path, method, methods[method], api)]);
     }
   }
-  return [...groups].map(([tag, operations]) => el("section", {}, el("h2", {}, tag), ...operations));
+  const place = ([tag]) => (FIRST.indexOf(tag) + 1 || FIRST.length + 1);
+  return [...groups].sort((a, b) => place(a) - place(b)).map(([tag, operations]) => el("section", {}, el("h2", {}, tag), ...operations));
 }
 
 const main = document.getElementById("operations");

@@ -24,6 +24,7 @@ LARGEST = 2 * KEPT  # bytes of a file; then only the last `KEPT` bytes are kept
 LONGEST = 1000  # characters per line
 MOST_LINES = 2000  # pending lines while the disk accepts none; the oldest are dropped
 FLUSH_EVERY_S = 1.0
+COUNTS_EVERY_S = 60.0  # between two counts of a job's batches in the service's log
 
 _service_log = logging.getLogger(__name__)
 
@@ -33,6 +34,7 @@ class JobLog:
 
     def __init__(self) -> None:
         self._lines: list[str] = []
+        self.counts: set[str] = set()  # pending lines that count batches
         self._given = 0
         self._back: dict[str, list[float]] = {}  # by worker: batches, samples, seconds
 
@@ -62,17 +64,19 @@ class JobLog:
 
     def _tell_counts(self) -> None:
         if self._given:
-            self._add(f"handed out: {_batches(self._given)}")
+            self.counts.add(self._add(f"handed out: {_batches(self._given)}"))
             self._given = 0
         for worker, (batches, samples, seconds) in self._back.items():
-            self._add(f"back from {worker}: {_batches(int(batches))}, {int(samples):,} samples in {seconds:.2f} s of its slots")
+            said = f"back from {worker}: {_batches(int(batches))}, {int(samples):,} samples in {seconds:.2f} s of its slots"
+            self.counts.add(self._add(said))
         self._back.clear()
 
-    def _add(self, text: str) -> None:
+    def _add(self, text: str) -> str:
         now = datetime.fromtimestamp(time.time(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         self._lines.append(f"{now} {one_line(text[:LONGEST])}")
         if len(self._lines) > MOST_LINES:
             del self._lines[: -MOST_LINES // 2]
+        return self._lines[-1]
 
 
 class JobLogs:
@@ -82,6 +86,7 @@ class JobLogs:
         self._folder = folder
         self._logs: dict[str, JobLog] = {}
         self._flushed = 0.0
+        self._counted: dict[str, float] = {}  # by job: when its counts were last logged at the level info
         self.tiles = TileLogs()
 
     def of(self, job: str) -> JobLog:
@@ -96,16 +101,25 @@ class JobLogs:
         for job, log in list(self._logs.items()):
             text = log.take()
             if text:
-                if _service_log.isEnabledFor(logging.INFO):
-                    for line in text.splitlines():
-                        _service_log.info("%s", line.partition(" ")[2], extra=ids(job=job))
+                self._tell(job, text.splitlines(), log.counts)
+                log.counts.clear()
                 with contextlib.suppress(OSError):
                     self._append(self._path(job), text.encode(errors="replace"))
+
+    def _tell(self, job: str, lines: list[str], counts: set[str]) -> None:
+        """Writes a job's lines to the service's log; those that count batches at the level info once a minute, else as debug."""
+        is_due = time.monotonic() - self._counted.get(job, -COUNTS_EVERY_S) >= COUNTS_EVERY_S
+        if is_due and not counts.isdisjoint(lines):
+            self._counted[job] = time.monotonic()
+        for line in lines:
+            level = logging.DEBUG if line in counts and not is_due else logging.INFO
+            _service_log.log(level, "%s", line.partition(" ")[2], extra=ids(job=job))
 
     def close(self, job: str) -> None:
         """Writes the pending lines of an ended job and drops it from memory."""
         self.flush()
         self._logs.pop(job, None)
+        self._counted.pop(job, None)
 
     def text(self, job: str) -> bytes:
         """Returns the last `KEPT` bytes of a job's log, as whole lines; empty if there is none. Safe to call from any thread."""

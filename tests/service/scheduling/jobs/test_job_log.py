@@ -1,5 +1,6 @@
 """A job's log: limited in size, kept over a restart, and deleted with its job."""
 
+import logging
 import re
 from pathlib import Path
 
@@ -147,3 +148,15 @@ def test_tiles_and_jobs_that_are_told_of_are_bounded() -> None:
     for number in range(40):
         logs.note("last", 0, 7, f"batch {number}")
     assert [line.split()[-1] for line in logs.text("last", 0, 7).splitlines()] == [str(n) for n in range(24, 40)]
+
+
+def test_the_services_log_has_a_jobs_counts_once_a_minute(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    logs = JobLogs(tmp_path)
+    with caplog.at_level(logging.INFO):
+        for _ in range(5):
+            logs.of("job").given(2)
+            logs.flush()
+        logs.of("job").say("something happened")
+        logs.flush()
+    assert [record.getMessage() for record in caplog.records] == ["handed out: 2 batches", "something happened"]
+    assert logs.text("job").count(b"handed out: 2 batches") == 5, "the job's own log has all"
