@@ -79,7 +79,9 @@ def _joined(parts: list[Preview]) -> Preview | None:
         return None
     starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
     triangles = np.concatenate([part.triangles + np.uint32(start) for part, start in zip(parts, starts, strict=True)])
-    return Preview(*(np.concatenate(columns) for columns in list(zip(*parts, strict=True))[:3]), triangles)
+    positions = np.concatenate([part.positions for part in parts])
+    normals = np.concatenate([part.normals for part in parts])
+    return Preview(positions, normals, np.concatenate([part.colors for part in parts]), triangles)
 
 
 def _shape(mesh: Mesh, share: float) -> _Shape:

@@ -86,7 +86,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
             nonlocal preview
             if isinstance(shown := message.get("preview"), dict) and preview is None and room.has(room.out / PREVIEW):
                 preview = store(worker, room.out / PREVIEW)
-                show(ScenePreview(preview, *(shown.get(name, []) for name in ("cameras", "bounds")), shown.get("defaults", {})))
+                show(ScenePreview(preview, shown.get("cameras", []), shown.get("bounds", []), shown.get("defaults", {})))
             progress(str(message.get("step")), float(message.get("fraction", 0.0)))
 
         def warm(edition: str) -> None:
