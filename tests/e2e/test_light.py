@@ -73,6 +73,7 @@ def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
     page.get_by_role("radio", name="Low sun").check(force=True)
     dial = page.get_by_role("slider", name="Where the sun stands")
     expect(dial).to_have_attribute("aria-valuetext", "8° high, 110° around")
+    dial.evaluate("element => element.scrollIntoView({ block: 'center' })")
     box = dial.bounding_box()
     assert box is not None
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] * 0.25)
