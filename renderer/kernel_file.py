@@ -27,8 +27,9 @@ MAX_BYTES = 64 << 20  # of the file; a folder with every kernel packs to a tenth
 _MAX_UNPACKED = 4 * MAX_BYTES
 _SIGNATURE = 32
 _CHUNK = 1 << 20
-_NAME = re.compile(r"[0-9a-f]{16}-[a-z]+\d+-\w{1,40}-\w{1,40}", re.ASCII)
-_MEMBER = re.compile(r"\w+(\.\w+)*/\w[\w.-]*\.code|\w+-\w+\.done", re.ASCII)
+_KERNEL = r"\w{1,40}(?:-\w{1,40}){1,2}"  # such as render_pool-moving-media
+_NAME = re.compile(rf"[0-9a-f]{{16}}-[a-z]+\d+-{_KERNEL}", re.ASCII)
+_MEMBER = re.compile(rf"\w+(\.\w+)*/\w[\w.-]*\.code|{_KERNEL}\.done", re.ASCII)
 
 
 class ArtefactError(Exception):
@@ -42,7 +43,7 @@ def name_of(folder: Path, kernel: str) -> str:
 
 
 def is_name(text: str) -> bool:
-    """Whether text has the form of an artefact's name, and so is safe in a path."""
+    """Returns True if text has the form of an artefact's name, and so is safe in a path."""
     return _NAME.fullmatch(text) is not None
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from renderer.arrays.scene_features import EDITIONS
 from renderer.kernel_file import ArtefactError, is_name, is_signed, name_of, pack, unpack
 
 KERNEL = "render_pool-plain"
@@ -31,9 +32,9 @@ def folder(tmp_path: Path) -> Path:
     return made
 
 
-def packed(folder: Path, key: str = "token") -> io.BytesIO:
+def packed(folder: Path, key: str = "token", kernel: str = KERNEL) -> io.BytesIO:
     file = io.BytesIO()
-    pack(folder, KERNEL, key, file)
+    pack(folder, kernel, key, file)
     file.seek(0)
     return file
 
@@ -81,8 +82,17 @@ def test_bytes_that_are_no_archive_are_refused(tmp_path: Path) -> None:
         unpack(signed(b"no zip at all"), "token", tmp_path / "other")
 
 
+@pytest.mark.parametrize("edition", EDITIONS)
+def test_the_kernel_of_each_edition_is_shared(edition: str, tmp_path: Path) -> None:
+    kernel, folder = f"render_pool-{edition}", tmp_path / "0123456789abcdef"
+    folder.mkdir()
+    (folder / f"{kernel}.done").write_text("")
+    assert is_name(name_of(folder, kernel))
+    assert unpack(packed(folder, kernel=kernel), "token", tmp_path / "other") == 1
+    assert (tmp_path / "other" / f"{kernel}.done").exists()
+
+
 def test_names(folder: Path) -> None:
-    assert is_name(name_of(folder, KERNEL))
     for name in (
         "",
         "..",
