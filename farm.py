@@ -231,9 +231,8 @@ def run_tests(python, arguments):
     beside = [Beside("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(10))] if is_whole else []
     environment = dict(os.environ)
     environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
-    # Three for two processors, since a third of the tests mostly wait. Each process runs its own share of the files
-    # (tests/conftest.py); files that are asked for are handed out one by one.
-    processes = 3 * min(max((os.cpu_count() or 1) // 2, 1), 4)
+    # One more than the number of processors, since a third of the tests mostly wait.
+    processes = min(max(os.cpu_count() or 1, 2), 8) + 1
     command = [
         *(nice(5) if is_whole else []),
         str(python),
@@ -242,7 +241,8 @@ def run_tests(python, arguments):
         "-n",
         str(processes),
         "--dist",
-        "each" if is_whole else "loadfile",
+        "loadfile",
+        "--no-loadscope-reorder",
         *([] if is_long else ["-m", "not long"]),
     ]
     failed = subprocess.call([*command, *arguments], cwd=str(ROOT), env=environment)

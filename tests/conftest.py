@@ -11,6 +11,8 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
 
 from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
@@ -22,16 +24,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Plain HTTP needs no certificates, and every client reads all that it finds: here there are none.
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
 
-TESTS = Path(__file__).parent
-
-# Folders of the parts that the whole test command runs in processes of their own; files beside these folders belong to the first.
-PARTS = (
-    ("service", "protocol", "telemetry", "blender", "benchmarks", "page"),
-    ("renderer", "lineage", "peers"),
-    ("worker", "chaos", "e2e", "rayfarm"),
-)
-
-# Run first, in this order: tests that need no kernel, while kernels are compiled, then those that take longest.
+# Handed out in this order: first what needs no kernel, while these are compiled, then what takes longest by itself.
 FIRST = (
     "test_",
     "protocol/",
@@ -45,8 +38,13 @@ FIRST = (
     "renderer/test_target",
 )
 
-# The files that use `farm` or `browser`: one process runs them all, so that one farm and one browser start.
-SHARE_A_FARM = ("e2e/", "rayfarm/test_with_farm.py", "rayfarm/library/test_farm_render.py", "chaos/test_kernels")
+# The files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser.
+SHARE_A_FARM = (
+    "tests/e2e/",
+    "tests/rayfarm/test_with_farm.py",
+    "tests/rayfarm/library/test_farm_render.py",
+    "tests/chaos/test_kernels",
+)
 
 # How long an example takes says more about the machine than about the code. Most properties that do not hold fail early.
 hypothesis.settings.register_profile("long", deadline=None)
@@ -59,28 +57,21 @@ def is_ordinary(config: pytest.Config) -> bool:
     return bool(config.option.markexpr == "not long")
 
 
-def share_of(process: int, count: int) -> list[str]:
-    """Returns the files that one process of the whole test command collects, of `count`, a multiple of the parts' number.
-
-    A process imports and collects only its own files: this took a minute of processor time when each collected all of them.
-    """
-    part, turn = process % len(PARTS), process // len(PARTS)
-    shared, others = [], []
-    for file in sorted(TESTS.rglob("test_*.py")):
-        path = file.relative_to(TESTS).as_posix()
-        if next((n for n, folders in enumerate(PARTS) if path.startswith(tuple(f"{each}/" for each in folders))), 0) == part:
-            (shared if path.startswith(SHARE_A_FARM) else others).append(str(file))
-    return [*(shared if turn == 0 else ()), *others[turn :: count // len(PARTS)]]
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    """Loads hypothesis' profile before collection, and restricts each process of `--dist each` to its share of the files."""
-    if is_ordinary(config):
-        hypothesis.settings.load_profile("ordinary")
-        leave_out_long()
-    if config.option.dist == "each" and "PYTEST_XDIST_WORKER" in os.environ:
-        process = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-        config.args = share_of(process, int(os.environ["PYTEST_XDIST_WORKER_COUNT"]))
+    """Loads hypothesis' profile before collection, and lets each process of xdist import other files first.
+
+    Every process imports every file. In a fresh clone the first import of a file rewrites its assertions and caches the result,
+    which takes longer than all other imports; so each process starts with a different share.
+    """
+    if not is_ordinary(config):
+        return
+    hypothesis.settings.load_profile("ordinary")
+    leave_out_long()
+    if config.args == config.getini("testpaths"):
+        files = sorted(str(path) for path in Path(__file__).parent.rglob("test_*.py"))
+        count = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+        begin = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) * len(files) // count
+        config.args = [*files[begin:], *files[:begin]]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -100,6 +91,18 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
     return [] if any(mark.name == "long" for mark in marks) else None
+
+
+class ByFile(LoadFileScheduling):
+    """xdist's `loadfile`, with files that share a farm as one group. (Its `loadgroup` fails with pytest 9.1 and later.)"""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByFile:
+    return ByFile(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
