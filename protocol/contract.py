@@ -8,7 +8,7 @@
     service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
     worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
     worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
-    service --- key order_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
+    service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
     worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
 Queue names contain the worker's kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
@@ -52,7 +52,7 @@ __all__ = [
     "ShowEnvironment",
     "WorkerReport",
     "denoise_queue",
-    "order_key",
+    "pause_key",
     "prepare_queue",
     "render_queue",
     "worker_key",
@@ -109,7 +109,7 @@ def worker_key(name: str) -> str:
     return f"rayfarm:worker:{name}"
 
 
-def order_key(name: str) -> str:
+def pause_key(name: str) -> str:
     """The Redis key that pauses a worker while it exists; its value is the reason, as a sentence."""
     return f"rayfarm:order:{name}"
 

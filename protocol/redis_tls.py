@@ -9,13 +9,13 @@ from __future__ import annotations
 import os
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit
 
-__all__ = ["CA_VARIABLE", "as_told", "trusting", "with_password"]
+__all__ = ["CA_VARIABLE", "with_certificate_authority", "with_password", "without_local_options"]
 
 CA_VARIABLE = "RAYFARM_REDIS_CA"
 OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # query parameters that name files of one machine
 
 
-def trusting(url: str) -> str:
+def with_certificate_authority(url: str) -> str:
     """Adds this machine's certificate authority to an address; unchanged if it is not TLS, or already names an authority."""
     ca, parts = os.environ.get(CA_VARIABLE, ""), urlsplit(url)
     query = dict(parse_qsl(parts.query))
@@ -27,7 +27,7 @@ def trusting(url: str) -> str:
     return parts._replace(query=urlencode(query, safe="/")).geturl()
 
 
-def as_told(url: str) -> str:
+def without_local_options(url: str) -> str:
     """The address without options that refer to files of this machine, for use by other machines."""
     parts = urlsplit(url)
     query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]

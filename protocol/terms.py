@@ -78,7 +78,7 @@ class Terms:
                 raise ValueError(f"{name} lies between {among}")
         return self
 
-    def over(self, own: Terms) -> Terms:
+    def with_defaults(self, own: Terms) -> Terms:
         """Merges these terms over a worker's own: a value that is None here is taken from `own`."""
         said = {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
         return replace(own, **said)

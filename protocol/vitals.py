@@ -11,7 +11,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-__all__ = ["LOG_TTL_S", "VITALS_TTL_S", "Vitals", "log_key", "log_wanted_key", "look", "vitals_key"]
+__all__ = ["LOG_TTL_S", "VITALS_TTL_S", "Vitals", "log_key", "log_wanted_key", "read_vitals", "vitals_key"]
 
 VITALS_TTL_S = 30
 LOG_TTL_S = 10
@@ -42,7 +42,7 @@ class Vitals:
         return cls(used, total)
 
 
-def look() -> Vitals | None:
+def read_vitals() -> Vitals | None:
     """Reads this machine's current vitals; None if the system does not provide them."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()

@@ -170,7 +170,7 @@ def camera_words(order: Order, settings: RenderSettings) -> str:
     """The command-line options for a camera that moves while the shutter is open, as `moment_words`; none for a static camera."""
     if not settings.views:
         return ""
-    words = [f"--{name}={shlex.quote(str(value))}" for name, value in order.picture.way().items()]
+    words = [f"--{name}={shlex.quote(str(value))}" for name, value in order.picture.camera_options().items()]
     words += [f"--turntable={order.turntable!r}"] if order.turntable is not None else []
     return "".join(f" {word}" for word in words)
 

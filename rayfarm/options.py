@@ -38,7 +38,7 @@ __all__ = [
     "parse_size",
     "parse_tile",
     "parse_vec3",
-    "told",
+    "relevant_warnings",
 ]
 
 SKY = "sky:"
@@ -221,7 +221,7 @@ def _sky(text: str) -> tuple[float, float]:
     return numbers[0], numbers[1] if len(numbers) == 2 else 0.0
 
 
-def told(warnings: list[str], env: Env) -> list[str]:
+def relevant_warnings(warnings: list[str], env: Env) -> list[str]:
     """A scene's warnings that apply to this picture: those about the default studio light are omitted if --env is given."""
     from renderer.scene.studio import STUDIO_NOTES
 

@@ -82,7 +82,7 @@ class Picture:
         """The environment from --env."""
         return options.environment_of(self.given.get("env"))
 
-    def asked(self) -> dict[str, Any]:
+    def given_settings(self) -> dict[str, Any]:
         """The optional settings by the renderer's names; None if not given."""
         return typed(ASKED, self.given)
 
@@ -129,17 +129,17 @@ class Picture:
             views=self.views(cameras),
             environment=self.environment().color,
             **light,
-            **chosen(self.asked(), defaults),
+            **chosen(self.given_settings(), defaults),
         )
 
-    def way(self) -> dict[str, Any]:
+    def camera_options(self) -> dict[str, Any]:
         """The given camera options, by the options' names."""
         named = {each.option: self.given.get(each.option.replace("-", "_")) for each in VIEW.values()}
         return {name: value for name, value in {"camera": self.given.get("camera"), **named}.items() if value is not None}
 
     def shutter(self) -> dict[str, Any]:
         """The given shutter settings."""
-        return {name: value for name, value in self.asked().items() if name in SHUTTER and value is not None}
+        return {name: value for name, value in self.given_settings().items() if name in SHUTTER and value is not None}
 
     def request(self, cameras: list[dict[str, Any]]) -> dict[str, Any]:
         """The request body for POST /api/jobs."""
@@ -148,7 +148,7 @@ class Picture:
         if (sky := self.environment().sky) is not None:
             environment["sky"] = {"elevation": sky[0], "azimuth": sky[1]}
         environment["preset"] = self.environment().preset
-        asked: dict[str, Any] = {**self.asked(), **typed(ENDS, self.given), "width": width, "height": height}
+        asked: dict[str, Any] = {**self.given_settings(), **typed(ENDS, self.given), "width": width, "height": height}
         asked["environment"] = {name: value for name, value in environment.items() if value is not None}
         if self.has_view():
             asked["view"] = self.view(cameras).to_json()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rayfarm.stage import Stage
-from renderer.confine.reader import Link, told
+from renderer.confine.reader import Link, error_message
 from renderer.errors import RayfarmError
 from renderer.image.read import read as read_image
 from renderer.scene.animation import Moment
@@ -39,7 +39,7 @@ def serve(folder: bytes, main: bytes, inside: bytes | None, out: bytes, options:
             else:
                 compiled, summary = stage.at(moment, lambda step: link.send({"step": step}))
         except RayfarmError as error:
-            link.send({"failed": told(error)})
+            link.send({"failed": error_message(error)})
             continue
         found: dict[str, Any] = {"summary": summary}
         if compiled is not written:

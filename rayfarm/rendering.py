@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from renderer.render import RenderStats
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "shown", "whole_frame"]
+__all__ = ["Clock", "Show", "load_kernels", "load_scene", "part_of_frame", "show_progress", "whole_frame"]
 
 Show = Callable[[int, int], None]  # called with the number of samples done, and their total
 
@@ -92,7 +92,7 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
 
 @contextlib.contextmanager
-def shown() -> Iterator[Show]:
+def show_progress() -> Iterator[Show]:
     """Shows the progress of one frame: a progress bar, or plain lines."""
     ticker = Ticker()
     with bar() as progress:

@@ -19,7 +19,7 @@ from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
 
-__all__ = ["belonging", "below", "is_numbered", "opened"]
+__all__ = ["belonging", "is_numbered", "opened", "relative_to_root"]
 
 _ENCODINGS: tuple[str, ...] = (
     "utf-8",
@@ -75,7 +75,7 @@ def opened(scene: Path, environment: Path | None = None, root: Path | None = Non
             return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-")))
 
         folder = scene if scene.is_dir() else scene.parent if root is None else root
-        names = [scene.name if root is None else below(scene, root)]
+        names = [scene.name if root is None else relative_to_root(scene, root)]
         if scene.is_dir():
             names = [p.relative_to(scene).as_posix() for p in scene.rglob("*") if p.is_file()]
         if scene.suffix.lower() in ARCHIVE_SUFFIXES:
@@ -141,7 +141,7 @@ def _inside(name: str) -> str:
     return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
 
-def below(scene: Path, root: Path) -> str:
+def relative_to_root(scene: Path, root: Path) -> str:
     """The path of a scene relative to a root. Raises CommandError if it is not below the root, or not a single file."""
     if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
         raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
@@ -166,11 +166,15 @@ def belonging(scene: Path, root: Path | None = None) -> dict[str, Path]:
     if scene.is_dir():
         files = {p.relative_to(scene).as_posix(): p for p in scene.rglob("*") if p.is_file()}
         return {name: path for name, path in files.items() if not is_junk(name)}
-    taken = {scene.name if root is None else below(scene, root): scene}
+    taken = {scene.name if root is None else relative_to_root(scene, root): scene}
     if scene.suffix.lower() == ".obj":  # the materials of a renamed .obj, whose name it may not contain
         beside = [path for path in scene.parent.iterdir() if path.suffix.lower() == ".mtl" and path.is_file()]
         same = [path for path in beside if path.stem.casefold() == scene.stem.casefold()]
-        taken |= {path.name if root is None else below(path, root): path for path in (same or beside) if len(same or beside) == 1}
+        taken |= {
+            path.name if root is None else relative_to_root(path, root): path
+            for path in (same or beside)
+            if len(same or beside) == 1
+        }
     if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
     neighbours = _neighbours(scene, scene.parent if root is None else root)

@@ -17,7 +17,7 @@ from rayfarm.output_files import check_writable
 from rayfarm.reading import ReadStage
 from rayfarm.rendering import Clock, Show
 from rayfarm.strict import refuse
-from rayfarm.temporal_denoise import Steadying
+from rayfarm.temporal_denoise import TemporalDenoiser
 from renderer.errors import RayfarmError
 from renderer.frames import frame_name, frame_text, frames_text
 from renderer.scene.animation import Moment
@@ -64,7 +64,7 @@ def render_sequence(shot: Sequence, stage: ReadStage, order: Order) -> dict[str,
     failed: dict[float, str] = {}
     statistic: list[dict[str, Any]] = []
     told: set[str] = set()
-    steadying = Steadying(shot.frames if order.denoise and order.tile is None else (), missing)
+    steadying = TemporalDenoiser(shot.frames if order.denoise and order.tile is None else (), missing)
     todo = steadying.plan if order.denoise else missing
 
     def fail(frame: float, error: Exception) -> None:
@@ -144,7 +144,7 @@ class _Progress:
 
 
 def _render(
-    shot: Sequence, stage: ReadStage, order: Order, frame: float, show: Show, told: set[str], steadying: Steadying
+    shot: Sequence, stage: ReadStage, order: Order, frame: float, show: Show, told: set[str], steadying: TemporalDenoiser
 ) -> dict[str, Any]:
     from renderer.render import edition_for, warm_up
 
@@ -154,7 +154,7 @@ def _render(
     motion = motion_of(stage, order, moment, clock, needed=is_held)
     compiled, summary = stage.at(moment)
     clock.mark("prepare_s")
-    warnings = options.told(summary["warnings"], order.picture.environment())
+    warnings = options.relevant_warnings(summary["warnings"], order.picture.environment())
     refuse(f"{shot.scene.name}, frame {frame:g}", warnings, order.strict)
     for warning in warnings:
         if warning not in told:

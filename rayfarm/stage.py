@@ -56,11 +56,11 @@ class Stage:
         The result is valid until the next call, which modifies it in place. The automatic camera, for a scene without one, frames
         the scene at its beginning and does not move.
         """
-        return self._at(moment, say, lambda each: self._shot.over(each, self._shutter))
+        return self._at(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 
     def between(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
         """Like `at`, over the time from the previous to the next frame, for motion vectors."""
-        return self._at(moment, lambda step: None, self._shot.between)
+        return self._at(moment, lambda step: None, self._shot.between_frames)
 
     @property
     def cuts(self) -> PartOffsets:

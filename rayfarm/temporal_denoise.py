@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
     from renderer.temporal_denoise import DenoisedFrame
 
-__all__ = ["Steadying"]
+__all__ = ["TemporalDenoiser"]
 
 Write = Callable[["npt.NDArray[np.float32]"], None]
 
 
-class Steadying:
+class TemporalDenoiser:
     """Holds the frames that are still needed as neighbours.
 
     A frame's neighbours depend on the requested frames and on failures, but not on which files existed before.

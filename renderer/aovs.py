@@ -17,7 +17,20 @@ from renderer import film
 from renderer.errors import SettingsError
 from renderer.film import Sums
 
-__all__ = ["AOVS", "MOTION", "NAMES", "channels", "described", "known", "layers", "planes", "size", "span", "values", "visible"]
+__all__ = [
+    "AOVS",
+    "MOTION",
+    "NAMES",
+    "channels",
+    "described",
+    "layers",
+    "parse_names",
+    "planes",
+    "size",
+    "span",
+    "values",
+    "visible",
+]
 
 F32 = npt.NDArray[np.float32]
 Span = tuple[F32 | np.float32, F32 | np.float32] | None
@@ -47,7 +60,7 @@ class _Aov(NamedTuple):
     span: Callable[[F32], Span] = lambda plane: None
 
 
-def known(names: Iterable[str]) -> list[str]:
+def parse_names(names: Iterable[str]) -> list[str]:
     """Returns the AOVs that a list of names means, `all` for every one of the film.
 
     Raises SettingsError for one that is not known.

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import platformdirs
 
-__all__ = ["cache_home", "distrust", "make_private", "private_folder", "read_private", "trusted"]
+__all__ = ["cache_home", "make_private", "private_folder", "read_private", "reason_to_distrust", "trusted"]
 
 _log = logging.getLogger(__name__)
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -28,7 +28,7 @@ def cache_home() -> Path:
     return Path(named).expanduser() if named else platformdirs.user_cache_path("rayfarm", appauthor=False)
 
 
-def distrust(status: os.stat_result) -> str:
+def reason_to_distrust(status: os.stat_result) -> str:
     """Returns why a file or folder with this status must not be loaded from, as the end of a sentence; "" if it may be."""
     if status.st_uid not in (os.geteuid(), 0):
         return f"belongs to user {status.st_uid}, neither to this user ({os.geteuid()}) nor to root"
@@ -74,7 +74,7 @@ def _fault(home: Path, name: str) -> str:
     """Returns a sentence about the first untrusted folder on the path from `home` to `name`; "" if all are trusted or missing."""
     for folder in (home, *(home.joinpath(*Path(name).parts[: k + 1]) for k in range(len(Path(name).parts)))):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError, PermissionError):
-            if reason := distrust(folder.stat()):
+            if reason := reason_to_distrust(folder.stat()):
                 return f"the folder {folder} {reason}"
     return ""
 
@@ -91,11 +91,11 @@ def _warn(fault: str) -> None:
 
 def read_private(path: Path) -> bytes | None:
     """Returns the bytes of a trusted file in a trusted folder; None, with a warning, if either is untrusted. Raises OSError."""
-    if reason := distrust(path.parent.stat()):
+    if reason := reason_to_distrust(path.parent.stat()):
         _warn(f"the folder {path.parent} {reason}; what is in it is compiled anew")
         return None
     with path.open("rb") as file:
-        if reason := distrust(os.fstat(file.fileno())):
+        if reason := reason_to_distrust(os.fstat(file.fileno())):
             _warn(f"the file {path} {reason}; it is compiled anew")
             return None
         return file.read()

@@ -81,7 +81,7 @@ class _Kernel(JITCodeLibrary):
         return name, _KERNEL, (machine_code, bitcode, defined)
 
     @classmethod
-    def kept(cls, codegen: Any, name: str, code: Any) -> Self:
+    def restored(cls, codegen: Any, name: str, code: Any) -> Self:
         """Restores the library from what `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         machine_code, library._unread, defined = code
@@ -137,7 +137,7 @@ class InlinedLibrary(_Kernel):
         return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath)
 
     @classmethod
-    def kept(cls, codegen: Any, name: str, code: Any) -> Self:
+    def restored(cls, codegen: Any, name: str, code: Any) -> Self:
         """Restores the library from what `serialize_using_object_code` returned."""
         library = cls(codegen, name)
         library.own_name, own, library.beneath = code
@@ -160,7 +160,7 @@ def restore_compiled(context: Any, kept: Any) -> Any:
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
     for function in reload_init:
         function()
-    library = _KEPT[kind].kept(context.codegen(), name, code)
+    library = _KEPT[kind].restored(context.codegen(), name, code)
     for each in environments:
         library.codegen.set_env(each.env_name, each)
     return compile_result(

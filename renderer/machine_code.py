@@ -20,7 +20,7 @@ from typing import Any
 
 from numba.core.serialize import dumps
 
-from renderer.cache_folders import distrust, make_private, read_private
+from renderer.cache_folders import make_private, read_private, reason_to_distrust
 from renderer.linking import restore_compiled
 from renderer.sources import ROOT
 
@@ -124,7 +124,7 @@ class _Files:
         path = self._path(key)
         try:
             make_private(self.folder)
-            if distrust(self.folder.stat()):
+            if reason_to_distrust(self.folder.stat()):
                 return
         except OSError:
             return

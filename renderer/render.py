@@ -27,7 +27,7 @@ from renderer.parallel_compile import Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
-from renderer.scene.environment import environment_sampled_fully, relit, without_environment_sampling
+from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
 from renderer.scene.lights import chosen_by
 from renderer.scene.origin import fixed_place, seen_from
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
@@ -73,7 +73,7 @@ class RenderStats:
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """Returns the scene with the settings' environment and the light tables of the settings' light sampling."""
-    scene = relit(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
+    scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = chosen_by(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
         scene = environment_sampled_fully(scene)

@@ -18,20 +18,20 @@ from typing import Any, Self, SupportsIndex, cast
 __all__ = [
     "Sentence",
     "amount",
-    "both",
     "codes_of",
     "decoded",
     "encoded",
+    "first_items",
     "from_json",
     "from_text",
     "joined",
-    "listed",
+    "joined_faults",
     "lowered",
     "reason_of",
-    "stopped",
-    "times",
     "to_json",
     "to_text",
+    "with_count",
+    "with_full_stop",
 ]
 
 _PLACE = re.compile(r"\{(\w+)\}")
@@ -136,12 +136,12 @@ def lowered(text: str) -> str:
     return text._of(begun, text.code, text.params) if isinstance(text, Sentence) else begun
 
 
-def stopped(sentence: object) -> str:
+def with_full_stop(sentence: object) -> str:
     """Returns a sentence that was written without its full stop, as faults of files are."""
     return Sentence("sentence-closed", "{sentence}.", sentence=sentence)
 
 
-def both(first: str, second: str) -> str:
+def joined_faults(first: str, second: str) -> str:
     """Returns two faults as one text."""
     return Sentence("faults-joined", "{first}; {second}", first=first, second=second)
 
@@ -158,12 +158,12 @@ def amount(n: int, what: str) -> str:
     return Sentence("amount-of", "{n} {things}", n=n, things=what)
 
 
-def times(sentence: str, n: int) -> str:
+def with_count(sentence: str, n: int) -> str:
     """Returns a sentence with how often it holds, where that is more than once."""
     return sentence if n == 1 else Sentence("sentence-repeated", "{sentence} ({count} times)", sentence=sentence, count=n)
 
 
-def listed(texts: Iterable[object], most: int | None = None) -> list[Any]:
+def first_items(texts: Iterable[object], most: int | None = None) -> list[Any]:
     """Returns a list for a parameter. most: of more items than that, the first and an ellipsis remain."""
     items = list(texts)
     return items if most is None or len(items) <= most else [*items[:most], "..."]

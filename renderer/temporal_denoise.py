@@ -66,7 +66,7 @@ def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F3
             if there is None:
                 break
             places = _followed(frames[number + way * (step - 1)], there, places, way)
-            found, share = _seen(here, there, places)
+            found, share = _interpolated_light(here, there, places)
             share = share * _light_similarity(light, found)
             total += share[..., None] * found
             weight += share
@@ -107,7 +107,7 @@ def _followed(before: DenoisedFrame, there: DenoisedFrame, places: _Places, way:
     return found._replace(alive=alive & (np.abs(gone - come).max(axis=-1) < _ASTRAY))
 
 
-def _seen(here: DenoisedFrame, there: DenoisedFrame, places: _Places) -> tuple[F64, F64]:
+def _interpolated_light(here: DenoisedFrame, there: DenoisedFrame, places: _Places) -> tuple[F64, F64]:
     """Interpolates the other frame's light from those of four pixels that show the same surface.
 
     Also returns their total weight, 0 ... 1.

@@ -62,7 +62,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     with Team(threads) as team:
         team.each(see, parts)
     before, now, after = (_projected(views[k], settings, places[:, :, k]) for k in range(3))
-    found = np.concatenate([_way(now, before, settings, views), _way(after, now, settings, views)], axis=2)
+    found = np.concatenate([_pixel_offsets(now, before, settings, views), _pixel_offsets(after, now, settings, views)], axis=2)
     return found.astype(np.float32)
 
 
@@ -73,7 +73,7 @@ def load_kernel() -> None:
         trace_motion_points(only(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4)))
 
 
-def _way(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
+def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
     """Returns the offset (h, w, 2) between two sets of positions, y upwards; 0 where one is invalid or too far."""
     way = end - start
     if views[1].projection == "panorama":

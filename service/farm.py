@@ -24,12 +24,12 @@ from service.errors import CannotStart, Conflict, FarmError
 from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
 from service.intake.lighting import Lighting
-from service.maintenance.deleting import Deleting
+from service.maintenance.deleting import JobDeleter
 from service.maintenance.retention import Retention, Rules
-from service.maintenance.reuse import Reuse
+from service.maintenance.reuse import SampleReuse
 from service.maintenance.scrub import Scrubber
 from service.maintenance.taint import TaintMarker
-from service.ownership.candidate import own
+from service.ownership.candidate import take_farm
 from service.ownership.ownership import Ownership
 from service.scheduling.dispatching.celery_dispatcher import CeleryDispatcher
 from service.scheduling.engine import Engine
@@ -44,11 +44,11 @@ from service.store.garbage import Garbage
 from service.store.kernels import KernelStore
 from service.store.models import FINAL, Job
 from service.store.reserve import Reserve
-from service.viewing.explaining import Explaining
+from service.viewing.explaining import PixelExplainer
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
 from service.watching.pool import Pool
-from service.watching.shared_results import Shared
+from service.watching.shared_results import SharedResults
 
 __all__ = ["Farm"]
 
@@ -68,7 +68,7 @@ class Farm:
         owning: the ownership of the farm; None: acquired here. Raises CannotStart if that fails.
         """
         self.settings = settings
-        self.owning = owning or own(settings, OWN_PATIENCE_S)
+        self.owning = owning or take_farm(settings, OWN_PATIENCE_S)
         self.database, self.sessions = self.owning.engine, self.owning.sessions
         self.instance = settings.instance()
         try:
@@ -106,7 +106,7 @@ class Farm:
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         board = SnapshotBoard(self.events)
         self.views = ViewScheduler(*_broker(settings), board, self.events)
-        self.explaining = Explaining(*_broker(settings), board)
+        self.explaining = PixelExplainer(*_broker(settings), board)
         connection = _redis(settings, health_check_interval=30, socket_read_size=READ_BYTES)
         dispatcher = CeleryDispatcher(settings.redis_url, connection, self.owning.guard)
         self.engine = Engine(
@@ -115,13 +115,13 @@ class Farm:
             has_views=self.views.has_unfinished,
         )
         self.lighting = Lighting(self.sessions, self.garbage, self.events)
-        self.reuse = Reuse(self.sessions, self.films, board, settings.data, settings.min_free_bytes)
+        self.reuse = SampleReuse(self.sessions, self.films, board, settings.data, settings.min_free_bytes)
         usual = Limits(settings.quota_bytes, settings.quota_jobs, settings.quota_samples_day)
         self.quotas = Quotas(self.sessions, usual, self.films.size)
 
     def _assemble_keeping(self, settings: Settings) -> None:
         """Deletion, checks of films and retention."""
-        self.deleting = Deleting(self.sessions, self.garbage, self.reserve, self.events)
+        self.deleting = JobDeleter(self.sessions, self.garbage, self.reserve, self.events)
         self.frame_changes = self.deleting.frames
         self.taint = TaintMarker(self.sessions, self.films, self.events)
         self.scrubber = Scrubber(self.sessions, self.films, self.lighting.restore, self.events, settings.film_check_days)
@@ -132,7 +132,7 @@ class Farm:
     def _assemble_delivery(self, settings: Settings) -> None:
         """Events for pages and webhooks, and limits on the threads that serve requests."""
         self.broadcast = Broadcast(self.events)
-        self.shared = Shared(self.broadcast, settings.live_bytes)
+        self.shared = SharedResults(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.outbox = Outbox(settings, self.sessions, self.events)
         self.tiles = CapacityLimiter(2)  # reads of a tile for one pixel
@@ -146,7 +146,7 @@ class Farm:
         self.broadcast.open(loop)
         self.reserve.fill()
         try:
-            self.garbage.inherit(self.blobs.sweep(self.records.blobs()))
+            self.garbage.adopt_unreferenced(self.blobs.sweep(self.records.blobs()))
         except FarmError as error:
             log.warning("unreferenced blobs are not deleted yet: %s", error)
         for part in self._parts:

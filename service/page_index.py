@@ -13,7 +13,7 @@ import posixpath
 import re
 from collections.abc import Iterable, Mapping
 
-__all__ = ["index_of", "joined"]
+__all__ = ["index_of", "joined_files"]
 
 # The element ids that web/js/shell/ahead.js looks for.
 TABLE = "view-modules"
@@ -31,7 +31,7 @@ _VIEW = re.compile(r'^\s*"([\w/]*)": async \(\) => \(await import\("(\.{1,2}/[^"
 _ON_DEMAND = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
-def joined(html: str, sources: Mapping[str, str]) -> dict[str, str]:
+def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
     """Returns the joined files by name. sources: text of all files of the page by name."""
     found = {}
     for name, group in _GROUPS.items():

@@ -20,7 +20,7 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import Scope
 
-from service.page_index import index_of, joined
+from service.page_index import index_of, joined_files
 
 __all__ = ["Pages", "WebPages"]
 
@@ -115,7 +115,7 @@ class Shelf:
             whole.update(f"{name}\0{len(content.plain)}\0".encode() + content.plain)
         sources = {name: content.plain.decode() for name, content in contents.items() if name.endswith(SOURCES)}
         html, version = sources.get("index.html", ""), whole.hexdigest()[:16]
-        contents |= {name: Content(text.encode()) for name, text in joined(html, sources).items()}
+        contents |= {name: Content(text.encode()) for name, text in joined_files(html, sources).items()}
         object.__setattr__(self, "contents", contents)
         object.__setattr__(self, "version", version)
         object.__setattr__(self, "index", Content(index_of(html, sources, f"{FOLDER}/{version}/").encode()))

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, SettingsError
 
-from protocol.redis_tls import as_told, trusting, with_password
+from protocol.redis_tls import with_certificate_authority, with_password, without_local_options
 from renderer.variables import FILE, VariableError, value_of
 from service.errors import CannotStart
 from service.hooks.signing import key_of, new_secret
@@ -145,7 +145,7 @@ class Settings(BaseSettings):
     @field_validator("redis_url")
     @classmethod
     def _over_tls(cls, value: str) -> str:
-        return trusting(value)
+        return with_certificate_authority(value)
 
     @model_validator(mode="after")
     def _with_redis_password(self) -> Settings:
@@ -199,7 +199,7 @@ class Settings(BaseSettings):
     @property
     def worker_redis_url(self) -> str:
         """The Redis URL for workers."""
-        return as_told(self.public_redis_url or self.redis_url)
+        return without_local_options(self.public_redis_url or self.redis_url)
 
     @property
     def own_url(self) -> str:

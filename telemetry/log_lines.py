@@ -29,9 +29,9 @@ __all__ = [
     "about",
     "as_json",
     "by_json",
+    "current_ids",
     "ids",
     "level",
-    "told",
 ]
 
 FORMAT_VARIABLE, LEVEL_VARIABLE = "RAYFARM_LOG_FORMAT", "RAYFARM_LOG_LEVEL"
@@ -52,7 +52,7 @@ def about(**names: Any) -> Iterator[None]:
         _about.reset(before)
 
 
-def told() -> Mapping[str, Any]:
+def current_ids() -> Mapping[str, Any]:
     """Returns the ids of the current lines."""
     return _about.get()
 

@@ -26,7 +26,7 @@ from typing import Any
 
 from renderer.child_processes import spawn_guard
 
-__all__ = ["HEADER", "Where", "begin", "end", "here", "is_on", "record", "root_of", "span", "where", "within"]
+__all__ = ["HEADER", "Where", "begin", "child_of", "end", "here", "is_on", "record", "root_of", "span", "where"]
 
 HEADER = "traceparent"
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
@@ -110,7 +110,7 @@ def here() -> Where | None:
 
 
 @contextlib.contextmanager
-def within(parent: Where | None) -> Iterator[None]:
+def child_of(parent: Where | None) -> Iterator[None]:
     """Makes a span of another process the parent within the context."""
     before = _here.set(parent)
     try:

@@ -65,7 +65,7 @@ def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> No
 
     done = CliRunner().invoke(app, ["--sparkle=0.5", "--flake=dot"])
     assert done.exit_code == 0, done.output
-    assert (found[0].asked()["glitter"], found[0].asked()["flake"]) == (0.5, "dot")
+    assert (found[0].given_settings()["glitter"], found[0].given_settings()["flake"]) == (0.5, "dot")
     assert found[0].request([{"name": "c", "view": {}}])["glitter"] == 0.5
     said = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output.split())
     assert "How much the snow sparkles. 0.1 to 2; 0: dull." in said

@@ -47,12 +47,12 @@ from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import get_ready
-from worker.joining import Joining
+from worker.joining import FarmJoin
 from worker.machine import health_file
 from worker.machine.health_file import State
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
-from worker.process.apply_terms import Keeping
+from worker.process.apply_terms import TermsKeeper
 from worker.process.context import WorkerContext, cpu_name
 from worker.telemetry import logs
 from worker.work.files import memory_budget
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _work(options: argparse.Namespace) -> int:
     tail, lines = logs.set_up()
-    health_file.say(State.STARTING)
+    health_file.write_state(State.STARTING)
     blender = _check(options)
     cards = _cards(options)
     log = logging.getLogger("worker")
@@ -103,7 +103,7 @@ def _work(options: argparse.Namespace) -> int:
 
     take_shipped(jit.cache_folder())
     helpers = helpers_for()  # forked before the joining thread starts
-    joining = Joining(link, options.redis, options.name or host, host, starting, log.info)
+    joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info)
     joining.begin()
     get_ready(link, helpers=helpers)
     joined = joining.finish(lambda: bool(stopping))
@@ -126,7 +126,7 @@ def _work(options: argparse.Namespace) -> int:
         tail=tail,
         blender=blender,
         cards=cards,
-        keeping=Keeping(options.slots, _tags(options, host, kind), _own_terms(options)),
+        keeping=TermsKeeper(options.slots, _tags(options, host, kind), _own_terms(options)),
         pieces=_pieces(log),
     )
     for number, card in enumerate(cards, options.slots - len(cards)):

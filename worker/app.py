@@ -18,12 +18,12 @@ from renderer.child_processes import die_with_parent
 from telemetry import tracing
 from telemetry.log_lines import by_json
 from worker import tasks
-from worker.exchange.kernel_precompile import get_ready_ahead
+from worker.exchange.kernel_precompile import precompile_full_kernel
 from worker.heartbeat import Heartbeat
-from worker.leaving import Leaving
+from worker.leaving import ShutdownReporter
 from worker.process import context
 from worker.process.queue_order import STRATEGY
-from worker.process.queue_reading import be_patient
+from worker.process.queue_reading import skip_malformed_messages
 from worker.process.slot_number import slot
 from worker.work.frames import forget_frames
 from worker.work.joint_render import hand_in
@@ -35,7 +35,7 @@ SHUTDOWN_S = 600  # a warm shutdown waits for running tasks; after this the watc
 
 def make_app(worker: context.WorkerContext) -> Celery:
     """Creates the Celery application with this worker's tasks and queues."""
-    be_patient()
+    skip_malformed_messages()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
     app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
@@ -66,7 +66,7 @@ def run(worker: context.WorkerContext) -> int:
     signals.worker_process_shutdown.connect(_child_ends)
     signals.worker_shutting_down.connect(_shutting_down)
     signals.worker_ready.connect(_ready)
-    leaving = Leaving(worker)
+    leaving = ShutdownReporter(worker)
     signals.worker_shutting_down.connect(leaving.begin)
     celery = make_app(worker).Worker(
         hostname=f"{worker.name}@{worker.host}",
@@ -110,7 +110,7 @@ def _ready(**_: Any) -> None:
     """Runs when the worker is ready: starts compiling the kernel for scenes with textures in advance."""
     worker = context.current()
     if worker.keeping is None or worker.keeping.may_work_ahead():
-        get_ready_ahead(worker.link)
+        precompile_full_kernel(worker.link)
 
 
 def _child_ends(**_: Any) -> None:

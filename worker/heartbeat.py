@@ -34,7 +34,7 @@ from protocol.contract import (
 from protocol.joint import RENDER_JOINTLY, help_queue
 from protocol.lifeline import lifeline
 from protocol.vitals import LOG_TTL_S, VITALS_TTL_S, log_key, vitals_key
-from worker.exchange.heartbeat_message import Heard, Telling
+from worker.exchange.heartbeat_message import HeartbeatConnection, HeartbeatReply
 from worker.machine import health_file
 from worker.machine.health_file import State
 from worker.process import context
@@ -80,8 +80,8 @@ class Heartbeat(bootsteps.StartStopStep):
     def __init__(self, consumer: Any, **kwargs: Any) -> None:
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
-        self.telling = Telling(self.worker.redis_url)
-        self.heard = Heard(is_taken=False)  # the latest reply
+        self.telling = HeartbeatConnection(self.worker.redis_url)
+        self.heard = HeartbeatReply(is_taken=False)  # the latest reply
         self.consumer = consumer
         self.has_come = False
         self.is_paused = False
@@ -93,24 +93,24 @@ class Heartbeat(bootsteps.StartStopStep):
 
     def start(self, consumer: Any) -> None:
         """Starts the heartbeat."""
-        health_file.say(State.WORKING)
+        health_file.write_state(State.WORKING)
         self.idle_since = time.monotonic()
         self.beat()
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
         """Stops the heartbeat, before a shutdown or a reconnect."""
-        health_file.say(State.AWAY)
+        health_file.write_state(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
         """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
-        health_file.say(State.WORKING)
-        heard = self.telling.hear()  # on a slow line, the reply to an earlier beat
+        health_file.write_state(State.WORKING)
+        heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
         self._tell()
-        if (heard := self.telling.hear(AT_ONCE_S) or heard) is not None:
+        if (heard := self.telling.receive(AT_ONCE_S) or heard) is not None:
             self.heard = heard
         before = self.is_paused, self.served
         self._keep()
@@ -128,16 +128,16 @@ class Heartbeat(bootsteps.StartStopStep):
         if not self.has_come:  # wakes the service, which then sees the new worker at once
             self.has_come = True
             more.append(("XADD", RESULTS, "*", "event", json.dumps({"type": "wake"})))
-        if now - self.told > VITALS_EVERY_S and (found := vitals.look()) is not None:
+        if now - self.told > VITALS_EVERY_S and (found := vitals.read_vitals()) is not None:
             self.told = now
             more.append(("SET", vitals_key(worker.name), found.to_bytes(), "EX", VITALS_TTL_S))
         if worker.tail is not None:
             worker.tail.trim()
             if self.heard.is_log_wanted:
                 more.append(("SET", log_key(worker.name), json.dumps(worker.tail.lines()), "EX", LOG_TTL_S))
-        self.telling.tell(report, worker.keeping.offer() if worker.keeping is not None else None, more)
+        self.telling.send(report, worker.keeping.offer() if worker.keeping is not None else None, more)
 
-    def _go_on(self, heard: Heard) -> None:
+    def _go_on(self, heard: HeartbeatReply) -> None:
         signal.alarm(WATCHDOG_S)  # unless reset, SIGALRM ends this process and with it its children
         report, now = self.worker.report(self.is_paused), time.monotonic()
         self._see_to_pieces(report, heard)
@@ -148,7 +148,7 @@ class Heartbeat(bootsteps.StartStopStep):
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 
-    def _see_to_pieces(self, report: WorkerReport, heard: Heard) -> None:
+    def _see_to_pieces(self, report: WorkerReport, heard: HeartbeatReply) -> None:
         """Sends help requests if pieces wait and none is queued, since the slot that was to take them may have been killed."""
         free = sum(not doing for doing in report.current)
         if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
@@ -199,8 +199,8 @@ class Heartbeat(bootsteps.StartStopStep):
         """Applies the requested terms, including the number of slots; running tasks are finished in any case."""
         if (keeping := self.worker.keeping) is None:
             return
-        keeping.ask(self.heard.terms)
-        keeping.look()
+        keeping.request(self.heard.terms)
+        keeping.refresh()
         # Tasks are acknowledged when they finish, so the prefetch count limits the number of running tasks.
         if missing := keeping.slots_now - self.consumer.qos.value:
             change = self.consumer.qos.increment_eventually if missing > 0 else self.consumer.qos.decrement_eventually

@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 import redis
 
 from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, worker_key
-from protocol.redis_tls import trusting
+from protocol.redis_tls import with_certificate_authority
 from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.heartbeat import Reporter
 
-__all__ = ["Joined", "Joining", "check_redis", "free_name"]
+__all__ = ["FarmJoin", "Joined", "check_redis", "free_name"]
 
 # Errors that a retry does not resolve: the address or the token must change.
 OF_NO_USE = (RefusedError, TokenError, NotAFarmError)
@@ -38,7 +38,7 @@ class Joined:
     name: str
 
 
-class Joining:
+class FarmJoin:
     """Joins the service, retrying until it answers, then reports `starting` until the worker's own heartbeat takes over.
 
     redis_url: None to use the service's. report: makes the worker's report for a given name.
@@ -114,7 +114,7 @@ class Joining:
 
     def _join(self) -> Joined:
         farm = self._link.join()
-        redis_url = trusting(self._redis_url or farm.redis_url)
+        redis_url = with_certificate_authority(self._redis_url or farm.redis_url)
         check_redis(redis_url)
         return Joined(farm, redis_url, free_name(self._name, redis_url, self._host))
 

@@ -13,10 +13,10 @@ from protocol.contract import HEARTBEAT_EVERY_S
 from worker.heartbeat import Reporter
 from worker.process.context import WorkerContext
 
-__all__ = ["Leaving"]
+__all__ = ["ShutdownReporter"]
 
 
-class Leaving:
+class ShutdownReporter:
     """Reports from the parent process during shutdown."""
 
     def __init__(self, worker: WorkerContext) -> None:

@@ -30,19 +30,19 @@ from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
-from worker.exchange.retry import patiently
+from worker.exchange.retry import retry_on_trouble
 from worker.process import context
 from worker.telemetry.task_context import Steps, named, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of, is_redelivered, survived
 from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
-from worker.work.explain import explain_pixel, say
+from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
-from worker.work.joint_render import help_out, laid_out, left_of
+from worker.work.joint_render import help_out, remaining_pieces, share_pieces
 from worker.work.prepare import prepare_scene
 from worker.work.render import failure, not_understood
 from worker.work.scenes import discard_damaged
-from worker.work.slot import InHand, at_work
-from worker.work.viewport import Answering, prepare_view_frame, render_view
+from worker.work.slot import SlotTask, at_work
+from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
 __all__ = ["register"]
 
@@ -115,10 +115,10 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
         whole = joint.get("whole")
         worker.results.send(not_understood(worker, whole if isinstance(whole, dict) else {}, error))
         return
-    if not is_redelivered(task) and laid_out(task.app, worker, work, task.request.id):
+    if not is_redelivered(task) and share_pieces(task.app, worker, work, task.request.id):
         help_out(worker)
         return
-    for number in left_of(worker, work, task.request.id):  # in turn: one of them may have killed the slot
+    for number in remaining_pieces(worker, work, task.request.id):  # in turn: one of them may have killed the slot
         batch = work.batch(number).to_json()
         with about(**named(batch)):
             _render(task, worker, batch)
@@ -146,7 +146,7 @@ def _prepare(task: Any, scene: str) -> None:
         said = {"step": "reading", "fraction": 0.3, "preview": asdict(preview)}
         worker.results.send(Result({"type": "prepare-progress", **about, **said}), 0.0)
 
-    with InHand(worker, {"scene": scene}):
+    with SlotTask(worker, {"scene": scene}):
         try:
             if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
                 send(
@@ -159,8 +159,8 @@ def _prepare(task: Any, scene: str) -> None:
                 )
                 return
             send("prepare-started")
-            manifest = patiently(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
-            info = patiently(lambda: prepare_scene(worker, manifest, progress, show), LINK_PATIENCE_S)
+            manifest = retry_on_trouble(lambda: worker.link.manifest(scene), LINK_PATIENCE_S)
+            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, show), LINK_PATIENCE_S)
             steps.now(None)
             send("prepared", info=asdict(info))
         except WorkError as error:
@@ -221,7 +221,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
             ),
         )
         return
-    with InHand(worker, {"scene": work.scene, "work": work.work}):
+    with SlotTask(worker, {"scene": work.scene, "work": work.work}):
         try:
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
                 sentence = Sentence(
@@ -232,7 +232,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
                 send("frame-failed", frame=work.frames[0], error=sentence)
                 send("frames-returned", error=sentence)
                 return
-            manifest = patiently(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
+            manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), LINK_PATIENCE_S)
             prepare_frames(worker, manifest, work, send)
         except MachineError as error:
             send("frames-returned", error=str(error), unfit=True, passing=True)
@@ -264,14 +264,14 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         log.warning("a view is left out, in words of another release: %s", error)
         return
-    with InHand(worker, {"view": work.watch, "message": work.message}) as hand:
+    with SlotTask(worker, {"view": work.watch, "message": work.message}) as hand:
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
                 "worker-died-rendering-view",
                 "The worker process died {count} times while it rendered this view.",
                 count=DEATHS_ALLOWED,
             )
-            Answering(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("failed", error=sentence)
         else:
             hand.speed = render_view(worker, work, hand.compiling)
 
@@ -284,14 +284,14 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
     except (KeyError, TypeError, ValueError) as error:
         log.warning("a frame of a view is left out, in words of another release: %s", error)
         return
-    with InHand(worker, {"view": work.watch, "message": work.message}):
+    with SlotTask(worker, {"view": work.watch, "message": work.message}):
         if deaths_of(task, worker, work.message) >= DEATHS_ALLOWED:
             sentence = Sentence(
                 "worker-died-preparing-frame",
                 "The worker process died {count} times while it prepared this frame.",
                 count=DEATHS_ALLOWED,
             )
-            Answering(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
 
@@ -308,8 +308,8 @@ def _explain(task: Any, pixel: dict[str, Any]) -> None:
             worker=worker.name,
             error=error,
         )
-        say(worker, str(pixel.get("message")), "failed", error=sentence)
+        send_answer(worker, str(pixel.get("message")), "failed", error=sentence)
         return
-    with InHand(worker, {"explain": work.job, "message": work.message}) as hand:
+    with SlotTask(worker, {"explain": work.job, "message": work.message}) as hand:
         if not deaths_of(task, worker, work.message):  # after a death the client has already got an error
             explain_pixel(worker, work, hand.compiling)

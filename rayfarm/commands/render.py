@@ -18,7 +18,7 @@ from rayfarm.movie import render_movie
 from rayfarm.output_files import check_writable
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.reading import open_stage
-from rayfarm.rendering import Clock, load_kernels, load_scene, shown
+from rayfarm.rendering import Clock, load_kernels, load_scene, show_progress
 from rayfarm.replay import show_path
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
 from rayfarm.strict import refuse
@@ -173,13 +173,13 @@ def render(
         before=lambda stage: motion.append(motion_of(stage, order, moment, clock)),
         root=root,
     )
-    warnings = options.told(summary["warnings"], environment)
+    warnings = options.relevant_warnings(summary["warnings"], environment)
     refuse(scene.name, warnings, strict)
     for warning in warnings:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
     load_kernels(settings, compiled, clock, order.card)
-    with shown() as show:
+    with show_progress() as show:
         done = render_to(
             *(output, order, compiled, summary["defaults"], settings, clock, show, motion[0]),
             seen=lambda picture: _say_darkness(picture, output, exposure),
@@ -239,7 +239,7 @@ def _replay(
     x, y = options.parse_pixel(pixel)
     environment, camera, shutter = order.picture.environment(), order.picture.camera, order.picture.shutter()
     compiled, summary = load_scene(scene, environment, Clock(), no_bvh, variant, None, moment, camera, shutter, root=root)
-    refuse(scene.name, options.told(summary["warnings"], environment), order.strict)
+    refuse(scene.name, options.relevant_warnings(summary["warnings"], environment), order.strict)
     settings = order.settings(summary, moment)
     if not (x < settings.width and y < settings.height):
         raise CommandError(f"--pixel is {x},{y}; the picture has {settings.width}x{settings.height} pixels, counted from 0")
@@ -248,7 +248,7 @@ def _replay(
 
 
 def _aovs(text: str | None, output: Path) -> list[str]:
-    names = aovs.known(name.strip() for name in text.split(",")) if text else []
+    names = aovs.parse_names(name.strip() for name in text.split(",")) if text else []
     if names and output.suffix.lower() != ".exr":
         raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
     return names

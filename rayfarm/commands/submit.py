@@ -17,7 +17,7 @@ from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.responses import Job, Scene
-from rayfarm.scene_files import belonging, below, is_numbered
+from rayfarm.scene_files import belonging, is_numbered, relative_to_root
 from rayfarm.shot import FarmShot, fetch_shot
 from rayfarm.strict import refuse
 from renderer.frames import frames_text
@@ -133,9 +133,9 @@ def submit(
     picture.check()
     place = {"after": after, "max_slots": max_slots, "deadline": _deadline(deadline), "needs": need, "verify": verify}
     with farm_client(server) as farm:
-        main = below(scene, root) if root is not None else scene.name if is_numbered(scene) else None
+        main = relative_to_root(scene, root) if root is not None else scene.name if is_numbered(scene) else None
         ready = _prepared(farm, farm.upload(belonging(scene, root), main=main, name=scene.name, project=project))
-        warnings = options.told(ready.warnings, picture.environment())
+        warnings = options.relevant_warnings(ready.warnings, picture.environment())
         refuse(scene.name, warnings, strict)
         for warning in warnings:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)

@@ -152,7 +152,7 @@ def _show(
     """Shows the job until it ends or the user quits; returns the signal that ended it, if any."""
     from rayfarm.watch.lines import tell
     from rayfarm.watch.screen import Screen
-    from rayfarm.watch.words import how_far, what
+    from rayfarm.watch.words import frame_title, how_far
 
     if terminal is None:
         try:
@@ -164,7 +164,7 @@ def _show(
         return None
     with terminal:
         ended = Screen(terminal, farm, live, graphics, exposure, tonemap).run()
-    err.print(f"{what(live.job, live.shown)} · {how_far(live.job)}", markup=False, soft_wrap=True)
+    err.print(f"{frame_title(live.job, live.shown)} · {how_far(live.job)}", markup=False, soft_wrap=True)
     if not live.job.is_over:
         err.print(f"The job goes on: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
     return None if ended is None else int(ended)

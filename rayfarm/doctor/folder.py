@@ -27,7 +27,7 @@ from service.settings import Settings
 from service.store.database import Sessions
 from service.store.film_store import FilmFolder
 from service.store.models import Frame, Job
-from service.store.upgrade import Standing, standing
+from service.store.upgrade import SchemaState, schema_state
 
 __all__ = ["look_at_folder"]
 
@@ -125,7 +125,7 @@ def _database(settings: Settings, deep: bool, progress: Progress) -> Iterator[Fi
             return
     engine = create_engine(settings.database)
     try:
-        stands = standing(engine)
+        stands = schema_state(engine)
         yield _revision(stands)
         if stands.current == stands.head:
             yield from _contents(settings, Sessions(engine), deep, progress)
@@ -144,7 +144,7 @@ def _broken(path: Path, deep: bool) -> str | None:
     return None if said == "ok" else str(said).splitlines()[0]
 
 
-def _revision(stands: Standing) -> Finding:
+def _revision(stands: SchemaState) -> Finding:
     if stands.is_newer:
         return fault(
             "Database",

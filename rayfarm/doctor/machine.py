@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rayfarm.doctor.finding import Finding, fault, fine, note
-from renderer.cache_folders import cache_home, distrust
+from renderer.cache_folders import cache_home, reason_to_distrust
 
 __all__ = ["look_at_machine"]
 
@@ -104,7 +104,7 @@ def _cache(folder: Path) -> Iterator[Finding]:
             "Set RAYFARM_CACHE to a folder of yours.",
         )
         return
-    if reason := distrust(place.stat()) if place == folder else "":
+    if reason := reason_to_distrust(place.stat()) if place == folder else "":
         yield note(
             "Cache", f"{folder} {reason}; a private folder in it is used.", "Make it this user's alone: chown, chmod go-w."
         )

@@ -20,7 +20,7 @@ from renderer.scene.animation import Moment
 from renderer.setting_declaration import DeclaredSetting
 from renderer.settings import VIEW
 
-__all__ = ["Asked", "asked"]
+__all__ = ["RenderArguments", "parse_arguments"]
 
 _OWN = ("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "aovs", "denoise", "threads")
 _TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (ENDS, VIEW, ASKED, LIGHT)
@@ -39,7 +39,7 @@ class _Wanted(Picture):
 
 
 @dataclass(frozen=True)
-class Asked:
+class RenderArguments:
     """A parsed request: the scene's moment, the picture, and the requested outputs."""
 
     picture: Picture
@@ -50,7 +50,7 @@ class Asked:
     threads: int | None = None
 
 
-def asked(given: Mapping[str, Any]) -> Asked:
+def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     """Parses the keywords of `render`. Raises TypeError for an unknown one, SettingsError for an invalid value."""
     names = {each.name: each for table in _TABLES for each in table.values()}
     for name in given:
@@ -72,9 +72,11 @@ def asked(given: Mapping[str, Any]) -> Asked:
     )
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
-    planes = aovs.AOVS if wanted is None else aovs.known(name for name in named if name != "color")  # always present
+    planes = aovs.AOVS if wanted is None else aovs.parse_names(name for name in named if name != "color")  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
-    return Asked(picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"))
+    return RenderArguments(
+        picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads")
+    )
 
 
 def _text(value: Any) -> str | None:

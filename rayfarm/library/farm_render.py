@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rayfarm import options
-from rayfarm.library.arguments import Asked
+from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.library.local_render import SceneWarning
 from rayfarm.scene_files import belonging
@@ -33,17 +33,17 @@ POLL_S = 0.3
 _COLOR = ("R", "G", "B")
 
 
-def submitted(farm: Client, scene: Path, wanted: Asked) -> Job:
+def submitted(farm: Client, scene: Path, wanted: RenderArguments) -> Job:
     """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not accept."""
     return requested(farm, farm.wait_for_scene(farm.upload(belonging(scene), name=scene.stem).id), wanted)
 
 
-def requested(farm: Client, ready: Scene, wanted: Asked) -> Job:
+def requested(farm: Client, ready: Scene, wanted: RenderArguments) -> Job:
     """Submits a job for a scene that is ready on the farm. Raises as `submitted`."""
     if wanted.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
     light = wanted.picture.environment()
-    for warning in options.told(ready.warnings, light):
+    for warning in options.relevant_warnings(ready.warnings, light):
         warnings.warn(warning, SceneWarning, stacklevel=2)
     request = wanted.picture.request([asdict(camera) for camera in ready.cameras])
     if light.image is not None:
@@ -57,7 +57,7 @@ def requested(farm: Client, ready: Scene, wanted: Asked) -> Job:
     return farm.submit(ready.id, **request)
 
 
-def images(farm: Client, job: str, wanted: Asked, at_once: bool = False) -> Generator[Image]:
+def images(farm: Client, job: str, wanted: RenderArguments, at_once: bool = False) -> Generator[Image]:
     """Yields a job's picture each time it has new samples, the last one final; at_once: only the last. Raises ClientError.
 
     Closing the iterator early leaves the job unchanged.
@@ -78,7 +78,7 @@ def images(farm: Client, job: str, wanted: Asked, at_once: bool = False) -> Gene
         time.sleep(POLL_S)
 
 
-def _fetched(farm: Client, job: Job, wanted: Asked, is_final: bool) -> Image:
+def _fetched(farm: Client, job: Job, wanted: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
     planes = [name for name in wanted.aovs if name not in ("color", aovs.MOTION)]
     extra = [aovs.MOTION] if aovs.MOTION in wanted.aovs and is_final else []

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rayfarm import options
 from rayfarm.frame import Order, motion_of
-from rayfarm.library.arguments import Asked
+from rayfarm.library.arguments import RenderArguments
 from rayfarm.library.image import F32, Image
 from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels
@@ -30,7 +30,7 @@ class SceneWarning(UserWarning):
     """Warning about content of a scene that is not rendered as its file specifies."""
 
 
-def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
+def passes(scene: Path, wanted: RenderArguments, at_once: bool) -> Generator[Image]:
     """Yields the picture after each pass, the last one final; at_once: only the last. Passes that are not consumed are skipped.
 
     Closing the iterator ends the rendering. Raises SceneError, SettingsError or CommandError.
@@ -45,7 +45,7 @@ def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
     with open_stage(*(scene, light, wanted.variant, picture.camera), threads=wanted.threads, shutter=picture.shutter()) as stage:
         motion = motion_of(stage, order, wanted.moment, clock)
         compiled, summary = stage.at(wanted.moment)
-        for warning in options.told(summary["warnings"], light):
+        for warning in options.relevant_warnings(summary["warnings"], light):
             warnings.warn(warning, SceneWarning, stacklevel=2)
         settings = order.settings(summary, wanted.moment)
         count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
@@ -99,7 +99,13 @@ def passes(scene: Path, wanted: Asked, at_once: bool) -> Generator[Image]:
 
 
 def _image(
-    sums: Sums, settings: RenderSettings, of: int | None, planes: list[str], motion: F32 | None, wanted: Asked, is_final: bool
+    sums: Sums,
+    settings: RenderSettings,
+    of: int | None,
+    planes: list[str],
+    motion: F32 | None,
+    wanted: RenderArguments,
+    is_final: bool,
 ) -> Image:
     from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, mean, noise
 

@@ -54,13 +54,13 @@ def _images(what: Any, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
 
 
 def _of_farm(what: Job | Scene, farm: Any, settings: dict[str, Any]) -> Generator[Image]:
-    from rayfarm.library.arguments import asked
+    from rayfarm.library.arguments import parse_arguments
     from rayfarm.library.farm_render import images, requested
     from rayfarm.login import farm_client
 
     with ExitStack() as stack:
         client = stack.enter_context(farm_client(farm)) if farm is None or isinstance(farm, str) else farm
-        wanted = asked({"aovs": (), **settings})
+        wanted = parse_arguments({"aovs": (), **settings})
         job = what if isinstance(what, Job) else requested(client, client.wait_for_scene(what.id), wanted)
         yield from images(client, job.id, wanted)
 

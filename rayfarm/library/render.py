@@ -7,7 +7,7 @@ from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rayfarm.library.arguments import asked
+from rayfarm.library.arguments import parse_arguments
 from rayfarm.library.image import Image
 from rayfarm.library.scene_input import as_files
 
@@ -48,7 +48,7 @@ def progressive(scene: Any, *, farm: str | Client | None = None, base: str | Pat
 
 
 def _images(scene: Any, farm: str | Client | None, base: str | Path, settings: dict[str, Any], at_once: bool) -> Generator[Image]:
-    wanted = asked(settings)
+    wanted = parse_arguments(settings)
     with ExitStack() as stack:
         path = stack.enter_context(as_files(scene, base))
         if farm is None:

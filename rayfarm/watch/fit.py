@@ -8,7 +8,7 @@ from PIL import Image
 
 from renderer.image import tonemap
 
-__all__ = ["fitted", "shown"]
+__all__ = ["fitted", "fitted_picture"]
 
 F32 = npt.NDArray[np.float32]
 
@@ -21,7 +21,7 @@ def fitted(size: tuple[int, int], room: tuple[int, int]) -> tuple[int, int]:
     return max(int(size[0] * scale), 1), max(int(size[1] * scale), 1)
 
 
-def shown(film: F32, size: tuple[int, int], exposure: float, curve: str) -> npt.NDArray[np.uint8]:
+def fitted_picture(film: F32, size: tuple[int, int], exposure: float, curve: str) -> npt.NDArray[np.uint8]:
     """Returns the display-referred picture of linear radiance (h, w, 3) in `size` pixels, each the mean of those it covers."""
     if (film.shape[1], film.shape[0]) != size:
         film = np.stack([np.asarray(Image.fromarray(film[..., c]).resize(size, Image.Resampling.BOX)) for c in range(3)], axis=-1)

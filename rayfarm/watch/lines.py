@@ -7,7 +7,7 @@ import threading
 import time
 
 from rayfarm.watch.live import LiveJob
-from rayfarm.watch.words import how_far, what
+from rayfarm.watch.words import frame_title, how_far
 from renderer.printable import one_line
 
 __all__ = ["tell"]
@@ -26,7 +26,7 @@ def tell(live: LiveJob, news: threading.Event) -> None:
         state = (job.state, job.message or "")
         if state != told or now - told_at >= EVERY_S:
             told_at, told = now, state
-            line = f"{what(job, live.shown)} · {how_far(job)}"
+            line = f"{frame_title(job, live.shown)} · {how_far(job)}"
             print(one_line(line), flush=True)
         if job.is_over:
             sys.stdout.flush()

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from rayfarm.client import Client, ClientError
 from rayfarm.watch.blocks import Blocks
-from rayfarm.watch.fit import fitted, shown
+from rayfarm.watch.fit import fitted, fitted_picture
 from rayfarm.watch.live import LiveJob
 from rayfarm.watch.pixels import Kitty, Sixel
 from rayfarm.watch.terminal import Abilities, Terminal
-from rayfarm.watch.words import cut, how_far, what
+from rayfarm.watch.words import fit_columns, frame_title, how_far
 from renderer.image.tonemap import CURVES
 
 __all__ = ["GRAPHICS", "Graphics", "Screen", "surface"]
@@ -148,7 +148,7 @@ class Screen:
         self._shape = film.shape
         size = fitted((film.shape[1], film.shape[0]), self._surface.room(columns, rows))
         wide, high = self._surface.cells(size)
-        picture = shown(film, size, self._exposure, self._curve)
+        picture = fitted_picture(film, size, self._exposure, self._curve)
         return self._surface.draw(picture, (columns - wide) // 2 + 1, max((rows - high) // 2, 0) + 1)
 
     def _words(self, columns: int, rows: int) -> bytes:
@@ -161,9 +161,9 @@ class Screen:
             turn = " · ←/→ frame" if job.shot is not None else ""
             keys = self._said or f"{KEYS}{turn} · {look}"
         lines = [
-            cut(self._live.trouble or job.error or how_far(job, with_bar=columns >= 60), columns),
-            cut(what(job, self._live.shown), columns),
-            cut(keys, columns),
+            fit_columns(self._live.trouble or job.error or how_far(job, with_bar=columns >= 60), columns),
+            fit_columns(frame_title(job, self._live.shown), columns),
+            fit_columns(keys, columns),
         ][-rows:]
         if lines == self._spoke:
             return b""

@@ -7,7 +7,7 @@ from rich.cells import cell_len, set_cell_size
 from rayfarm.responses import Frame, Job
 from renderer.printable import one_line
 
-__all__ = ["cut", "how_far", "what"]
+__all__ = ["fit_columns", "frame_title", "how_far"]
 
 BAR = 24  # cells
 EIGHTHS = " ▏▎▍▌▋▊▉█"
@@ -26,7 +26,7 @@ def how_far(job: Job, with_bar: bool = False) -> str:
     return " · ".join(parts)
 
 
-def what(job: Job, frame: Frame | None) -> str:
+def frame_title(job: Job, frame: Frame | None) -> str:
     """Returns name, size and quality: `milk truck · 1920x1080 · frame 7 · 64 of 512 spp · noise 2.1 %`."""
     parts = [one_line(job.name or job.id)]
     if job.width and job.height:
@@ -43,7 +43,7 @@ def what(job: Job, frame: Frame | None) -> str:
     return " · ".join(parts)
 
 
-def cut(text: str, columns: int) -> str:
+def fit_columns(text: str, columns: int) -> str:
     """Returns a line cut or padded to the number of columns."""
     clean = one_line(text)
     if cell_len(clean) > columns > 1:

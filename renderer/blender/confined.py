@@ -25,7 +25,7 @@ def main() -> None:
     """Runs the command line."""
     limits, command = json.loads(sys.argv[1]), sys.argv[2:]
     rules.die_with_parent(os.getppid())
-    rules.leave_network()
+    rules.enter_empty_network()
     grants = [*((path, rules.RUN) for path in limits["reads"]), *((path, rules.ALL) for path in limits["writes"])]
     if not rules.restrict_files(grants) and sys.platform == "linux":
         print("this kernel has no Landlock: files are guarded by their names alone", file=sys.stderr)

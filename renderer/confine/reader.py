@@ -32,7 +32,7 @@ from renderer.confine.limits import set_limits
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.sentences import Sentence, decoded, encoded
 
-__all__ = ["Job", "Link", "Send", "call", "is_of_machine", "is_reader", "run_reader", "told"]
+__all__ = ["Job", "Link", "Send", "call", "error_message", "is_of_machine", "is_reader", "run_reader"]
 
 Send = Callable[[dict[str, Any]], None]
 
@@ -161,7 +161,7 @@ def run_reader(asked: int, said: int, parent: int, system: Iterable[str]) -> NoR
         pass
     except BaseException as error:
         with contextlib.suppress(OSError):
-            link.send(told(error))
+            link.send(error_message(error))
     finally:
         os._exit(code)
 
@@ -178,15 +178,15 @@ def _confine_and_run(link: Link, system: Iterable[str]) -> None:
     reads = [(path, rules.READ) for path in (*system, *map(os.fsdecode, job.reads))]
     writes = [(os.fsdecode(path), rules.WRITE) for path in job.writes]
     has_files = rules.restrict_files([*reads, (f"/proc/{os.getpid()}", rules.READ), *writes, ("/dev/null", rules.WRITE)])
-    rules.gain_nothing()
+    rules.forbid_new_privileges()
     rules.drop_capabilities(keep_reading=has_files)
     if not rules.filter_calls():
-        rules.leave_network()
+        rules.enter_empty_network()
     link.send({"started": True, "room": room})
     link.send({"answer": job.work(link)})
 
 
-def told(error: BaseException) -> dict[str, Any]:
+def error_message(error: BaseException) -> dict[str, Any]:
     """Returns the message for an error."""
     kind = f"{type(error).__module__}.{type(error).__qualname__}"
     if isinstance(error, MachineError):

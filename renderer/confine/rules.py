@@ -25,9 +25,9 @@ __all__ = [
     "available",
     "die_with_parent",
     "drop_capabilities",
+    "enter_empty_network",
     "filter_calls",
-    "gain_nothing",
-    "leave_network",
+    "forbid_new_privileges",
     "restrict_files",
 ]
 
@@ -72,13 +72,13 @@ def die_with_parent(parent: int) -> None:
             os._exit(1)
 
 
-def gain_nothing() -> None:
+def forbid_new_privileges() -> None:
     """Sets no_new_privs: programs started by this process cannot gain privileges."""
     if _libc is not None:
         _libc.prctl(_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 
 
-def leave_network() -> bool:
+def enter_empty_network() -> bool:
     """Moves this process into an empty network namespace; returns whether that was permitted."""
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
 
@@ -125,7 +125,7 @@ def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
         allowed = granted & rights & (~0 if Path(path).is_dir() else _OF_FILES)
         _libc.syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("<Qi", allowed, opened), 0)
         os.close(opened)
-    gain_nothing()
+    forbid_new_privileges()
     restricted = _libc.syscall(_RESTRICT, rules, 0) == 0
     os.close(rules)
     return bool(restricted)
@@ -157,7 +157,7 @@ def filter_calls() -> bool:
     class Program(ctypes.Structure):
         _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
 
-    gain_nothing()
+    forbid_new_privileges()
     given = Program(len(program) // 8, program)
     return bool(_libc.prctl(_SET_SECCOMP, _FILTER, ctypes.byref(given), 0, 0) == 0)
 

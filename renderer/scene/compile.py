@@ -206,7 +206,9 @@ def _cuts(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[object, 
 
 def _to_check(stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, kept: ShotCache) -> dict[str, np.ndarray]:
     """Returns the rows to check of arrays that were checked for another frame; those not listed in full."""
-    if not kept.knows("checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])):
+    if not kept.is_unchanged(
+        "checked", (*stood.sections[:2], *laid.node[1:4], *laid.packet[1:4], *stood.joined.first_triangle[:3])
+    ):
         return {}
     node = laid.bvh.node
     return {

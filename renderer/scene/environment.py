@@ -24,9 +24,9 @@ __all__ = [
     "are_accents",
     "choose_environment",
     "environment_sampled_fully",
-    "relit",
     "search_tables",
     "tabulate_environment",
+    "with_environment_changed",
     "without_environment_sampling",
 ]
 
@@ -114,7 +114,7 @@ def _with_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environ
     return tables._replace(mean=mean, contrast=contrast, sun=np.array([*direction, one_minus_cos, *radiance, share]))
 
 
-def relit(
+def with_environment_changed(
     scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
 ) -> CompiledScene:
     """Returns the scene with its environment in another colour (None: its own) and strength, rotated by further degrees.

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.scene_equality import same
+from renderer.scene.scene_equality import are_equal
 
 __all__ = ["PartOffsets", "ShotCache"]
 
@@ -64,7 +64,7 @@ class ShotCache:
             found: Made = entry.made
             return found
         wanted = key()
-        if entry is not None and same(entry.key, wanted):
+        if entry is not None and are_equal(entry.key, wanted):
             made: Made = entry.made
         else:
             self._entries.pop(slot, None)  # both need not fit into memory
@@ -72,7 +72,7 @@ class ShotCache:
         self._entries[slot] = _Entry(token, wanted, made)
         return made
 
-    def knows(self, what: str, heads: tuple[object, ...]) -> bool:
+    def is_unchanged(self, what: str, heads: tuple[object, ...]) -> bool:
         """Whether `heads` (cached objects and numbers) are the same as in the last call for `what`; stores them."""
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)

@@ -132,7 +132,7 @@ def make_loose(description: SceneDescription, sharing: Sharing, objects: Sequenc
 
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
     """Builds a section. apart: whether coincident faces back to back are separated."""
-    geometry = _together(world + [part for tree in trees for part in tree])
+    geometry = _concatenated(world + [part for tree in trees for part in tree])
     ends = np.cumsum([_count(world), *(map(_count, trees))]).tolist()
     if apart:
         material, looks = by_triangle(geometry, geometry.material), (geometry.color, geometry.uv, geometry.uv1)
@@ -170,7 +170,7 @@ def flatten(description: SceneDescription) -> Geometry:
     """Copies every instance into world space."""
     objects = number_objects(description).instance
     team = Team(1)
-    return _together([_copy(description, n, number, team) for n, number in enumerate(objects)])
+    return _concatenated([_copy(description, n, number, team) for n, number in enumerate(objects)])
 
 
 def check_size(description: SceneDescription, sharing: Sharing) -> None:
@@ -279,7 +279,7 @@ def _count(parts: Sequence[_Part]) -> int:
     return sum(len(part.placed.triangle) for part in parts)
 
 
-def _together(parts: Sequence[_Part]) -> Geometry:
+def _concatenated(parts: Sequence[_Part]) -> Geometry:
     """Concatenates the parts. Attributes that some parts lack get neutral values; the second UVs, the first."""
     parting = (
         np.cumsum([0, *(length for part in parts for length in part.length)], dtype=np.int32),
@@ -326,7 +326,7 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
     for g, (a, b) in enumerate(still.trees):
         shown = placement.to_world[: placement.still][placement.group[: placement.still] == g]
         shape = still.geometry.position[np.unique(still.geometry.triangle[a:b])].astype(np.float64)
-        points += _carried(_box(still.corners[1 + g]) if len(shape) * len(shown) > _MOST_POINTS else shape, shown)
+        points += _transformed_bounds(_box(still.corners[1 + g]) if len(shape) * len(shown) > _MOST_POINTS else shape, shown)
     return [p for p in points if len(p)]
 
 
@@ -335,7 +335,7 @@ def moving_corners(still: Section, bodies: Section, loose: Section, placement: P
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
-        points += _carried(_box(bodies.corners[1 + g]), shown)
+        points += _transformed_bounds(_box(bodies.corners[1 + g]), shown)
     return [p for p in points if len(p)]
 
 
@@ -344,7 +344,7 @@ def _box(corners: F64) -> F64:
     return np.array([np.where(which, corners[1], corners[0]) for which in np.ndindex(2, 2, 2)]) if len(corners) else corners
 
 
-def _carried(shape: F64, shown: F64) -> list[F64]:
+def _transformed_bounds(shape: F64, shown: F64) -> list[F64]:
     """Returns the bounds of transformed points: least and greatest coordinates.
 
     Without BLAS, whose last bits depend on the processor.

@@ -69,7 +69,9 @@ def list_lights(
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
     radiance = np.concatenate([brightness, emitted[sphere_material[spheres]]])
-    triangle_area = 0.5 * np.linalg.norm(_crossed(geometry.position[geometry.triangle[triangles]].astype(np.float64)), axis=1)
+    triangle_area = 0.5 * np.linalg.norm(
+        _area_normals(geometry.position[geometry.triangle[triangles]].astype(np.float64)), axis=1
+    )
     triangle_area[pairs] = lamps.most[pairs]
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
     balls = _spheres_over_the_shutter(sphere, spheres, sphere_keys)
@@ -125,8 +127,8 @@ class _AreaLights(NamedTuple):
 
 def _lamps(emitters: Emitters, even: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
     over = _over_the_shutter(geometry, emitters.triangle)
-    pairs, shapes = pair(over[0], _alike(emitters, even, over))
-    most = 0.5 * np.linalg.norm(_crossed(over), axis=2).max(axis=0)
+    pairs, shapes = pair(over[0], _may_form_one_light(emitters, even, over))
+    most = 0.5 * np.linalg.norm(_area_normals(over), axis=2).max(axis=0)
     most[pairs] += most[pairs + 1]
     corners = np.concatenate([over, over[:, :, 2:]], axis=2)
     corners[:, pairs, 3] = shapes[:, 3]
@@ -162,12 +164,12 @@ def chosen_by(scene: CompiledScene, light_choice: str) -> CompiledScene:
     return scene._replace(light_cdf=cdf, environment_frame=frame)
 
 
-def _crossed(corners: np.ndarray) -> np.ndarray:
+def _area_normals(corners: np.ndarray) -> np.ndarray:
     """Returns normals of (..., 3, 3) corners, of length twice the area."""
     return np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
 
 
-def _alike(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
+def _may_form_one_light(emitters: Emitters, even: npt.NDArray[np.bool_], over: np.ndarray) -> npt.NDArray[np.bool_]:
     """Returns (n - 1,) whether an emitting triangle and the next one may form one light: both static, of one uniform material."""
     still = (over == over[0]).all(axis=(0, 2, 3)) & even[emitters.material]
     return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
@@ -201,7 +203,7 @@ def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarra
     """
     center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
     radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
-    cross = _crossed(corners)
+    cross = _area_normals(corners)
     length = np.linalg.norm(cross, axis=2, keepdims=True)
     axes = np.where(length > 0, cross / np.maximum(length, 1e-300), (0.0, 0.0, 1.0))
     spread = np.zeros(len(center))

@@ -18,14 +18,14 @@ from renderer.scene.description import F32, Environment, Material, SceneDescript
 from renderer.scene.files import SceneFiles
 from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
-from renderer.scene.readers.polygon_meshes import filled, of_triangles
+from renderer.scene.readers.polygon_meshes import of_triangles, triangulated
 from renderer.scene.shutter_merge import between_files, merge_over_shutter
 from renderer.scene.studio import STUDIO_ALONE, light_studio
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, both, reason_of
+from renderer.sentences import Sentence, joined_faults, reason_of
 from renderer.settings import chosen
 
-__all__ = ["Shot", "light_with", "read"]
+__all__ = ["Shot", "environment_light", "read"]
 
 _START = Moment()
 _ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
@@ -58,7 +58,7 @@ class Shot:
             for mesh in description.meshes:
                 mesh.deforms = True
         if environment is not None:
-            light_with(self._files, environment, description)
+            environment_light(self._files, environment, description)
         self._check_positions(main, description)
         _check(main, description)
         if description.environment is None and not _emits(description):
@@ -81,7 +81,7 @@ class Shot:
                         )
                     )
                 corners, shelf = mesh.triangles.reshape(-1), TextureShelf(description, self._files)
-                whole = filled(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
+                whole = triangulated(np.full(len(mesh.triangles), 3), corners, mesh.positions, title, shelf).face
                 mesh = description.meshes[i] = of_triangles(mesh, whole)
             self._finite[id(mesh.positions)] = mesh.positions
         self._check_attributes(main, description, known)
@@ -104,7 +104,7 @@ class Shot:
             words = f"{main}: {name} that are not finite numbers are left out ({len(meshes)}): {named[:200]}."
             description.warnings.append(words)
 
-    def over(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
+    def over_shutter(self, moment: Moment = _START, asked: Mapping[str, Any] = MappingProxyType({})) -> SceneDescription:
         """Returns the scene while the shutter is open, with keys for moving objects.
 
         asked: the requested shutter settings; missing ones are the file's. Without a shutter, the scene at the moment. Raises
@@ -121,13 +121,13 @@ class Shot:
             between_files(moving, shutter, self._beside(moment, -1.0), self._beside(moment, 1.0))
         return moving
 
-    def between(self, moment: Moment = _START) -> SceneDescription:
+    def between_frames(self, moment: Moment = _START) -> SceneDescription:
         """Returns the scene from the previous frame to the next, with three keys for moving objects: the input of motion vectors.
 
         If a neighbouring frame is empty or cannot be read, the scene at the moment. Raises SceneError.
         """
         try:
-            return self.over(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
+            return self.over_shutter(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
         except SceneError:
             return self.at(moment)
 
@@ -157,7 +157,7 @@ def read(
     return Shot(folder, main, environment, variant).at(moment)
 
 
-def light_with(files: SceneFiles, name: str, description: SceneDescription) -> None:
+def environment_light(files: SceneFiles, name: str, description: SceneDescription) -> None:
     """Replaces a scene's environment. name: as for `read`. Raises SceneError."""
     if is_named(name):
         light_by_name(name, description)
@@ -199,7 +199,7 @@ def _check(main: str, description: SceneDescription) -> None:
             "{file}: {fault}. What was left out: {omissions}",
             file=main,
             fault=what,
-            omissions=reduce(both, reasons),
+            omissions=reduce(joined_faults, reasons),
         )
     )
 

@@ -51,15 +51,17 @@ def placed_together(
     if dropped:
         triangle = np.ascontiguousarray(triangle[solid])
         count = np.add.reduceat(solid, np.cumsum(count) - count, dtype=np.int64)
-    uv = _together("uvs", meshes, start, np.zeros((len(position), 2), np.float32))
+    uv = _joined_attribute("uvs", meshes, start, np.zeros((len(position), 2), np.float32))
     none = np.zeros((0, 4), np.float32)
     has_second, has_colors = (any(getattr(m, name) is not None for m in meshes) for name in ("uvs1", "colors"))
-    second = _together("uvs1", meshes, start, uv.copy()) if has_second else none[:, :2]
-    color = np.clip(_together("colors", meshes, start, np.ones((len(position), 4), np.float32)), 0, 1) if has_colors else none
+    second = _joined_attribute("uvs1", meshes, start, uv.copy()) if has_second else none[:, :2]
+    color = (
+        np.clip(_joined_attribute("colors", meshes, start, np.ones((len(position), 4), np.float32)), 0, 1) if has_colors else none
+    )
     return Placed(position, normal, uv, second, color, none, triangle, dropped), count
 
 
-def _together(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
+def _joined_attribute(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], whole: F32) -> F32:
     """Returns the attribute values (V, w) of the meshes that have them, written over the given defaults."""
     for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
         values = getattr(mesh, name)

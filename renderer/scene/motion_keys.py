@@ -15,7 +15,7 @@ from renderer.bvh.transforms import stretches
 from renderer.scene.description import F32, EmissionMap, Light, SceneDescription
 from renderer.scene.emission_maps import emission_frames
 from renderer.scene.geometry import Placement, keys_step
-from renderer.scene.punctual import light_rows, shines
+from renderer.scene.punctual import is_emitting, light_rows
 
 __all__ = ["emission_frame_keys", "instance_keys", "punctual_keys", "sphere_keys", "stretches_of"]
 
@@ -70,6 +70,6 @@ def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) ->
 
 def _over_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
     """Returns each light with non-zero intensity at all keys, with the map of the middle one."""
-    lights = [light for light in lights if shines(light)]
+    lights = [light for light in lights if is_emitting(light)]
     keys = max((len(light.keys) for light in lights), default=0)
     return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

@@ -114,21 +114,23 @@ def _still_key(description: SceneDescription, sharing: Sharing, objects: list[in
         instance = description.instances[n]
         mesh = description.meshes[instance.mesh]
         material = mesh.material if instance.material is None else instance.material
-        copied.append((_mesh_key(mesh), instance.transform, objects[n], material, _bend(description, [material])))
+        copied.append((_mesh_key(mesh), instance.transform, objects[n], material, _tangent_properties(description, [material])))
     return copied, [_group_key(description, group) for group in sharing.groups]
 
 
 def _group_key(description: SceneDescription, group: Group) -> Any:
     own = sorted({-1 if m is None else m for m in (description.instances[n].material for n in group.instances)})
     meshes = [description.meshes[m] for m in group.meshes]
-    return own, [(_mesh_key(m), m.material, _bend(description, [m.material, *(n for n in own if n >= 0)])) for m in meshes]
+    return own, [
+        (_mesh_key(m), m.material, _tangent_properties(description, [m.material, *(n for n in own if n >= 0)])) for m in meshes
+    ]
 
 
 def _mesh_key(mesh: Mesh) -> Any:
     return mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents
 
 
-def _bend(description: SceneDescription, materials: list[int]) -> Any:
+def _tangent_properties(description: SceneDescription, materials: list[int]) -> Any:
     """Returns the properties of materials that decide on tangents."""
     found = [description.materials[m] for m in materials]
     return [tangent_uv_set(description, m) if needs_tangents(m) else None for m in found]

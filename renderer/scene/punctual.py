@@ -25,7 +25,7 @@ from renderer.scene.emission_maps import NO_EMISSION, EmissionTables, emission_f
 from renderer.scene.light_tree import LightBounds
 from renderer.sentences import Sentence
 
-__all__ = ["Punctual", "light_rows", "shines", "tabulate_punctual"]
+__all__ = ["Punctual", "is_emitting", "light_rows", "tabulate_punctual"]
 
 _KINDS = {"point": POINT, "spot": SPOT, "directional": DIRECTIONAL}
 _SUNS = {"never": DIRECTIONAL, "mirrored": SUN_UNSEEN, "always": SUN}
@@ -62,7 +62,7 @@ def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
     """Packs the lights with non-zero intensity. maps: all of their maps, tabulated. Raises SceneError for an invalid number."""
-    lights = [light for light in lights if shines(light)]
+    lights = [light for light in lights if is_emitting(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)
     row = np.array([_row(light) for light in lights], np.float64).reshape(-1, 12)
     scene_radius = 0.5 * float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0]))
@@ -70,7 +70,7 @@ def tabulate_punctual(
     sent = [None if light.emission is None else _sent(tables, number[id(light.emission)]) for light in lights]
     told = zip(lights, sent, strict=True)
     power = np.array([max(_power(each, scene_radius, s) for each in (light, *light.keys)) for light, s in told], np.float64)
-    found = _over(lights, sent, _bounds(lights, sent))
+    found = _bounds_over_shutter(lights, sent, _bounds(lights, sent))
     return Punctual(kind, row.astype(np.float32), emission_frames(lights, maps), power, found)
 
 
@@ -84,7 +84,7 @@ def _kind(light: Light) -> int:
     return _SPOTS[light.falloff] if light.kind == "spot" else _KINDS[light.kind]
 
 
-def shines(light: Light) -> bool:
+def is_emitting(light: Light) -> bool:
     """Whether a light emits at any time of the shutter. Raises SceneError for an invalid number."""
     return max([max(each.intensity) for each in (light, *light.keys) if _check(each)]) > 0
 
@@ -233,14 +233,14 @@ def _bounds(lights: Sequence[Light], sent: Sequence[_MapFlux | None]) -> LightBo
         center=np.where(distant[:, None], direction, place),
         radius=np.array([-1.0 if light.kind == "directional" else light.radius for light in lights]),
         axis=np.where(direction.any(axis=1, keepdims=True), direction, (0.0, 0.0, 1.0)),
-        spread=np.array([_spread(*each) for each in zip(lights, sent, strict=True)]),
+        spread=np.array([_cone_half_angle(*each) for each in zip(lights, sent, strict=True)]),
         reach=np.zeros(len(lights)),
         intensity=np.array([_mean_intensity(*each) for each in zip(lights, sent, strict=True)]),
         both=np.zeros(len(lights)),
     )
 
 
-def _spread(light: Light, sent: _MapFlux | None) -> float:
+def _cone_half_angle(light: Light, sent: _MapFlux | None) -> float:
     """Returns the half angle of a light's emission cone in radians."""
     own = {"point": 180.0, "spot": light.outer_cone, "directional": light.angle / 2}[light.kind]
     return math.radians(own) if sent is None else min(math.radians(own), sent.reach)
@@ -250,11 +250,11 @@ def _mean_intensity(light: Light, sent: _MapFlux | None) -> float:
     """Returns the mean intensity as luminance; for a map as if its cone were filled uniformly."""
     if sent is None:
         return _luminance(light)
-    cone = 4 * math.pi * math.sin(_spread(light, sent) / 2) ** 2
+    cone = 4 * math.pi * math.sin(_cone_half_angle(light, sent) / 2) ** 2
     return float(np.dot(light.intensity * sent.flux, REC_709)) / max(cone, _LEAST_CONE)
 
 
-def _over(lights: Sequence[Light], sent: Sequence[_MapFlux | None], bounds: LightBounds) -> LightBounds:
+def _bounds_over_shutter(lights: Sequence[Light], sent: Sequence[_MapFlux | None], bounds: LightBounds) -> LightBounds:
     """Returns the bounds enlarged to all positions and intensities while the shutter is open."""
     for i, light in enumerate(lights):
         if not light.keys:

@@ -6,7 +6,7 @@ from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.environment import choose_environment, search_tables, tabulate_environment
 
-__all__ = ["CHANGED", "lit"]
+__all__ = ["CHANGED", "replace_environment"]
 
 CHANGED = (
     "environment",
@@ -18,7 +18,7 @@ CHANGED = (
 )
 
 
-def lit(scene: CompiledScene, light: SceneDescription, lights_power: float) -> CompiledScene:
+def replace_environment(scene: CompiledScene, light: SceneDescription, lights_power: float) -> CompiledScene:
     """Returns the scene in the environment of `light`, a description of which nothing else is used.
 
     Equal to the bit to a scene compiled with it. lights_power: the total power of the scene's own lights, from Kept.lights_power.

@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.scene.description import SceneDescription
 
-__all__ = ["compiles_alike", "same"]
+__all__ = ["are_equal", "compiles_alike"]
 
 _ASIDE = {
     "name",
@@ -30,10 +30,12 @@ def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
 
     Neither may be compiled yet.
     """
-    return all(same(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE)
+    return all(
+        are_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE
+    )
 
 
-def same(a: Any, b: Any) -> bool:
+def are_equal(a: Any, b: Any) -> bool:
     """Whether two values of types used in descriptions are equal, including arrays and nested values."""
     if a is b:
         return True
@@ -42,7 +44,7 @@ def same(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and np.array_equal(a, b)
     if isinstance(a, list | tuple):
-        return len(a) == len(b) and all(map(same, a, b))
+        return len(a) == len(b) and all(map(are_equal, a, b))
     if is_dataclass(a):
-        return all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return all(are_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     return bool(a == b)

@@ -19,7 +19,7 @@ from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
 from renderer.scene.instances import is_linearly_keyed
-from renderer.scene.scene_equality import same
+from renderer.scene.scene_equality import are_equal
 from renderer.scene.texture_motion import merge_moving_textures
 from renderer.sentences import Sentence
 from renderer.settings import MOST_KEYS
@@ -47,7 +47,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
         return found[keys // 2]
     while True:
         middle = found[keys // 2] if keys % 2 else read(shutter.moment(moment, 0.5))
-        moving = _together(middle, found)
+        moving = _merged_as_keys(middle, found)
         if shutter.keys or keys == MOST_KEYS or _is_fine(moving):
             return moving
         keys = 2 * keys - 1
@@ -55,7 +55,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
         found = [each for pair in zip(found, between, strict=False) for each in pair] + found[-1:]
 
 
-def _together(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
+def _merged_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
     """Returns the description in the middle, with the others as its keys."""
     middle, found, changes = merge_moving_textures(middle, found)
     instances, meshes, changed = _placed(middle, found)
@@ -100,7 +100,7 @@ def between_files(
     here = [(instance, moving.meshes[instance.mesh]) for instance in moving.instances]
     for number, mesh in {instance.mesh: mesh for instance, mesh in here}.items():
         beside = [_mesh_of(number, moving, other) or mesh for other in (before, after)]
-        if all(same(other.positions, mesh.positions) for other in beside):
+        if all(are_equal(other.positions, mesh.positions) for other in beside):
             continue
         if not all(_is_cut_alike(mesh, other) for other in beside):
             moving.warnings.append(_not_blurred([_changes(mesh)]))
@@ -144,7 +144,7 @@ _STILL: dict[str, tuple[str, ...]] = {
 
 
 def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
-    return any(not same(getattr(each, part), getattr(found[0], part)) for each in found[1:])
+    return any(not are_equal(getattr(each, part), getattr(found[0], part)) for each in found[1:])
 
 
 def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
@@ -169,14 +169,14 @@ def _placed(middle: SceneDescription, found: Sequence[SceneDescription]) -> tupl
 def _is_cut_alike(mesh: Mesh, other: Mesh) -> bool:
     return (
         mesh.positions.shape == other.positions.shape
-        and same(mesh.triangles, other.triangles)
+        and are_equal(mesh.triangles, other.triangles)
         and (mesh.normals is None) == (other.normals is None)
     )
 
 
 def _keys(over: Sequence[Any], middle: Any) -> tuple[Any, ...]:
     """Returns an object's values at each key; empty if all are equal."""
-    return tuple(over) if any(not same(each, middle) for each in over) else ()
+    return tuple(over) if any(not are_equal(each, middle) for each in over) else ()
 
 
 def _matched(

@@ -90,7 +90,7 @@ class Texels:
         if row not in self._means:
             uv, triangle = _patches()
             mean = np.zeros((len(triangle), 3), np.float32)
-            mean_texels(*self._alone(row), 0, uv, uv, triangle, mean)
+            mean_texels(*self._arrays_of_stack(row), 0, uv, uv, triangle, mean)
             gains = [self._transforms[r][GAIN] for r in self._chain(row)]
             self._means[row] = max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
         return self._means[row]
@@ -113,7 +113,7 @@ class Texels:
         self._block_of_row.append(block)
         return scale
 
-    def _alone(self, row: int) -> tuple[I32, F32, np.ndarray]:
+    def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
         """Returns the result of `arrays` for one stack alone: its rows from 0 on, and only its own texels."""
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})

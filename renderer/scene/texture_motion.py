@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from renderer.scene.description import Material, SceneDescription, Texture
 from renderer.scene.material import PARAMETERS
-from renderer.scene.scene_equality import same
+from renderer.scene.scene_equality import are_equal
 
 __all__ = ["merge_moving_textures"]
 
@@ -29,7 +29,7 @@ def merge_moving_textures(
     anything else of textures changes, which stays as in the middle).
     """
     every = [middle, *found]
-    if all(same(each.textures, middle.textures) for each in found):
+    if all(are_equal(each.textures, middle.textures) for each in found):
         return middle, list(found), False
     if any(len(each.materials) != len(middle.materials) for each in found):
         return middle, list(found), True

@@ -15,7 +15,7 @@ from renderer.scene.description import Image, SceneDescription, SurfaceNote, Tex
 from renderer.scene.files import SceneFiles
 from renderer.scene.udim import composed, is_tiled, placed, side_by_side, tile_name, tiles_of
 from renderer.scene.warning_list import WarningList
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 
 __all__ = ["MAX_IMAGE_BYTES", "UNMOVED", "TextureShelf"]
 
@@ -93,7 +93,7 @@ class TextureShelf:
     def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
         decoded: read.Decoded = self._files.recall(("pixels", key), lambda: read.decode(data(), name, is_environment))
         for note in decoded.notes:
-            self.warn_of_surface(stopped(note))
+            self.warn_of_surface(with_full_stop(note))
         return decoded.pixels
 
     def texture(
@@ -169,10 +169,10 @@ class TextureShelf:
         transform: UvTransform = UNMOVED,
     ) -> int | None:
         """Returns the texture that scene file `beside` refers to; warns about a missing one, naming it and `user`."""
-        image, place = self.found(reference, beside, user, srgb)
+        image, place = self.image_and_transform(reference, beside, user, srgb)
         return self.texture(image, wrap, wrap, transform=composed(transform, place) if place != UNMOVED else transform)
 
-    def found(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
+    def image_and_transform(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
         """Returns the image that scene file `beside` refers to, including UDIM tiles, and its UV transform.
 
         If it is missing, None and a warning that names it and `user`.

@@ -48,14 +48,14 @@ class Access:
         """Returns the secret of a new login link for the owner, valid for LINK_S seconds."""
         return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
 
-    def remembered(self, secret: str) -> Caller | None:
+    def cached_caller(self, secret: str) -> Caller | None:
         """Returns the caller with this secret if it is known without a database query, else None."""
         if self._farm and is_same(secret, self._farm):
             return Caller("farm", Role.NOBODY, "worker")
         if self._owner and is_same(secret, self._owner):
             return Caller(OWNER, Role.ADMIN, "owner")
-        return self.keys.remembered(secret)
+        return self.keys.cached_caller(secret)
 
     def find(self, secret: str) -> Caller | None:
         """Returns the caller with this secret, or None if it is invalid. Queries the database. Raises Unavailable."""
-        return self.remembered(secret) or self.keys.find(secret)
+        return self.cached_caller(secret) or self.keys.find(secret)

@@ -62,7 +62,7 @@ class Keys:
             session.add(row)
         return secret, row
 
-    def remembered(self, secret: str) -> Caller | None:
+    def cached_caller(self, secret: str) -> Caller | None:
         """Returns the caller with this key if it is cached, else None. Does not block."""
         known = self._known.get(fingerprint(secret))
         if known is None or time.monotonic() - known.read > FRESH_S or _is_over(known.expires):
@@ -129,16 +129,16 @@ class Keys:
                     Sentence("key-not-found", "There is no such {kind}; it may have been withdrawn already.", kind=kind)
                 )
             session.delete(row)
-        self.forget()
+        self.clear_cache()
         return row
 
     def withdraw_sessions(self, user: str, but: str | None = None) -> None:
         """Revokes a user's sessions and links. but: the id of a key to keep."""
         with self._sessions.begin() as session:
             session.execute(delete(Key).where(Key.user == user, Key.kind.in_(("session", "link")), Key.id != (but or "")))
-        self.forget()
+        self.clear_cache()
 
-    def forget(self) -> None:
+    def clear_cache(self) -> None:
         """Clears the cache, after a change of keys or users."""
         with self._lock:
             self._version += 1

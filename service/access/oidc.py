@@ -33,7 +33,7 @@ from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import User
 
-__all__ = ["WAIT_S", "Begun", "LetIn", "Oidc", "Refused", "Why", "oidc_of"]
+__all__ = ["WAIT_S", "LoginRedirect", "Oidc", "OidcLogin", "Refused", "Why", "oidc_of"]
 
 Why = Literal["cancelled", "late", "provider", "role", "name"]
 
@@ -55,7 +55,7 @@ class Refused(Exception):  # noqa: N818 - named as what it says
 
 
 @dataclass(frozen=True)
-class Begun:
+class LoginRedirect:
     """A login that continues at the provider. sealed: the cookie that the browser sends when it returns."""
 
     url: str
@@ -64,7 +64,7 @@ class Begun:
 
 
 @dataclass(frozen=True)
-class LetIn:
+class OidcLogin:
     """A user who logged in at the provider. token: the ID token, needed to end the session at the provider."""
 
     user: User
@@ -127,7 +127,7 @@ class Oidc:
         self._key = OctKey.import_key(login_key)
         self._known: tuple[float, dict[str, Any], Any] | None = None
 
-    def begin(self, redirect: str) -> Begun:
+    def begin(self, redirect: str) -> LoginRedirect:
         """Begins a login. redirect: the address to which the provider sends the browser back. Raises Refused."""
         about, _ = self._provider()
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
@@ -135,9 +135,9 @@ class Oidc:
             url, _ = client.create_authorization_url(
                 about["authorization_endpoint"], state=state, nonce=nonce, code_verifier=verifier
             )
-        return Begun(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
+        return LoginRedirect(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
 
-    def finish(self, state: str, code: str, error: str, sealed: str) -> LetIn:
+    def finish(self, state: str, code: str, error: str, sealed: str) -> OidcLogin:
         """Finishes a login with the parameters of the provider's redirect. Raises Refused.
 
         The provider accepts each code once, so a redirect cannot be used twice. sealed: the cookie of `begin`; empty if there is
@@ -151,7 +151,7 @@ class Oidc:
         if error or not code:
             raise Refused("cancelled", f"the provider says {error[:200] or 'nothing'}")
         claims, token = self._claims(code, pending)
-        return LetIn(self._user(claims), token)
+        return OidcLogin(self._user(claims), token)
 
     def _sealed(self, pending: _Pending) -> str:
         from joserfc import jwe
@@ -169,7 +169,7 @@ class Oidc:
         except (JoseError, ValueError, TypeError, RecursionError):
             return None
 
-    def way_out(self, token: str, back: str) -> str | None:
+    def logout_url(self, token: str, back: str) -> str | None:
         """Returns the URL that ends the browser's session at the provider (RP-Initiated Logout 1.0), or None if that is not
         possible.
 

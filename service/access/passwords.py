@@ -30,7 +30,7 @@ def _hasher() -> PasswordHasher:
 
 
 @cache
-def _of_nobody() -> str:
+def _placeholder_hash() -> str:
     return _hasher().hash("of nobody")
 
 
@@ -74,7 +74,7 @@ def is_right(password: str, kept: str | None) -> bool:
 
     with AT_ONCE:
         try:
-            _hasher().verify(kept or _of_nobody(), password[:LONGEST])
+            _hasher().verify(kept or _placeholder_hash(), password[:LONGEST])
         except (VerificationError, InvalidHashError):
             return False
     return kept is not None

@@ -32,8 +32,8 @@ __all__ = [
     "ProjectVisibility",
     "Projects",
     "Summary",
-    "hold_project",
-    "only_looks",
+    "lock_project",
+    "read_only_project",
 ]
 
 Kind = Literal["scene", "job", "environment", "reference"]
@@ -91,7 +91,7 @@ class Projects:
         self._sights: dict[str, tuple[float, ProjectVisibility]] = {}
         self._where: dict[tuple[Kind, str], str] = {}  # an object never changes its project
 
-    def remembered(self, caller: Caller | None) -> ProjectVisibility | None:
+    def cached_visibility(self, caller: Caller | None) -> ProjectVisibility | None:
         """Returns what a caller sees if that is known without a database query, else None."""
         if caller is None or caller.is_worker:
             return NOTHING
@@ -100,9 +100,9 @@ class Projects:
         read, sight = self._sights.get(caller.name, (0.0, NOTHING))
         return sight if read and time.monotonic() - read < FRESH_S else None
 
-    def sight(self, caller: Caller | None) -> ProjectVisibility:
+    def visibility(self, caller: Caller | None) -> ProjectVisibility:
         """Returns what a caller sees."""
-        if (known := self.remembered(caller)) is not None:
+        if (known := self.cached_visibility(caller)) is not None:
             return known
         assert caller is not None
         read = time.monotonic()
@@ -115,13 +115,13 @@ class Projects:
             self._sights[caller.name] = read, sight
         return sight
 
-    def known(self, kind: Kind, id: str) -> str | None:
+    def cached_project(self, kind: Kind, id: str) -> str | None:
         """Returns the project of an object if it is cached, else None."""
         return self._where.get((kind, id))
 
-    def of(self, kind: Kind, id: str) -> str | None:
+    def project_of(self, kind: Kind, id: str) -> str | None:
         """Returns the project of an object; empty if it is in none, None if the object does not exist."""
-        if (known := self.known(kind, id)) is not None:
+        if (known := self.cached_project(kind, id)) is not None:
             return known
         with self._sessions() as session:
             row = ROWS[kind]
@@ -180,7 +180,7 @@ class Projects:
         """Returns the summary of a project. Raises NotFound."""
         found = self.described([name]) if "\0" not in name else []
         if not found:
-            raise no_project(name)
+            raise project_not_found(name)
         return found[0]
 
     def check(self, name: str, sight: ProjectVisibility) -> str:
@@ -193,40 +193,40 @@ class Projects:
         with self._sessions() as session:
             is_there = "\0" not in name and session.get(Project, name) is not None
         if not (is_there and sight.sees(name)):
-            raise no_project(name)
+            raise project_not_found(name)
         if not sight.changes(name):
-            raise only_looks(name)
+            raise read_only_project(name)
         return name
 
     def check_again(self, name: str, caller: Caller | None, sight: ProjectVisibility) -> None:
         """Repeats `check` after an upload, which may have taken hours. sight: as of the upload's start. Raises as `check`."""
-        self.check(name, sight if sight.everything else self.sight(caller))
+        self.check(name, sight if sight.everything else self.visibility(caller))
 
-    def let_in(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
+    def add_member(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
         """Adds a member to a project or changes the member's role, with immediate effect. Raises NotFound."""
         with self._sessions.begin() as session:
             if session.get(Project, name) is None:
-                raise no_project(name)
+                raise project_not_found(name)
             if session.get(User, user) is None:
                 raise NotFound(
                     Sentence("user-not-found", "There is no user {name}. GET /api/users lists them.", name=repr(user[:64]))
                 )
             session.merge(Member(project=name, user=user, role=role))
-        self.forget()
+        self.clear_cache()
         return self.find(name)
 
-    def put_out(self, name: str, user: str) -> Summary:
+    def remove_member(self, name: str, user: str) -> Summary:
         """Removes a member, with immediate effect, also on open connections. Raises NotFound."""
         with self._sessions.begin() as session:
             session.execute(delete(Member).where(Member.project == name, Member.user == user))
-        self.forget()
+        self.clear_cache()
         return self.find(name)
 
     def remove(self, name: str) -> None:
         """Deletes an empty project. Raises NotFound, or Conflict if it is not empty."""
         with self._sessions.begin() as session:
             if session.get(Project, name, with_for_update=True) is None:
-                raise no_project(name)
+                raise project_not_found(name)
             counts = {kind: _count(row, name, session) for kind, row in ROWS.items()}
             left = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items() if count]
             if left:
@@ -241,18 +241,18 @@ class Projects:
             session.execute(delete(Member).where(Member.project == name))
             session.execute(delete(ShareTerms).where(ShareTerms.name == f"project:{name}"))
             session.execute(delete(Project).where(Project.name == name))
-        self.forget()
+        self.clear_cache()
 
-    def forget(self) -> None:
+    def clear_cache(self) -> None:
         """Clears the cache of visible projects."""
         with self._lock:
             self._sights = {}
 
 
-def hold_project(name: str, session: Session) -> None:
+def lock_project(name: str, session: Session) -> None:
     """Locks a project's row within a transaction that adds content, so that it is not deleted meanwhile. Raises NotFound."""
     if name and session.get(Project, name, with_for_update={"read": True, "key_share": True}) is None:
-        raise no_project(name)
+        raise project_not_found(name)
 
 
 def _count(row: Any, project: str, session: Session) -> int:
@@ -260,7 +260,7 @@ def _count(row: Any, project: str, session: Session) -> int:
     return session.scalar(query.where(Scene.of.is_(None)) if row is Scene else query) or 0
 
 
-def no_project(name: str) -> NotFound:
+def project_not_found(name: str) -> NotFound:
     """Returns the error for a project that does not exist or is not visible."""
     return NotFound(
         Sentence(
@@ -271,7 +271,7 @@ def no_project(name: str) -> NotFound:
     )
 
 
-def only_looks(name: str) -> NotAllowed:
+def read_only_project(name: str) -> NotAllowed:
     """Returns the error for a change in a read-only project."""
     return NotAllowed(
         Sentence(

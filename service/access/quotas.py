@@ -21,7 +21,7 @@ from service.errors import NoRoom, NotFound, OverQuota
 from service.store.database import Sessions
 from service.store.models import ACTIVE, Environment, Frame, FrameChange, Job, Key, Quota, Reference, Scene, Spent, User
 
-__all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "spend"]
+__all__ = ["DAY_S", "MOST", "NO_LIMITS", "Allowance", "Limits", "Quotas", "record_spent_samples"]
 
 DAY_S = 86400.0
 SOON_S = 60.0  # seconds after which a caller with too many jobs may retry
@@ -62,7 +62,7 @@ class Quotas:
         self._size_of = size_of
         self._counted: dict[tuple[Kind, str], tuple[float, int]] = {}  # time.monotonic() of the latest count, and the bytes
 
-    def of(self, caller: Caller | None) -> list[Allowance]:
+    def allowances_of(self, caller: Caller | None) -> list[Allowance]:
         """Returns the allowances that apply to a caller: the user's, and the token's if it has its own limits."""
         with self._sessions() as session:
             allowed = list(self._limits(caller, session))
@@ -209,11 +209,16 @@ class Quotas:
         """Returns the bytes of uploads and films of the given users or tokens."""
         sizes = Counter[str]()
         uploads = select(_owner(Scene, kind), func.sum(Scene.bytes)).where(Scene.of.is_(None))
-        sizes.update({owner: int(size or 0) for owner, size in session.execute(_of(Scene, kind, names, uploads, grouped=True))})
+        sizes.update(
+            {
+                owner: int(size or 0)
+                for owner, size in session.execute(_filtered_by_owner(Scene, kind, names, uploads, grouped=True))
+            }
+        )
         for row in (Environment, Reference):
-            for owner, file in session.execute(_of(row, kind, names, select(_owner(row, kind), row.file))):
+            for owner, file in session.execute(_filtered_by_owner(row, kind, names, select(_owner(row, kind), row.file))):
                 sizes[owner] += int((file or {}).get("size") or 0)
-        for owner, id in session.execute(_of(Job, kind, names, select(_owner(Job, kind), Job.id))):
+        for owner, id in session.execute(_filtered_by_owner(Job, kind, names, select(_owner(Job, kind), Job.id))):
             sizes[owner] += self._size_of(id)
         return sizes
 
@@ -234,7 +239,7 @@ class Quotas:
         return SOON_S if oldest is None else max(SOON_S, oldest + DAY_S - time.time())
 
 
-def spend(jobs: Iterable[Job], session: Session) -> None:
+def record_spent_samples(jobs: Iterable[Job], session: Session) -> None:
     """Records the samples of jobs of the last day that are about to be deleted, so that they still count."""
     since = time.time() - DAY_S
     session.execute(delete(Spent).where(Spent.created < since))
@@ -262,19 +267,21 @@ def _limits_of(row: Quota) -> Limits:
 def _jobs(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
     """Returns the number of unfinished jobs of the given users or tokens."""
     active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
-    return Counter({row[0]: row[1] for row in session.execute(_of(Job, kind, names, active, grouped=True))})
+    return Counter({row[0]: row[1] for row in session.execute(_filtered_by_owner(Job, kind, names, active, grouped=True))})
 
 
 def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
     """Returns the number of samples of the last day of the given users or tokens."""
     samples = Counter[str]()
     for query, row in _samples_since(time.time() - DAY_S):
-        for count, owner in session.execute(_of(row, kind, names, query.add_columns(_owner(row, kind)), grouped=True)):
+        for count, owner in session.execute(
+            _filtered_by_owner(row, kind, names, query.add_columns(_owner(row, kind)), grouped=True)
+        ):
             samples[owner] = min(samples[owner] + int(count or 0), MOST)
     return samples
 
 
-def _of(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
+def _filtered_by_owner(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
     """Restricts a query to the given users or tokens; grouped: groups it by owner."""
     owner = _owner(row, kind)
     query = query.where(owner.in_(names))

@@ -58,14 +58,14 @@ def end_busy(connection: redis.Redis) -> bool:
 
 
 class RedisCare:
-    """Maintains one Redis server; `look` is called every few seconds."""
+    """Maintains one Redis server; `maintain` is called every few seconds."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
         self._rounds = 0
         self._said = ""
 
-    def look(self) -> None:
+    def maintain(self) -> None:
         """Ends excess use, loads the script of older workers, removes wrong keys, and warns of flaws. Raises redis.RedisError."""
         self._end_floods_of_connections()
         self._make_room()

@@ -114,7 +114,7 @@ class RedisUsers:
         parts = urlsplit(url)
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Creates the Redis users of all valid worker keys and deletes all others. Raises redis.RedisError and FarmError."""
         with self._lock:
             wanted = {self._prefix + key.id for key in self._keys.listed("worker")}
@@ -129,7 +129,7 @@ class RedisUsers:
     def look_now(self) -> None:
         """Updates the users now, after a key was revoked. Errors are ignored; the next periodic update repeats it."""
         with contextlib.suppress(redis.RedisError, FarmError, OSError):
-            self.look()
+            self.refresh()
 
     def _set(self, name: str) -> None:
         try:
@@ -146,7 +146,7 @@ class RedisUsers:
     def _run(self) -> None:
         while True:
             try:
-                self.look()
+                self.refresh()
             except redis.ResponseError as error:
                 if is_busy(error):
                     self._unblock()
@@ -155,7 +155,7 @@ class RedisUsers:
             except (redis.RedisError, FarmError, OSError) as error:
                 log.debug("workers' users of Redis are not looked after now: %s", error)
             with contextlib.suppress(redis.RedisError, OSError):
-                self._care.look()
+                self._care.maintain()
             if self._stop.wait(LOOK_EVERY_S):
                 return
 

@@ -73,7 +73,7 @@ class Users:
             if user is None:
                 raise _no_user(name)
             user.role = role.word
-        self._keys.forget()
+        self._keys.clear_cache()
         return user
 
     def set_password(self, name: str, password: str, stays: str | None = None) -> User:
@@ -102,7 +102,7 @@ class Users:
             session.execute(delete(Member).where(Member.user == name))
             session.execute(delete(Quota).where(Quota.whose == f"user:{name}"))
             session.execute(delete(ShareTerms).where(ShareTerms.name == f"user:{name}"))
-        self._keys.forget()
+        self._keys.clear_cache()
 
     def log_in(self, name: str, password: str) -> User | None:
         """Returns the user if the password is right, else None; an unknown name takes as long to check."""

@@ -19,14 +19,14 @@ import httpx
 
 from service.hooks.signing import headers
 
-__all__ = ["RefusedError", "UndeliveredError", "post", "run", "shown"]
+__all__ = ["RefusedError", "UndeliveredError", "post", "redacted_hook", "run"]
 
 ANSWER_WITHIN_S = 10.0
 RUN_WITHIN_S = 60.0
 SAID = 300  # characters of a program's error output that are kept
 
 
-def shown(hook: str) -> str:
+def redacted_hook(hook: str) -> str:
     """Returns a hook for logs: for a URL, only scheme and host, since the rest often contains a secret."""
     parts = urlsplit(hook)
     return f"{parts.scheme}://{parts.hostname}/..." if parts.scheme and parts.netloc else hook

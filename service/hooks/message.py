@@ -7,10 +7,10 @@ from typing import Any
 
 from service.store.models import FINAL, Job
 
-__all__ = ["about", "set_aside", "trial"]
+__all__ = ["job_message", "quarantine_message", "test_message"]
 
 
-def about(job: Job, public_url: str) -> dict[str, Any]:
+def job_message(job: Job, public_url: str) -> dict[str, Any]:
     """Returns the message about a job that has ended, or about an unfinished one that is expected to miss its deadline.
 
     public_url: base URL of the page; may be empty.
@@ -32,7 +32,7 @@ def about(job: Job, public_url: str) -> dict[str, Any]:
     return _event(f"job.{job.state}" if is_over else "job.late", (job.finished if is_over else job.late) or 0.0, told)
 
 
-def set_aside(at: float, told: dict[str, Any]) -> dict[str, Any]:
+def quarantine_message(at: float, told: dict[str, Any]) -> dict[str, Any]:
     """Returns the message about a worker that was set aside because its samples differ from those of others.
 
     told: the details: the worker, the reason, the job in which it was found, and the jobs that are partly rendered again.
@@ -40,7 +40,7 @@ def set_aside(at: float, told: dict[str, Any]) -> dict[str, Any]:
     return _event("worker.set-aside", at, told)
 
 
-def trial(now: float) -> dict[str, Any]:
+def test_message(now: float) -> dict[str, Any]:
     """Returns a test message."""
     return _event("test", now, {"text": "This is a test: messages of this farm arrive here."})
 

@@ -14,8 +14,8 @@ from sqlalchemy import delete, exists, func, or_, select
 
 from service.errors import FarmError
 from service.events import Events, WorkerSetAside
-from service.hooks.deliver import RefusedError, UndeliveredError, post, run, shown
-from service.hooks.message import about, set_aside
+from service.hooks.deliver import RefusedError, UndeliveredError, post, redacted_hook, run
+from service.hooks.message import job_message, quarantine_message
 from service.settings import Settings
 from service.store.database import Sessions
 from service.store.models import ACTIVE, FINAL, Delivery, Job
@@ -71,7 +71,7 @@ class Outbox:
         if event.details is None:
             return
         now = time.time()
-        job, message = f"worker:{event.worker}"[:40], set_aside(now, event.details)
+        job, message = f"worker:{event.worker}"[:40], quarantine_message(now, event.details)
         rows = [
             Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job, ended=now, message=message, due=now)
             for hook in self._settings.webhooks
@@ -129,7 +129,7 @@ class Outbox:
         return latest
 
     def _row(self, hook: str, job: Job) -> Delivery:
-        message = about(job, self._settings.public_url)
+        message = job_message(job, self._settings.public_url)
         return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
 
     def _send_due(self, hook: str) -> None:
@@ -151,13 +151,13 @@ class Outbox:
                 self._rests.pop(hook, None)
             except Exception as error:  # a fault in one message must not block other hooks, and is not retried forever
                 if not isinstance(error, UndeliveredError):
-                    log.exception("a fault in telling %s of job %s", shown(row.hook), row.job)
+                    log.exception("a fault in telling %s of job %s", redacted_hook(row.hook), row.job)
                 # One failure delays all waiting messages, so that not each of them waits for the timeout.
                 self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], LONGEST_REST_S)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)
-                log.warning("%s was not told of job %s: %s", shown(row.hook), row.job, error)
+                log.warning("%s was not told of job %s: %s", redacted_hook(row.hook), row.job, error)
             with self._sessions.begin() as session:
                 session.merge(row)
             if row.done is None:

@@ -80,9 +80,9 @@ class OwnerClient:
         try:
             answer = await _until(over, self._client().send(request, stream=True))
         except httpx.HTTPError as error:
-            raise _away(type(error).__name__) from error
+            raise _unreachable_owner(type(error).__name__) from error
         if answer is None:
-            raise _away("no answer")
+            raise _unreachable_owner("no answer")
         leaving = asyncio.create_task(_until_gone(receive))
         try:
             await _until(over, _pass_back(answer, send), leaving)
@@ -117,7 +117,7 @@ class OwnerClient:
             told = error.response
             await refuse(Problem(told.status_code, _text(bytes(told.body or b""))[:300]), scope, receive, send)
         except (InvalidHandshake, OSError, TimeoutError) as error:
-            raise _away(type(error).__name__) from error
+            raise _unreachable_owner(type(error).__name__) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
         """Returns the header fields for the owner, with the client's origin, unless that is a loopback address."""
@@ -211,7 +211,7 @@ async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: as
             each.cancel()
 
 
-def _away(why: str) -> Unavailable:
+def _unreachable_owner(why: str) -> Unavailable:
     return Unavailable(
         Sentence("owner-not-reachable", "The service that works as the farm does not answer ({error}).", error=why), 1.0
     )

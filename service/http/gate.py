@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from renderer.sentences import Sentence
 from service.access.access import Access
-from service.access.projects import EVERYTHING, Kind, ProjectVisibility, only_looks
+from service.access.projects import EVERYTHING, Kind, ProjectVisibility, read_only_project
 from service.access.roles import OPEN, Caller, Role
 from service.access.visit import Visit
 from service.errors import FarmError, Unavailable
@@ -29,7 +29,7 @@ from service.http.hosts import LOOPBACK_NAMES, is_here, name_of
 from service.http.problems import Problem
 from service.http.security import SAFE_METHODS, refuse
 from service.http.visit import VISIT, address_of, shown_secret
-from service.jobs.lookup import no_thing
+from service.jobs.lookup import thing_not_found
 
 __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
@@ -75,7 +75,7 @@ class AuthorizationMiddleware:
         pattern, need = need_of(method, path)
         access: Access = scope["app"].state.farm.access
         connection = HTTPConnection(scope)
-        shown = _shown(connection.headers, cookie_name(access, scope))
+        shown = _secret_of(connection.headers, cookie_name(access, scope))
         needs_login = _needs_login(access, connection)
         try:
             caller = await _known(access, shown) if shown else None
@@ -87,34 +87,34 @@ class AuthorizationMiddleware:
         address = address_of(connection)
         thing = thing_of(pattern, path)
         try:
-            sight = await _sight(access, caller, needs_login)
+            sight = await _visible_projects(access, caller, needs_login)
         except Unavailable as error:
             await refuse(Problem(503, str(error)), scope, receive, send)
             return
         visit = scope[VISIT] = Visit(caller, needs_login, address, sight)
-        if method != "OPTIONS" and (refusal := _judge(need, caller)) is not None:
+        if method != "OPTIONS" and (refusal := _access_problem(need, caller)) is not None:
             if caller is not None and caller.is_known and not caller.is_worker:
-                await _write_down(access, caller, address, f"{method} {pattern}", path, refusal.status)
+                await _record_action(access, caller, address, f"{method} {pattern}", path, refusal.status)
             await refuse(refusal, scope, receive, send)
             return
-        if thing is not None and not await _sees(access, sight, thing):
+        if thing is not None and not await _may_see(access, sight, thing):
             if caller is not None and caller.is_known and method != "WS" and method not in SAFE_METHODS:
-                await _write_down(access, caller, address, f"{method} {pattern}", path, 404)
-            await _not_there(thing, scope, receive, send)
+                await _record_action(access, caller, address, f"{method} {pattern}", path, 404)
+            await _not_found(thing, scope, receive, send)
             return
-        project = access.projects.known(*thing) if thing is not None else None  # cached by the lookup above
+        project = access.projects.cached_project(*thing) if thing is not None else None  # cached by the lookup above
         if need.role is not None and need.role > Role.VIEW and project is not None and not sight.changes(project):
-            await refuse(Problem(403, str(only_looks(project)), {"Connection": "close"}), scope, receive, send)
+            await refuse(Problem(403, str(read_only_project(project)), {"Connection": "close"}), scope, receive, send)
             return
         if method == "WS" or pattern in STAYS_OPEN:
             lasting = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send)
             await self._app(scope, lasting.receive, lasting.send)
         elif method in SAFE_METHODS or caller is None or not caller.is_known or caller.is_worker or not need.role:
-            await self._app(scope, receive, _kept_private(send) if needs_login else send)
+            await self._app(scope, receive, _private_send(send) if needs_login else send)
         else:
             if pattern in UPLOADS:
                 receive = _ReauthorizedConnection(access, shown, need, visit, thing, receive, send).take
-            await self._app(scope, receive, _written_down(access, caller, address, f"{method} {pattern}", path, send))
+            await self._app(scope, receive, _recording_send(access, caller, address, f"{method} {pattern}", path, send))
 
 
 def cookie_name(access: Access, scope: Scope) -> str:
@@ -129,7 +129,7 @@ def _path(scope: Scope) -> str:
     return path.removeprefix(root) if root and path.startswith(f"{root}/") else path
 
 
-def _shown(headers: Headers, cookie: str) -> str:
+def _secret_of(headers: Headers, cookie: str) -> str:
     """Returns the secret of a request, from its token or else its cookie."""
     if token := shown_secret(headers):
         return token
@@ -162,33 +162,33 @@ def _warn_of_proxy() -> None:
 
 
 async def _known(access: Access, shown: str) -> Caller | None:
-    return access.remembered(shown) or await run_in_threadpool(access.find, shown)
+    return access.cached_caller(shown) or await run_in_threadpool(access.find, shown)
 
 
-async def _sight(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
+async def _visible_projects(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
     """Returns the projects that a caller may see; all of them if no login is needed."""
     if not needs_login and caller is not None and not caller.is_worker:
         return EVERYTHING
-    known = access.projects.remembered(caller)
-    return await run_in_threadpool(access.projects.sight, caller) if known is None else known
+    known = access.projects.cached_visibility(caller)
+    return await run_in_threadpool(access.projects.visibility, caller) if known is None else known
 
 
-async def _sees(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
+async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
     """Whether a caller may see a resource; False for a missing one too, so that both look the same."""
     if sight.everything:
         return True
-    project = access.projects.known(*thing)
+    project = access.projects.cached_project(*thing)
     if project is None:
         try:
-            project = await run_in_threadpool(access.projects.of, *thing)
+            project = await run_in_threadpool(access.projects.project_of, *thing)
         except FarmError:
             return False  # the database is away, so its project is unknown
     return sight.sees(project) if project is not None else thing[0] == "environment"  # presets have no row
 
 
-async def _not_there(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
+async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
     """Sends the route's answer for a missing resource, also for one in a hidden project."""
-    sentence = str(no_thing(*thing))
+    sentence = str(thing_not_found(*thing))
     if scope["type"] == "http":
         await refuse(Problem(404, sentence), scope, receive, send)
         return
@@ -197,7 +197,7 @@ async def _not_there(thing: tuple[Kind, str], scope: Scope, receive: Receive, se
     await send({"type": "websocket.close", "code": NOT_THERE, "reason": sentence[:LONGEST_REASON]})
 
 
-def _judge(need: Need, caller: Caller | None) -> Problem | None:
+def _access_problem(need: Need, caller: Caller | None) -> Problem | None:
     if need.is_met(caller):
         return None
     challenge = {"WWW-Authenticate": "Bearer", "Connection": "close"}
@@ -221,23 +221,23 @@ def _judge(need: Need, caller: Caller | None) -> Problem | None:
     )
 
 
-async def _write_down(access: Access, caller: Caller, address: str, what: str, path: str, status: int) -> None:
+async def _record_action(access: Access, caller: Caller, address: str, what: str, path: str, status: int) -> None:
     await run_in_threadpool(access.audit.add, caller.name, what, kind=caller.kind, address=address, about=path, status=status)
 
 
-def _written_down(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
+def _recording_send(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
     """Wraps `send` to add the request with its status to the audit log."""
 
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
             about = Headers(raw=message.get("headers", [])).get("location", path)
-            await _write_down(access, caller, address, what, about, message["status"])
+            await _record_action(access, caller, address, what, about, message["status"])
         await send(message)
 
     return wrapped
 
 
-def _kept_private(send: Send) -> Send:
+def _private_send(send: Send) -> Send:
     """Wraps `send` to mark cacheable responses as private, so that shared proxies do not store them."""
 
     async def wrapped(message: Message) -> None:
@@ -320,10 +320,10 @@ class _ReauthorizedConnection:
             caller = await _known(self._access, self._shown)
             if not self._need.is_met(caller):
                 return False
-            sight = await _sight(self._access, caller, self._needs_login)
+            sight = await _visible_projects(self._access, caller, self._needs_login)
             if self._saw_everything and not sight.everything:
                 return False
-            if self._thing is None or await _sees(self._access, sight, self._thing):
+            if self._thing is None or await _may_see(self._access, sight, self._thing):
                 return True
             self._why = NOT_THERE, CLOSED_SINCE
             return False

@@ -52,7 +52,7 @@ class Hosts:
             # Queries the name server, which may be slow.
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
-    def know(self, name: str) -> bool:
+    def is_accepted(self, name: str) -> bool:
         """Whether the service accepts this host name or address."""
         return name in self._names or (self._takes_addresses and is_address(name))
 

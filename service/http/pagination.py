@@ -25,7 +25,7 @@ class Page:
     offset: int
     response: Response
 
-    def of(self, things: Sequence[T]) -> Sequence[T]:
+    def slice_of(self, things: Sequence[T]) -> Sequence[T]:
         """Returns the requested part of a list in memory."""
         self.response.headers[TOTAL] = str(len(things))
         return things[self.offset : self.offset + self.limit]
@@ -33,7 +33,7 @@ class Page:
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
         """Returns the requested part of `first` followed by an ordered query's rows. first: items that are in no table."""
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
-        here = self.of(first)
+        here = self.slice_of(first)
         self.response.headers[TOTAL] = str(len(first) + count)
         left, skipped = self.limit - len(here), max(0, self.offset - len(first))
         return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []

@@ -15,7 +15,7 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from renderer.sentences import Sentence, both, stopped
+from renderer.sentences import Sentence, joined_faults, with_full_stop
 from service.errors import (
     Conflict,
     Failed,
@@ -36,7 +36,7 @@ from service.errors import (
 from service.events import FilmSuspected
 from service.http.methods import methods_of
 
-__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "told"]
+__all__ = ["Problem", "ProblemBody", "ProblemResponse", "install", "response", "validation_message"]
 
 log = logging.getLogger(__name__)
 
@@ -183,8 +183,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
         faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MOST_ERRORS]]
-        detail = reduce(both, (_of_field(*each) for each in faults[:5]))
-        return response(422, stopped(detail), errors=[_error(*each) for each in faults])
+        detail = reduce(joined_faults, (_of_field(*each) for each in faults[:5]))
+        return response(422, with_full_stop(detail), errors=[_error(*each) for each in faults])
 
     @app.exception_handler(ClientDisconnect)
     async def _gone(request: Request, error: ClientDisconnect) -> Response:
@@ -205,7 +205,7 @@ JSON_OBJECT = Sentence(
 )
 
 
-def told(error: Mapping[str, Any]) -> str:
+def validation_message(error: Mapping[str, Any]) -> str:
     """Returns a validation error of a request as text: the field and its fault."""
     field, message = _field(error["loc"]), _message(error)
     return _of_field(field, message)

@@ -19,6 +19,6 @@ def seen_slots(slots: list[dict[str, Any]], sight: ProjectVisibility, projects: 
 
     def is_seen(slot: dict[str, Any]) -> bool:
         named = ((kind, slot[name]) for name, kind in NAMES.items() if name in slot)
-        return all(isinstance(id, str) and sight.sees(projects.of(kind, id)) for kind, id in named)
+        return all(isinstance(id, str) and sight.sees(projects.project_of(kind, id)) for kind, id in named)
 
     return [slot if is_seen(slot) else HIDDEN for slot in slots]

@@ -19,7 +19,7 @@ from service.http.hosts import Hosts, name_of
 from service.http.problems import Problem, response
 from service.settings import Settings
 
-__all__ = ["SAFE_METHODS", "SecurityMiddleware", "is_beyond", "refuse"]
+__all__ = ["SAFE_METHODS", "SecurityMiddleware", "exceeds_limit", "refuse"]
 
 HEADERS = {
     "Content-Security-Policy": (
@@ -56,7 +56,7 @@ class SecurityMiddleware:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, _with_refusal(scope, send))
             return
-        refusal = self._judge(scope)
+        refusal = self._rejection(scope)
         if refusal is not None:
             await refuse(refusal, scope, receive, _with_headers(scope, send))
         elif scope["type"] == "websocket":
@@ -64,7 +64,7 @@ class SecurityMiddleware:
         else:
             await self._app(_head_as_get(scope), _bounded(scope, receive), _with_headers(scope, send))
 
-    def _judge(self, scope: Scope) -> Problem | None:
+    def _rejection(self, scope: Scope) -> Problem | None:
         headers = Headers(scope=scope)
         hosts = headers.getlist("host")
         name = name_of(hosts[0]) if len(hosts) == 1 else None
@@ -76,7 +76,7 @@ class SecurityMiddleware:
                     "The header Host is not the name or address of a machine. Send it once, like localhost:8000.",
                 ),
             )
-        if not self._hosts.know(name):
+        if not self._hosts.is_accepted(name):
             return Problem(
                 421,
                 Sentence(
@@ -97,7 +97,7 @@ class SecurityMiddleware:
         if scope["type"] == "http" and changes and headers.get("sec-fetch-site", "none") not in OWN_SITE:
             return Problem(403, FOREIGN)
         length = headers.get("content-length", "")
-        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and is_beyond(length, MAX_BODY):
+        if scope["type"] == "http" and not scope["path"].startswith(STREAMED) and exceeds_limit(length, MAX_BODY):
             return _too_large()
         return None
 
@@ -118,7 +118,7 @@ def _host_of(origin: str) -> str | None:
         return None
 
 
-def is_beyond(length: str, limit: int) -> bool:
+def exceeds_limit(length: str, limit: int) -> bool:
     """Whether a Content-Length exceeds the limit; False for a malformed one, which the server rejects."""
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 

@@ -10,7 +10,7 @@ from service.farm import Farm
 from service.http.cookies import set_cookie
 from service.http.gate import cookie_name
 
-__all__ = ["base_url", "forget_login", "keep_login", "way_out"]
+__all__ = ["base_url", "forget_login", "keep_login", "logout_url"]
 
 LONGEST = 3500  # characters; browsers limit cookies to 4 kB
 UNKNOWN = "-"  # a provider's session whose ID token is too long to store
@@ -27,12 +27,12 @@ def forget_login(request: Request, response: Response, farm: Farm) -> None:
         set_cookie(request, response, name, "", 0)
 
 
-def way_out(request: Request, farm: Farm) -> str | None:
+def logout_url(request: Request, farm: Farm) -> str | None:
     """Returns the URL that logs the browser out at the provider; None if there is none."""
     shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
     if not shown or farm.access.oidc is None:
         return None
-    return farm.access.oidc.way_out("" if shown == UNKNOWN else shown, f"{base_url(request, farm)}/")
+    return farm.access.oidc.logout_url("" if shown == UNKNOWN else shown, f"{base_url(request, farm)}/")
 
 
 def base_url(request: Request, farm: Farm) -> str:

@@ -12,10 +12,10 @@ from service.access.visit import Visit
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.problems import Problem
-from service.http.security import is_beyond
+from service.http.security import exceeds_limit
 from service.intake.multipart import Form, read_form
 from service.intake.names import safe_name
-from service.intake.uploads import gathered
+from service.intake.uploads import joined_chunks
 from service.store.disk_space import disk_checker, full_disk
 from service.store.staging import BlobWriter
 
@@ -41,7 +41,7 @@ UPLOAD_FORM = {
 def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentence("advice-shrink", "Make it smaller")) -> None:
     """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
     limit = farm.settings.max_upload_bytes
-    if is_beyond(request.headers.get("content-length", ""), limit):
+    if exceeds_limit(request.headers.get("content-length", ""), limit):
         sentence = Sentence(
             "upload-image-too-large",
             "The {kind} is larger than the {most} bytes that are taken. {advice}, or ask who runs the farm.",
@@ -65,7 +65,7 @@ async def read_one(request: Request, farm: Farm, what: str) -> Form:
     limit = farm.settings.max_upload_bytes
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
     with full_disk():
-        chunks = gathered(request.stream())
+        chunks = joined_chunks(request.stream())
         return await read_form(request.headers.get("content-type", ""), chunks, farm.blobs, 1, limit, check_disk)
 
 

@@ -51,7 +51,7 @@ def expand(
             if named.guess is not None:
                 notes.append(named.guess)
             entries = [entry for _, entry in found]
-            _judge(entries, name, max_files, max_bytes, max_ratio)
+            _check_entries(entries, name, max_files, max_bytes, max_ratio)
             left = max_bytes
             for path, entry in found:
                 writer = _extract(file, entry, name, store, left, max_ratio, check_disk)
@@ -102,7 +102,7 @@ def _damaged(name: str, error: Exception) -> Invalid:
     )
 
 
-def _judge(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
+def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
     """Raises TooLarge or Invalid for what the archive's directory reveals, before anything is written."""
     if len(entries) > max_files:
         raise TooLarge(

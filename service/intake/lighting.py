@@ -21,7 +21,7 @@ from protocol.contract import BlobRef
 from renderer.sentences import Sentence
 from service.errors import Invalid, NotFound
 from service.events import Events, PreparationRequested, RowWritten
-from service.intake.projects import Owner, serves
+from service.intake.projects import Owner, may_be_used_in
 from service.intake.record import record
 from service.intake.uploads import Upload, changed, light_text, sky_text
 from service.store.database import Sessions
@@ -72,7 +72,7 @@ class Lighting:
                 return
         self.row(row.scene, row.request.get("environment"), row.request.get("variant"))
 
-    def lit(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
+    def scene_for(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
         """Returns the scene to render for a request. If it is not compiled for `kind` yet, starts that; call again later.
 
         environment: as in the job's request. Callers that use the scene afterwards must hold it (`held`).
@@ -89,7 +89,7 @@ class Lighting:
     def row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene:
         """Returns the row of the scene to render, creating it if needed; the uploaded scene itself if nothing changes.
 
-        Raises as `lit`.
+        Raises as `scene_for`.
         """
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
@@ -107,7 +107,7 @@ class Lighting:
             self.clear()
         return made
 
-    def known(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
+    def find_row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
         """Returns the same row as `row`, failed or not, but creates nothing: None if it does not exist."""
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
@@ -204,7 +204,7 @@ class Lighting:
     def _image(self, id: str, project: str) -> BlobRef:
         with self._sessions() as session:
             found = session.get(Environment, id)
-        if found is None or not serves(found.project, project):
+        if found is None or not may_be_used_in(found.project, project):
             raise Invalid(
                 Sentence(
                     "environment-id-unknown",

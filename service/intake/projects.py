@@ -8,7 +8,7 @@ from typing import Any
 
 from sqlalchemy import ColumnElement
 
-__all__ = ["NOBODY", "Owner", "id_in", "serves", "serving"]
+__all__ = ["NOBODY", "Owner", "id_in", "may_be_used_in", "usable_in"]
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ def id_in(project: str, id: str) -> str:
     return hashlib.sha256(f"{project}\n{id}".encode()).hexdigest()[: len(id)] if project else id
 
 
-def serves(thing: str, project: str) -> bool:
+def may_be_used_in(thing: str, project: str) -> bool:
     """Whether content of one project may be used in another: its own, and content of no project (empty)."""
     return thing in ("", project)
 
 
-def serving(column: Any, project: str) -> ColumnElement[bool]:
-    """Returns the condition of `serves` for a table's column `project`."""
+def usable_in(column: Any, project: str) -> ColumnElement[bool]:
+    """Returns the condition of `may_be_used_in` for a table's column `project`."""
     found: ColumnElement[bool] = column.in_(["", project])
     return found

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from sqlalchemy.exc import IntegrityError
 
-from service.access.projects import hold_project
+from service.access.projects import lock_project
 from service.events import Events, RowWritten
 from service.intake.projects import NOBODY, Owner
 from service.intake.uploads import Upload
@@ -34,7 +34,7 @@ def _write(stored: Upload, sessions: Sessions, of: str | None, owner: Owner) -> 
     with sessions.begin() as session:
         scene = session.get(Scene, stored.id)
         if scene is None:
-            hold_project(owner.project, session)
+            lock_project(owner.project, session)
             scene = Scene(
                 id=stored.id,
                 name=stored.name,

@@ -13,8 +13,8 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.confine.running import Bounds, TooLargeError, run
 from renderer.errors import MachineError, SceneError
-from renderer.sentences import Sentence, stopped
-from service.access.projects import hold_project
+from renderer.sentences import Sentence, with_full_stop
+from service.access.projects import lock_project
 from service.errors import Failed, Invalid
 from service.intake.projects import NOBODY, Owner, id_in
 from service.intake.read_reference import as_film
@@ -73,7 +73,7 @@ def keep_reference(
 def _recorded(row: Reference, sessions: Sessions) -> Reference:
     try:
         with sessions.begin() as session:
-            hold_project(row.project, session)
+            lock_project(row.project, session)
             session.add(row)
         return row
     except IntegrityError:  # another request stored the same content at the same time
@@ -106,7 +106,7 @@ def _read(image: Path, name: str, film: Path) -> dict[str, object]:
                 Sentence("image-importer-failed", "{name} cannot be read: its importer ended without a result", name=name)
             )
     except (SceneError, TooLargeError) as error:
-        raise Invalid(stopped(str(error).rstrip("."))) from None
+        raise Invalid(with_full_stop(str(error).rstrip("."))) from None
     except MachineError as error:
         raise Failed(
             Sentence("reference-unreadable", "{name} could not be read: {error}.", name=name, error=str(error).rstrip("."))

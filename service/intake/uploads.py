@@ -30,7 +30,7 @@ from service.store.garbage import Garbage
 from service.store.models import Scene
 from service.store.staging import BlobWriter, commit_all
 
-__all__ = ["Upload", "changed", "gathered", "keep", "light_text", "receive", "sky_text"]
+__all__ = ["Upload", "changed", "joined_chunks", "light_text", "receive", "sky_text", "store_form"]
 
 PIECE = 1 << 20
 SKY = "sky:"
@@ -66,7 +66,7 @@ class Upload:
         return sum(file.size for file in self.files)
 
 
-async def gathered(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+async def joined_chunks(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
     """Yields the first chunk at once, and the others joined to pieces of at least PIECE bytes.
 
     Each piece is hashed and written in a thread, which small chunks would not be worth.
@@ -99,14 +99,14 @@ async def receive(
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
     with full_disk():
-        form = await read_form(content_type, gathered(chunks), store, *limits, check_disk)
+        form = await read_form(content_type, joined_chunks(chunks), store, *limits, check_disk)
         try:
-            return await run_in_threadpool(keep, form, store, garbage, settings, check_disk, record, find)
+            return await run_in_threadpool(store_form, form, store, garbage, settings, check_disk, record, find)
         finally:
             form.discard()  # a service that stops may cancel this before the thread has started
 
 
-def keep(
+def store_form(
     form: Form,
     store: BlobStore,
     garbage: Garbage,

@@ -13,7 +13,7 @@ from service.farm import Farm
 from service.jobs.change_many import may_begin_anew
 from service.jobs.describe import describe, job_out
 from service.jobs.frame_changes import carried_out
-from service.jobs.lookup import no_job
+from service.jobs.lookup import job_not_found
 from service.jobs.queue import needs_of, wait_for_fewer
 from service.jobs.shot_change import ShotChange
 from service.models.jobs import JobOut, JobPatch
@@ -39,7 +39,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
         with farm.sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is None:
-                raise no_job(id)
+                raise job_not_found(id)
             if of_shot is not None and not of_shot.fits(job, session):
                 continue  # it was changed concurrently
             is_long = _apply(job, patch, of_shot, is_anew, session, farm, visit)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.access.projects import only_looks
+from service.access.projects import read_only_project
 from service.access.visit import Visit
 from service.errors import FarmError
 from service.events import RowWritten
 from service.farm import Farm
-from service.jobs.lookup import find_job, no_job
+from service.jobs.lookup import find_job, job_not_found
 from service.models.changes import ChangesIn, ChangesOut, RefusedOut, WasOut
 from service.scheduling.jobs.job_changes import begins_anew, drop_failed_dependencies, set_state
 from service.store.models import FINAL, Job
@@ -31,7 +31,7 @@ def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
         where = select(Job.id, Job.project).where(Job.id.in_(ids), Job.project.in_(visit.sight.looks))
         closed = {row.id: row.project for row in session.execute(where)}
     unseen = [id for id in ids if id not in seen and changes.of is None]
-    answer.refused += [RefusedOut(id=id, why=str(only_looks(closed[id]))) for id in ids if id in of and id in closed]
+    answer.refused += [RefusedOut(id=id, why=str(read_only_project(closed[id]))) for id in ids if id in of and id in closed]
     ids = [id for id in ids if id in of and id not in closed]
     for at in range(0, len(ids), AT_A_TIME):
         some = ids[at : at + AT_A_TIME]
@@ -40,7 +40,7 @@ def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
         else:
             _change(some, changes, farm, visit, answer)
     known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
-    answer.refused += [RefusedOut(id=id, why=str(no_job(id))) for id in (*ids, *unseen) if id not in known]
+    answer.refused += [RefusedOut(id=id, why=str(job_not_found(id))) for id in (*ids, *unseen) if id not in known]
     return answer
 
 

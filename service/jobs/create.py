@@ -13,7 +13,7 @@ from sqlalchemy.exc import IntegrityError
 
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from service.access.visit import Visit
 from service.clock import deadline_of
 from service.errors import Conflict, Invalid, NotFound
@@ -56,9 +56,9 @@ def create(
     asked = request.model_dump(mode="json", exclude=_omitted(request))
     if (first := earlier(idempotency_key, visit.user, farm)) is not None:
         return Created(repeat(first, asked, farm, visit.sight), is_repeat=True)
-    if not visit.sight.sees(farm.access.projects.of("scene", request.scene)):
+    if not visit.sight.sees(farm.access.projects.project_of("scene", request.scene)):
         raise _no_scene(request.scene)
-    farm.access.projects.check(farm.access.projects.of("scene", request.scene) or "", visit.sight)
+    farm.access.projects.check(farm.access.projects.project_of("scene", request.scene) or "", visit.sight)
     need_room(farm.settings.data, farm.settings.min_free_bytes)
     keys = sorted(map(frame_key, request.numbers()))
     job = _row(request, keys, asked, idempotency_key, visit, farm)
@@ -133,7 +133,7 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
     """Stores a job with its frames and dependencies, and returns its description."""
     with (
         farm.lighting.held(job.lit or job.scene),
-        _begun(job, keys, request.fresh or bool(request.verify), farm) as begun,
+        _with_reused_samples(job, keys, request.fresh or bool(request.verify), farm) as begun,
         farm.sessions.begin() as session,
     ):
         scene = session.get(Scene, request.scene, with_for_update=True)
@@ -168,7 +168,7 @@ def _omitted(request: JobIn) -> set[str]:
 
 
 @contextmanager
-def _begun(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
+def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
     """Starts a new job with the films of earlier jobs of the same picture; yields the resulting numbers of its frames.
 
     Deletes the films again if the context raises.
@@ -239,4 +239,4 @@ def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
         try:
             resolve(job, scene, farm.settings.max_pixels)
         except SettingsError as error:
-            raise Invalid(stopped(error), field=str(error).split()[0]) from None
+            raise Invalid(with_full_stop(error), field=str(error).split()[0]) from None

@@ -12,7 +12,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
 from service.access.projects import NOTHING, ProjectVisibility
 from service.store.models import Job, Scene
 
-__all__ = ["Chosen", "Order", "says", "words_of"]
+__all__ = ["JobFilter", "Order", "matches", "words_of"]
 
 MOST_WORDS = 8
 
@@ -24,7 +24,7 @@ _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # 
 
 
 @dataclass(frozen=True)
-class Chosen:
+class JobFilter:
     """A filter on the jobs that the caller may see.
 
     words: each occurs in a name or note of the job or its scene, or is a prefix of an id.
@@ -85,7 +85,7 @@ def words_of(search: str) -> tuple[str, ...]:
     return tuple(search.lower().split()[:MOST_WORDS])
 
 
-def says(
+def matches(
     word: str, name: InstrumentedAttribute[str] | InstrumentedAttribute[str | None], id: InstrumentedAttribute[str]
 ) -> ColumnElement[bool]:
     """Returns the SQL condition that the word occurs in the name, or is a prefix of the id."""
@@ -96,9 +96,9 @@ def says(
 
 def _says(word: str) -> ColumnElement[bool]:
     other = aliased(Job)  # few jobs have notes, which a partial index covers
-    noted = select(other.id).where(other.note.is_not(None), says(word, other.note, other.id))
-    scenes = select(Scene.id).where(says(word, Scene.name, Scene.id))
-    return or_(says(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))
+    noted = select(other.id).where(other.note.is_not(None), matches(word, other.note, other.id))
+    scenes = select(Scene.id).where(matches(word, Scene.name, Scene.id))
+    return or_(matches(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))
 
 
 def _ordered(order: Order) -> tuple[Any, ...]:

@@ -14,17 +14,17 @@ from service.store.films import Film
 from service.store.models import FINAL, Frame, Job, Scene
 
 __all__ = [
+    "environment_not_found",
     "find_film",
     "find_job",
     "find_picture",
     "find_scene",
+    "frame_not_found",
     "is_lit",
-    "no_environment",
-    "no_frame",
-    "no_job",
-    "no_reference",
+    "job_not_found",
     "no_scene",
-    "no_thing",
+    "reference_not_found",
+    "thing_not_found",
     "without_samples",
 ]
 
@@ -34,7 +34,7 @@ def find_job(id: str, farm: Farm) -> Job:
     with farm.sessions() as session:
         job = session.get(Job, id)
     if job is None:
-        raise no_job(id)
+        raise job_not_found(id)
     return job
 
 
@@ -57,7 +57,7 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
     """Returns the film of a job that has frame n. Raises NotFound; Conflict if there is no film yet; FilmLost and FilmWaits."""
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):
-        raise no_frame(n)
+        raise frame_not_found(n)
     film = farm.film(job, frame_key(n))
     if film is None:
         raise Conflict(
@@ -102,14 +102,14 @@ def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
     )
 
 
-def no_job(id: str) -> NotFound:
+def job_not_found(id: str) -> NotFound:
     """Returns the error for a missing job."""
     return NotFound(
         Sentence("job-not-found", "There is no job {id}. GET /api/jobs lists those that are there.", id=repr(id[:60]))
     )
 
 
-def no_frame(frame: float) -> NotFound:
+def frame_not_found(frame: float) -> NotFound:
     """Returns the error for a missing frame."""
     return NotFound(
         Sentence(
@@ -127,7 +127,7 @@ def no_scene(id: str) -> NotFound:
     )
 
 
-def no_environment(id: str) -> NotFound:
+def environment_not_found(id: str) -> NotFound:
     """Returns the error for a missing environment."""
     return NotFound(
         Sentence(
@@ -138,7 +138,7 @@ def no_environment(id: str) -> NotFound:
     )
 
 
-def no_reference(id: str) -> NotFound:
+def reference_not_found(id: str) -> NotFound:
     """Returns the error for a missing reference picture."""
     return NotFound(
         Sentence(
@@ -149,6 +149,8 @@ def no_reference(id: str) -> NotFound:
     )
 
 
-def no_thing(kind: Kind, id: str) -> NotFound:
+def thing_not_found(kind: Kind, id: str) -> NotFound:
     """Returns the error for a resource that is missing or not visible to the caller, with the same message for both."""
-    return {"job": no_job, "scene": no_scene, "environment": no_environment, "reference": no_reference}[kind](id)
+    return {"job": job_not_found, "scene": no_scene, "environment": environment_not_found, "reference": reference_not_found}[
+        kind
+    ](id)

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound
-from service.intake.projects import serves
+from service.intake.projects import may_be_used_in
 from service.models.queue import WaitOut
 from service.scheduling.fleet.needs import Needs
 from service.store.models import ACTIVE, Job, Wait
@@ -50,7 +50,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
     """
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
-        if other is None or not serves(other.project, job.project):
+        if other is None or not may_be_used_in(other.project, job.project):
             raise NotFound(
                 Sentence(
                     "after-job-not-found",

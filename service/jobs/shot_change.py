@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.farm import Farm
-from service.jobs.lookup import no_job
+from service.jobs.lookup import job_not_found
 from service.scheduling.jobs.shot_changes import FrameNow, ShotRequest, added_samples, change_shot
 from service.shot import Shot
 from service.store.frame_changes import Step, apply_at_once, begin, is_short
@@ -46,7 +46,7 @@ class ShotChange:
             session.expunge(job)
         farm.frame_changes.carry_out(id)
         if farm.frame_changes.is_dropped(id):
-            raise no_job(id)
+            raise job_not_found(id)
         with farm.sessions() as session:
             query = select(Frame.number, Frame.spp, Frame.state).where(Frame.job == id).order_by(Frame.number)
             if request.is_about_failures:

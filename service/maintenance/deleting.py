@@ -9,19 +9,19 @@ from typing import NamedTuple
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from service.access.quotas import spend
+from service.access.quotas import record_spent_samples
 from service.events import Events, RowWritten
 from service.store import frame_changes
 from service.store.database import Sessions
-from service.store.frame_changes import AS_TOLD, AT_A_TIME, FrameChanges, Step
+from service.store.frame_changes import AT_A_TIME, NO_SYNCHRONIZE, FrameChanges, Step
 from service.store.garbage import Garbage
 from service.store.models import ACTIVE, Frame, Job, blobs_of
 from service.store.reserve import Reserve
 
-__all__ = ["Deleted", "Deleting"]
+__all__ = ["DeletedJob", "JobDeleter"]
 
 
-class Deleted(NamedTuple):
+class DeletedJob(NamedTuple):
     """A deleted job, with its last state and priority."""
 
     id: str
@@ -29,7 +29,7 @@ class Deleted(NamedTuple):
     priority: int
 
 
-class Deleting:
+class JobDeleter:
     """Deletes jobs. Thread-safe."""
 
     def __init__(self, sessions: Sessions, garbage: Garbage, reserve: Reserve, events: Events) -> None:
@@ -39,7 +39,7 @@ class Deleting:
         self._events = events
         self.frames = FrameChanges(sessions, events, self._forget_one)
 
-    def delete(self, ids: Sequence[str]) -> list[Deleted]:
+    def delete(self, ids: Sequence[str]) -> list[DeletedJob]:
         """Deletes jobs and their pictures, and stops active ones; returns those that existed.
 
         A long shot may be deleted in the background afterwards. Raises FarmError.
@@ -50,18 +50,18 @@ class Deleting:
             self.frames.drop_frames(job)
         return [long.get(each.id, each) for each in self._forget(ids)]
 
-    def _condemn(self, ids: Sequence[str]) -> dict[str, Deleted]:
+    def _condemn(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
         """Cancels long shots and records that their frames are to be deleted in parts."""
         with self._sessions() as session:
             counted = select(Frame.job).where(Frame.job.in_(ids)).group_by(Frame.job).having(func.count() > AT_A_TIME)
             many = list(session.scalars(counted))
-        found: dict[str, Deleted] = {}
+        found: dict[str, DeletedJob] = {}
 
         def write() -> None:
             with self._sessions.begin() as session:
                 for job in _rows(many, session):
-                    found[job.id] = Deleted(job.id, job.state, job.priority)
-                    spend([job], session)
+                    found[job.id] = DeletedJob(job.id, job.state, job.priority)
+                    record_spent_samples([job], session)
                     if job.state in ACTIVE:
                         job.state, job.finished = "cancelled", time.time()
                     frame_changes.begin(job.id, [Step("drop")], session)
@@ -73,19 +73,19 @@ class Deleting:
     def _forget_one(self, job: str) -> None:
         self._forget([job])
 
-    def _forget(self, ids: Sequence[str]) -> list[Deleted]:
-        deleted: list[Deleted] = []
+    def _forget(self, ids: Sequence[str]) -> list[DeletedJob]:
+        deleted: list[DeletedJob] = []
 
         def forget(session: Session) -> set[str]:
             deleted.clear()
             jobs = _rows(ids, session)
-            spend(jobs, session)
+            record_spent_samples(jobs, session)
             compiled = session.scalars(select(Frame.compiled).where(Frame.job.in_(ids), Frame.compiled.is_not(None)))
             own = blobs_of([ref for each in compiled if isinstance(each, dict) for ref in each.values() if isinstance(ref, dict)])
-            session.execute(delete(Frame).where(Frame.job.in_(ids)), execution_options=AS_TOLD)
+            session.execute(delete(Frame).where(Frame.job.in_(ids)), execution_options=NO_SYNCHRONIZE)
             for job in jobs:
-                deleted.append(Deleted(job.id, job.state, job.priority))
-            session.execute(delete(Job).where(Job.id.in_(ids)), execution_options=AS_TOLD)
+                deleted.append(DeletedJob(job.id, job.state, job.priority))
+            session.execute(delete(Job).where(Job.id.in_(ids)), execution_options=NO_SYNCHRONIZE)
             return own
 
         self._reserve.spend_on(lambda: self._garbage.collect(forget))

@@ -35,7 +35,7 @@ from service.store.disk_space import need_room
 from service.store.film_store import FilmStore
 from service.store.models import Frame, Job
 
-__all__ = ["Begun", "Reuse"]
+__all__ = ["Begun", "SampleReuse"]
 
 LOOKED_AT = 32  # latest jobs of a picture to examine
 RESTS = ("finished", "cancelled")
@@ -60,7 +60,7 @@ class _Source:
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
 
-class Reuse:
+class SampleReuse:
     """Copies films of earlier jobs to new ones. Thread-safe."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, board: SnapshotBoard, data: Path, min_free_bytes: int) -> None:

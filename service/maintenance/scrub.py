@@ -208,7 +208,7 @@ class Scrubber:
             else:
                 set_state(row, "running", is_anew)
                 history = History.of(row.history)
-                history.happened("healed")
+                history.add_event("healed")
                 row.history = history.to_json()
                 log.warning("%s is rendered again, as far as it is missing: %s", row.id, why)
         self._events.publish(RowWritten("job", job.id))

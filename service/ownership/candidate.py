@@ -29,7 +29,7 @@ from service.store.models import Owner
 from service.store.reserve import Reserve
 from service.store.upgrade import refuse_newer, upgrade
 
-__all__ = ["Candidate", "own"]
+__all__ = ["Candidate", "take_farm"]
 
 PATIENCE_S = 1.0  # timeout for a locked database, in seconds
 
@@ -100,11 +100,11 @@ class Candidate:
             if not has_lock:
                 return None  # the owner's release uses only the folder's lock
             upgrade(self._engine)
-        row = self.known = rows.look(self._sessions)
+        row = self.known = rows.current_owner(self._sessions)
         if row is not None and not self._is_free(row, has_lock):
             return None
         refuse_newer(self._engine)
-        epoch = rows.take(self._sessions, row, self._me, has_lock)
+        epoch = rows.take_ownership(self._sessions, row, self._me, has_lock)
         if epoch is not None:
             if row is not None and row.owner is not None:
                 log.warning("takes over from %s, which has ended or does not answer", row.place)
@@ -131,7 +131,7 @@ class Candidate:
 
     def _ask(self, row: Owner) -> None:
         try:
-            self._silence.asked(row.epoch, rows.ask(self._sessions, self._me.place))
+            self._silence.asked(row.epoch, rows.request_answer(self._sessions, self._me.place))
         except Unavailable:
             self._free_the_database(row)
             raise
@@ -150,7 +150,7 @@ def _is_damage(error: DatabaseError) -> bool:
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
-def own(settings: Settings, patience_s: float) -> Ownership:
+def take_farm(settings: Settings, patience_s: float) -> Ownership:
     """Takes the farm, for a service that does not stand by. Raises CannotStart if another service owns it.
 
     patience_s: how long to wait for an earlier service to end, in seconds.

@@ -136,7 +136,7 @@ class Ownership:
     def confirm(self) -> None:
         """Reads the row, and answers a candidate's request. Raises Unavailable."""
         began = self._clock()
-        row = rows.look(self._bare)
+        row = rows.current_owner(self._bare)
         if row is None or row.epoch != self.epoch:
             self._lose()
             return
@@ -144,7 +144,7 @@ class Ownership:
         has_lock = self._folder.attempt()
         answered = row.asked if self._moves() else row.answered
         if (answered, has_lock) != (row.answered, self._said_locked):
-            if not rows.answer(self._bare, self.epoch, answered, has_lock):
+            if not rows.record_answer(self._bare, self.epoch, answered, has_lock):
                 self._lose()
                 return
             self._said_locked = has_lock

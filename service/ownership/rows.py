@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 from service.store.database import Sessions
 from service.store.models import Owner
 
-__all__ = ["FARM", "Claimant", "answer", "ask", "give_up", "look", "take"]
+__all__ = ["FARM", "Claimant", "current_owner", "give_up", "record_answer", "request_answer", "take_ownership"]
 
 FARM = "farm"
 
@@ -32,13 +32,13 @@ class Claimant:
     process: dict[str, Any] | None
 
 
-def look(sessions: Sessions) -> Owner | None:
+def current_owner(sessions: Sessions) -> Owner | None:
     """Returns the owner's row; None if the farm never had an owner."""
     with sessions() as session:
         return session.get(Owner, FARM)
 
 
-def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
+def take_ownership(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
     """Takes ownership; returns the new epoch, or None if another service was faster.
 
     seen: the row that was found to be free; None if there was none. has_lock: whether the folder's lock is held too.
@@ -64,7 +64,7 @@ def take(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: b
         return None
 
 
-def ask(sessions: Sessions, place: str) -> int:
+def request_answer(sessions: Sessions, place: str) -> int:
     """Requests a sign of life from the owner; returns the number that it has to answer with. place: of the requesting service."""
     with sessions.begin() as session:
         session.execute(
@@ -73,7 +73,7 @@ def ask(sessions: Sessions, place: str) -> int:
         return session.scalar(select(Owner.asked).where(Owner.what == FARM)) or 0
 
 
-def answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
+def record_answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
     """Records the owner's answer to a candidate; returns False if this service is no longer the owner."""
     with sessions.begin() as session:
         changed = session.execute(

@@ -19,7 +19,7 @@ from starlette.concurrency import run_in_threadpool
 from protocol.contract import BlobRef, ShowEnvironment
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence
-from service.access.projects import hold_project
+from service.access.projects import lock_project
 from service.errors import Conflict
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -27,8 +27,8 @@ from service.http.pagination import PageDependency
 from service.http.routers import api_router
 from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
-from service.intake.projects import id_in, serving
-from service.jobs.lookup import no_environment
+from service.intake.projects import id_in, usable_in
+from service.jobs.lookup import environment_not_found
 from service.store.disk_space import full_disk
 from service.store.models import ACTIVE, Environment, Job
 
@@ -81,7 +81,7 @@ def list_environments(
     ]
     with farm.sessions() as session:
         seen = select(Environment).where(visit.sight.clause(Environment.project))
-        seen = seen if project is None else seen.where(serving(Environment.project, project))
+        seen = seen if project is None else seen.where(usable_in(Environment.project, project))
         here, rows = page.rows(seen.order_by(Environment.created.desc(), Environment.id), session, presets)
         return [*here, *map(_out, rows)]
 
@@ -122,7 +122,7 @@ def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
     with farm.sessions() as session:
         found = session.get(Environment, id)
     if found is None:
-        raise no_environment(id)
+        raise environment_not_found(id)
     blob = farm.blobs.serve(found.thumbnail)
     return StreamingResponse(blob.chunks, media_type="image/jpeg", headers={**headers, "Content-Length": str(blob.size)})
 
@@ -138,7 +138,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
     def forget(session: Session) -> set[str]:
         found = session.get(Environment, id, with_for_update=True)
         if found is None:
-            raise no_environment(id)
+            raise environment_not_found(id)
         active = session.scalars(select(Job).where(Job.state.in_(ACTIVE), Job.light.is_not(None)))
         needed = sum((job.request.get("environment") or {}).get("image") == id for job in active)
         if needed:
@@ -169,7 +169,7 @@ async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], fa
                 with farm.sessions.begin() as session:
                     found = session.get(Environment, id)
                     if found is None:
-                        hold_project(owner["project"], session)
+                        lock_project(owner["project"], session)
                         found = Environment(**row)
                         session.add(found)
                         session.flush()

@@ -69,7 +69,7 @@ async def _stream(farm: Farm, visit: Visit) -> AsyncIterator[str]:
 
 def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str]:
     view, projects = farm.engine.snapshot, farm.access.projects
-    sight = visit.sight if visit.sight.everything else projects.sight(visit.caller)  # re-evaluated: it may have changed
+    sight = visit.sight if visit.sight.everything else projects.visibility(visit.caller)  # re-evaluated: it may have changed
     with farm.sessions() as session:
         seen = [(what, id) for what, id in changed if what != "scene" or not is_lit(id, session)]
         rows = session.scalars(select(Job).where(Job.id.in_([id for what, id in changed if what == "job"])))
@@ -81,7 +81,9 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
             data = {**data, "current": seen_slots(data["current"], sight, projects)}
         elif data is not None:
             projects.note("job" if what == "job" else "scene", id, data["project"])
-        if what == "worker" or sight.sees(data["project"] if data else projects.known("job" if what == "job" else "scene", id)):
+        if what == "worker" or sight.sees(
+            data["project"] if data else projects.cached_project("job" if what == "job" else "scene", id)
+        ):
             told.append((what, id, data))
     return [EVENTS[what](id, data).to_text() for what, id, data in told]
 

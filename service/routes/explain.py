@@ -23,7 +23,7 @@ from service.jobs.lookup import find_film, find_job
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
-from service.viewing.explaining import no_sense
+from service.viewing.explaining import unreadable_answer
 
 __all__ = ["router"]
 
@@ -146,12 +146,12 @@ def explain(
     work = _question(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
     try:
-        return _told(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
+        return _explained_out(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError):  # a worker's answer is untrusted
-        raise no_sense() from None
+        raise unreadable_answer() from None
 
 
-def _told(
+def _explained_out(
     found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
 ) -> ExplainedOut:
     """Builds the answer. sums: the film's sums of the pixel's `count` samples, if rendered by the worker's kind; else None."""

@@ -22,12 +22,12 @@ from service.errors import Conflict, Invalid, NotFound, TooLarge
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
-from service.intake.uploads import gathered
+from service.intake.uploads import joined_chunks
 from service.jobs.describe import UNREADABLE_SCENE
 from service.jobs.lookup import find_job
 from service.store.bands import bands
 from service.store.blends import blend_of
-from service.store.blobs import is_sha256, no_blob
+from service.store.blobs import blob_not_found, is_sha256
 from service.store.disk_space import disk_checker, full_disk
 from service.store.models import Scene
 
@@ -73,7 +73,7 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
 def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
     """A stored file by its hash."""
     if not is_sha256(sha256):
-        raise no_blob()
+        raise blob_not_found()
     blob = farm.blobs.serve(sha256)
     return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers={"Content-Length": str(blob.size)})
 
@@ -82,11 +82,11 @@ def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
 def keep_blob(sha256: str, farm: FarmDependency) -> Response:
     """Keep a file for as long as one that was stored just now; 404 where it is not here and is to be sent."""
     if not is_sha256(sha256):
-        raise no_blob()
-    farm.garbage.promise(sha256)
+        raise blob_not_found()
+    farm.garbage.pin_until_recorded(sha256)
     if not farm.blobs.exists(sha256):
         farm.garbage.keep_promise(sha256)  # sending a blob renews its retention
-        raise no_blob()
+        raise blob_not_found()
     return Response(status_code=204)
 
 
@@ -127,13 +127,13 @@ async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Respo
         writer.write(piece)
 
     def keep() -> None:
-        farm.garbage.promise(sha256)
+        farm.garbage.pin_until_recorded(sha256)
         writer.commit()
 
     with full_disk():
         writer = await run_in_threadpool(farm.blobs.writer)
         try:
-            async for piece in gathered(request.stream()):
+            async for piece in joined_chunks(request.stream()):
                 await run_in_threadpool(take, piece)
                 if writer.size > farm.settings.max_blob_bytes:
                     raise TooLarge(

@@ -26,7 +26,7 @@ from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image import tonemap
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from renderer.settings import Tile
 from service.errors import Invalid
 from service.farm import Farm
@@ -37,7 +37,7 @@ from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
-from service.jobs.lookup import find_film, find_job, find_picture, no_frame, without_samples
+from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, without_samples
 from service.jobs.motion import motion_of
 from service.models.jobs import FrameOut, FrameState
 from service.scheduling.artifacts.artifact_task import ArtifactResult
@@ -107,7 +107,7 @@ def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
     with farm.sessions() as session:
         found = frame_out(job, session, farm.engine, frame_key(n))
     if found is None:
-        raise no_frame(n)
+        raise frame_not_found(n)
     return found
 
 
@@ -266,9 +266,9 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
     """Returns the requested planes, and whether they are layers in addition to the colour."""
     asked = [name.strip() for name in text.split(",")]
     try:
-        names = aovs.known(name for name in asked if name not in ("color", ""))
+        names = aovs.parse_names(name for name in asked if name not in ("color", ""))
     except SettingsError as error:
-        raise Invalid(stopped(error)) from None
+        raise Invalid(with_full_stop(error)) from None
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
 
 

@@ -14,8 +14,8 @@ from service.jobs.change import change
 from service.jobs.change_many import change_many
 from service.jobs.create import begin_anew, create
 from service.jobs.describe import describe, jobs_out
-from service.jobs.listing import Chosen, Order, words_of
-from service.jobs.lookup import no_job
+from service.jobs.listing import JobFilter, Order, words_of
+from service.jobs.lookup import job_not_found
 from service.models.changes import MOST_JOBS, ChangesIn, ChangesOut
 from service.models.jobs import JobIn, JobOut, JobPatch, JobState
 
@@ -43,13 +43,13 @@ def _chosen(
     ] = "",
     shot: Annotated[bool | None, Query(description="true: shots alone; false: stills alone")] = None,
     ids: Annotated[str, Query(max_length=4000, description="these alone, with commas between them")] = "",
-) -> Chosen:
-    return Chosen(
+) -> JobFilter:
+    return JobFilter(
         tuple(state or ()), scene, words_of(search), shot, tuple(id for id in ids.split(",") if id), visit.sight, project
     )
 
 
-Choice = Annotated[Chosen, Depends(_chosen)]
+Choice = Annotated[JobFilter, Depends(_chosen)]
 
 
 @router.post("", status_code=201, response_model=JobOut)
@@ -146,4 +146,4 @@ def begin_job_anew(id: str, farm: FarmDependency, response: Response, visit: Vis
 def delete_job(id: str, farm: FarmDependency) -> None:
     """Delete a job and its pictures; one that is being rendered is stopped."""
     if not farm.deleting.delete([id]):
-        raise no_job(id)
+        raise job_not_found(id)

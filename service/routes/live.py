@@ -36,7 +36,7 @@ from service.http.routers import api_router
 from service.http.websocket_messages import throttled_messages
 from service.jobs.describe import job_out
 from service.jobs.describe_frames import frame_numbers, plain_frames
-from service.jobs.lookup import no_job
+from service.jobs.lookup import job_not_found
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.store.films import Film
 from service.store.models import ACTIVE, Frame, Job
@@ -67,7 +67,7 @@ async def live(
     await socket.accept()
     first = await run_in_threadpool(_first_frame, farm, id)
     if first is None:
-        await socket.close(NOT_FOUND, str(no_job(id))[:120])
+        await socket.close(NOT_FOUND, str(job_not_found(id))[:120])
         return
     with farm.broadcast.listen(id, first if frame is None else frame_key(frame)) as listener:
         watcher = _Watcher(socket, id, farm, listener, snapshot)
@@ -182,14 +182,14 @@ class _Watcher:
     async def _send_state(self, now: float) -> bool:
         self._listener.changed.clear()
         self._state_at = self._spoke = now
-        state, text = await self._farm.shared.told(self._job, "state", partial(_state, self._farm, self._job))
+        state, text = await self._farm.shared.shared(self._job, "state", partial(_state, self._farm, self._job))
         if state is None:
             return False
         await self._socket.send_text(text)
         if state["shot"] is not None and now < self._frames_at and state["state"] in ACTIVE:
             self._listener.changed["job", self._job] = None  # send again later
         elif state["shot"] is not None:
-            job, frames, taken_s = await self._farm.shared.told(self._job, "frames", partial(_frames, self._farm, self._job))
+            job, frames, taken_s = await self._farm.shared.shared(self._job, "frames", partial(_frames, self._farm, self._job))
             self._frames_at = now + FRAMES_REST * taken_s
             before, self._told = self._told, frames
             for text in await run_in_threadpool(_frames_told, job, before, frames):

@@ -30,7 +30,7 @@ from service.http.farm import FarmDependency
 from service.http.gate import cookie_name
 from service.http.problems import Problem
 from service.http.routers import api_router
-from service.http.sessions import forget_login, way_out
+from service.http.sessions import forget_login, logout_url
 from service.http.visit import VisitDependency
 
 __all__ = ["router"]
@@ -120,7 +120,7 @@ def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> R
     provider = None
     if _end(request, farm) and visit.caller is not None:
         farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
-        provider = way_out(request, farm)
+        provider = logout_url(request, farm)
     response = Response(status_code=204) if provider is None else JSONResponse(LogoutOut(provider=provider).model_dump())
     _set_cookie(request, response, farm, "", 0)
     forget_login(request, response, farm)

@@ -54,7 +54,9 @@ class _Collector:
         yield GaugeMetricFamily("rayfarm_results_unread", "Results in the stream that nobody has read yet", view.results_unread)
         text = "Processor time of the engine that a batch takes, lately"
         yield GaugeMetricFamily("rayfarm_batch_cost_seconds", text, view.batch_cost_s)
-        yield GaugeMetricFamily("rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.asked)
+        yield GaugeMetricFamily(
+            "rayfarm_pictures_asked", "Pictures asked for and not made yet", self._farm.pictures.pending_count
+        )
         yield GaugeMetricFamily("rayfarm_film_samples", "Samples in the films", float(samples or 0))
         yield GaugeMetricFamily("rayfarm_film_bad_samples", "Samples left out as NaN or infinite", float(bad or 0))
         for name, text in (
@@ -73,7 +75,7 @@ class _Collector:
         yield CounterMetricFamily("rayfarm_results", text, view.counts.get("results", 0))
         text = "Messages of workers that could not be handled"
         yield CounterMetricFamily("rayfarm_messages_put_aside", text, view.counts.get("put_aside", 0))
-        owner = rows.look(self._farm.sessions)
+        owner = rows.current_owner(self._farm.sessions)
         yield GaugeMetricFamily("rayfarm_owner", "1 where this service works as the farm, 0 where it stands by", 1.0)
         text = "How often a service took the farm over from another that had died or hung"
         yield CounterMetricFamily("rayfarm_takeovers", text, owner.takeovers if owner is not None else 0)

@@ -67,7 +67,7 @@ def finish(
         answer = _refused(request, refusal)
     else:
         user = found.user
-        access.keys.forget()  # the role may have changed
+        access.keys.clear_cache()  # the role may have changed
         browser = printable(request.headers.get("user-agent", ""))[:255]
         secret, _ = access.keys.make("session", user.name, Role.ADMIN, name=browser, lasts_s=SESSION_S)
         access.audit.add(user.name, "login", kind="openid", address=visit.address, status=200)

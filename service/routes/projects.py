@@ -47,7 +47,7 @@ class ProjectOut(BaseModel):
 def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
     """Your projects, by name; administrators see all. The header X-Total-Count has their number."""
     projects = farm.access.projects
-    return [_out(found) for found in projects.described(page.of(projects.named(visit.sight)))]
+    return [_out(found) for found in projects.described(page.slice_of(projects.named(visit.sight)))]
 
 
 @router.post("", status_code=201, response_model=ProjectOut)
@@ -65,13 +65,13 @@ def remove_project(name: str, farm: FarmDependency) -> None:
 @router.put("/{name}/members/{user}", response_model=ProjectOut)
 def let_in(name: str, user: str, farm: FarmDependency, asked: MemberIn | None = None) -> ProjectOut:
     """Let a user see what is in it, and unless the role is view add to it; of a member it is the role from now on."""
-    return _out(farm.access.projects.let_in(name, user, (asked or MemberIn()).role))
+    return _out(farm.access.projects.add_member(name, user, (asked or MemberIn()).role))
 
 
 @router.delete("/{name}/members/{user}", response_model=ProjectOut)
 def put_out(name: str, user: str, farm: FarmDependency) -> ProjectOut:
     """Let a user see it no more. It holds at once, also for what is open."""
-    return _out(farm.access.projects.put_out(name, user))
+    return _out(farm.access.projects.remove_member(name, user))
 
 
 def _out(found: Summary) -> ProjectOut:

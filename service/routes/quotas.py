@@ -48,13 +48,13 @@ class SetAllowanceOut(AllowanceOut):
 @router.get("/api/quota", response_model=list[AllowanceOut])
 def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut]:
     """What you may have and do, and what of it is used; of your token too, where that has limits of its own."""
-    return [_out(found) for found in farm.quotas.of(visit.caller)]
+    return [_out(found) for found in farm.quotas.allowances_of(visit.caller)]
 
 
 @router.get("/api/quotas", response_model=list[SetAllowanceOut])
 def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowanceOut]:
     """Of all users, and of tokens that have limits of their own: a page. The header X-Total-Count has their number."""
-    described = farm.quotas.described(page.of(farm.quotas.named()))
+    described = farm.quotas.described(page.slice_of(farm.quotas.named()))
     return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in described]
 
 

@@ -25,9 +25,9 @@ from service.http.pagination import PageDependency
 from service.http.routers import api_router
 from service.http.single_upload import UPLOAD_FORM, check_room, only_file, read_one
 from service.http.visit import InProject, IntoProject, VisitDependency
-from service.intake.projects import Owner, serving
+from service.intake.projects import Owner, usable_in
 from service.intake.references import SUFFIXES, keep_reference
-from service.jobs.lookup import no_reference
+from service.jobs.lookup import reference_not_found
 from service.store.models import Reference
 from service.watching import film_picture
 from service.watching.film_packet import unpacked
@@ -63,7 +63,7 @@ def list_references(
 ) -> list[ReferenceOut]:
     """A page of them, the newest first. With a project: its own, and those of none. The header X-Total-Count has their number."""
     seen = select(Reference).where(visit.sight.clause(Reference.project))
-    seen = seen if project is None else seen.where(serving(Reference.project, project))
+    seen = seen if project is None else seen.where(usable_in(Reference.project, project))
     with farm.sessions() as session:
         _, rows = page.rows(seen.order_by(Reference.created.desc(), Reference.id), session)
         return [_out(row) for row in rows]
@@ -163,7 +163,7 @@ def delete_reference(id: Id, farm: FarmDependency) -> None:
     def forget(session: Session) -> set[str]:
         found = session.get(Reference, id, with_for_update=True)
         if found is None:
-            raise no_reference(id)
+            raise reference_not_found(id)
         session.delete(found)
         return found.blobs
 
@@ -174,7 +174,7 @@ def _find(id: str, farm: Farm) -> Reference:
     with farm.sessions() as session:
         found = session.get(Reference, id)
     if found is None:
-        raise no_reference(id)
+        raise reference_not_found(id)
     return found
 
 

@@ -62,7 +62,7 @@ def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependen
         terms = _terms(session)
         jobs = _jobs(session, terms)
         names = {share_of(user) for user in session.scalars(select(User.name))}
-    told = page.of([share for share in sorted(names | terms.keys() | jobs.keys()) if _is_told(share, visit)])
+    told = page.slice_of([share for share in sorted(names | terms.keys() | jobs.keys()) if _is_told(share, visit)])
     slots = _slots(farm, terms)
     return [_out(share, terms.get(share, Terms()), slots, jobs) for share in told]
 

@@ -16,7 +16,7 @@ from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image import tonemap
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -156,9 +156,9 @@ def _is_wanted(frame: FrameNumbers, which: str) -> bool:
 
 def _wish(format: str, aov: str, exposure: float, curve: str) -> PictureWish:
     try:
-        planes = aovs.known(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
+        planes = aovs.parse_names(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
     except SettingsError as error:
-        raise Invalid(stopped(error)) from None
+        raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
     wish = PictureWish(format, tuple(planes), bool(planes), exposure, _curve(curve))
     wish.check()
@@ -183,7 +183,7 @@ def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
-        raise Invalid(stopped(error)) from None
+        raise Invalid(with_full_stop(error)) from None
     with farm.sessions() as session:
         found = frame_numbers(job, session, farm.engine)
     return {key: frame for key, frame in found if keys is None or key in keys}

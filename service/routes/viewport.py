@@ -19,11 +19,11 @@ from starlette.concurrency import run_in_threadpool
 
 from protocol.viewport import FROM_CLIENT, Look, Pause, Pick, Refused, ViewState
 from protocol.websocket import NOT_FOUND, Acknowledge, FromService, read_client
-from renderer.sentences import Sentence, encoded, stopped
+from renderer.sentences import Sentence, encoded, with_full_stop
 from service.errors import FarmError, NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.problems import told
+from service.http.problems import validation_message
 from service.http.routers import api_router
 from service.http.websocket_messages import throttled_messages
 from service.jobs.lookup import find_scene
@@ -120,7 +120,7 @@ class _Viewer:
             try:
                 self._hear(text)
             except ValidationError as error:
-                self._refuse(stopped(told(error.errors()[0])))
+                self._refuse(with_full_stop(validation_message(error.errors()[0])))
             except (ValueError, TypeError, OverflowError, RecursionError):
                 self._refuse(NOT_UNDERSTOOD)
 
@@ -205,7 +205,7 @@ class _Viewer:
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
         about = self._scene, request["environment"], request["variant"]
-        row = None if tries_again else lighting.known(*about)
+        row = None if tries_again else lighting.find_row(*about)
         if row is None and makes:
             row = lighting.row(*about)
         if row is None or (row.status == "preparing" and not makes):

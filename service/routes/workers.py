@@ -14,7 +14,7 @@ from service.http.redaction import seen_slots
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out
-from service.scheduling.faults.redis_errors import away
+from service.scheduling.faults.redis_errors import redis_unavailable
 from service.scheduling.fleet.workers import BY_A_PERSON
 from service.store.models import WorkerTerms
 
@@ -64,7 +64,7 @@ def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> Worke
         try:
             farm.engine.order(name, why)
         except redis.RedisError as error:
-            raise away(error) from None
+            raise redis_unavailable(error) from None
     return worker_out(report, why, farm.engine.snapshot)
 
 
@@ -84,7 +84,7 @@ def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
     try:
         lines = farm.engine.worker_log(name)
     except redis.RedisError as error:
-        raise away(error) from None
+        raise redis_unavailable(error) from None
     if lines is None:
         raise Unavailable(
             Sentence(

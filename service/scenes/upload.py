@@ -15,7 +15,7 @@ from service.farm import Farm
 from service.intake.examples import examples, form_of
 from service.intake.projects import Owner, id_in
 from service.intake.record import record
-from service.intake.uploads import Upload, keep, receive
+from service.intake.uploads import Upload, receive, store_form
 from service.jobs.lookup import find_scene, no_scene
 from service.store.disk_space import full_disk
 from service.store.models import Scene
@@ -82,7 +82,7 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
     def write(stored: Upload) -> Scene:
         return _recorded(stored, owner, visit, farm)
 
-    return keep(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
+    return store_form(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
 
 
 def _owner(project: str, visit: Visit, farm: Farm) -> Owner:

@@ -122,7 +122,7 @@ class Answers:
         self._batches = 0  # number of batches in the latest results
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; and their results
 
-    def take_in(self, block_ms: int) -> None:
+    def read_answers(self, block_ms: int) -> None:
         """Reads new messages, blocking for at most `block_ms` milliseconds, and stores those that can be stored.
 
         Raises redis.RedisError.
@@ -210,10 +210,10 @@ class Answers:
         while answers:
             answer = answers[0]
             if not isinstance(answer.message, BatchDone):
-                self._apart(answer.entry, answer.message, partial(self._hear, answer.message))
+                self._isolated(answer.entry, answer.message, partial(self._hear, answer.message))
             self._stored.append(answers.pop(0).entry)
 
-    def _apart(
+    def _isolated(
         self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
     ) -> None:
         """Handles one message, and puts it aside if handling it raises an error that the message itself caused.
@@ -260,7 +260,7 @@ class Answers:
                 arrived.extend(self._add(job, [answer]))
 
             for answer in rendered:  # one at a time, since only some may be faulty
-                self._apart(answer.entry, answer.message, partial(add, answer))
+                self._isolated(answer.entry, answer.message, partial(add, answer))
         spans = (each for answer in rendered if isinstance(answer.message, BatchDone) for each in answer.message.traceparents)
         traces.merged(job, begun, len(arrived), spans)
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
@@ -280,7 +280,7 @@ class Answers:
         with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
             noted = partial(self._note_one, job, each, answer.sums or b"")
-            self._apart(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
+            self._isolated(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
             if each.fault is None and each.taken and each.batch is not None:
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
                 if each.message.bad_count:
@@ -307,7 +307,7 @@ class Answers:
 
     def _note_one(self, job: ActiveJob, each: Arrived, sums: bytes) -> None:
         if each.taken and each.batch is not None:
-            self._trust.taken(job, each.message, each.batch, sums)
+            self._trust.consider_verification(job, each.message, each.batch, sums)
         pieces = each.message.pieces
         if each.fault is not None and each.batch is not None:
             self._unusable(job, each.message, each.batch, each.fault)
@@ -351,7 +351,7 @@ class Answers:
             text = words_of(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)
             self._logs.tiles.note(job.id, batch.frame, batch.tile, text)
             for line in said.lines:
-                job.history.log.say(f"{said.worker}, {named(batch)}: {line}")
+                job.history.log.add_line(f"{said.worker}, {named(batch)}: {line}")
 
     def _hear(self, message: Message) -> None:
         match message:
@@ -385,11 +385,11 @@ class Answers:
                 if (job := self._scheduler.jobs.get(message.job)) is not None:
                     log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
                     unfit = Fault(message.worker, message.error, message.passing) if message.unfit else None
-                    job.history.log.say(str(unfit or message.error))
+                    job.history.log.add_line(str(unfit or message.error))
                     self._errands.moments.returned(job, message.work, unfit)
                     self._tell("job", job.id)
             case _:
-                self._errands.heard_aside(message)
+                self._errands.handle_artifact(message)
 
     def _failed(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)

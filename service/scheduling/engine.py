@@ -273,7 +273,7 @@ class Engine:
         self._bulkheads.carry_out(self._lifecycle.end)
         self.trust.carry_out(self._lifecycle.again)
         self._step_fault = self._own_fault_of(self._hand_out)
-        self._answers.take_in(1 if self._lifecycle.is_loading else BLOCK_MS)
+        self._answers.read_answers(1 if self._lifecycle.is_loading else BLOCK_MS)
 
     def _hand_out(self) -> None:
         while not self._asked.empty():
@@ -282,7 +282,7 @@ class Engine:
         if shots := self._shots():
             for job in self._errands.moments.fill(shots, self._lifecycle.auto_of, self._scheduler.busy()):
                 self._lifecycle.record(job)
-        self._errands.fill_aside()
+        self._errands.fill_artifacts()
         with self._pace.busy():
             self._answers.look_for_unread()
             self._scheduler.fill(self._lifecycle.start)
@@ -337,7 +337,7 @@ class Engine:
         faults = [
             self._own_fault_of(part)
             for part in (
-                *(self.logs.flush, self._look_at_keys, self._answers.review, self._errands.review_aside),
+                *(self.logs.flush, self._look_at_keys, self._answers.review, self._errands.review_artifacts),
                 *(lambda: self._scheduler.review(self._results), self.trust.review, self._waiting.review),
                 *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
             )

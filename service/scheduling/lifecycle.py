@@ -15,7 +15,7 @@ from typing import Any
 from protocol.contract import SceneInfo
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from service.errors import FarmError
 from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
 from service.intake.resolve import frame_settings, refuse_warnings
@@ -112,7 +112,7 @@ class Lifecycle:
         if row is None or row.state not in ACTIVE:
             self._loading.forget(id)
             if job is not None:
-                job.history.log.say(row.state if row is not None else "deleted")
+                job.history.log.add_line(row.state if row is not None else "deleted")
                 job_over(job, row.state if row is not None else "deleted")
                 self._drop(job)
             self._rest(id)
@@ -160,7 +160,7 @@ class Lifecycle:
             self._scheduler.withdraw(job)
             self._records.progress(job)
         if row.state != job.state and "paused" in (row.state, job.state):
-            job.history.happened("paused" if row.state == "paused" else "resumed")
+            job.history.add_event("paused" if row.state == "paused" else "resumed")
         job.state, job.priority, job.max_slots = row.state, row.priority, row.max_slots
         if (needs := Needs.of(row.needs)) != job.needs:
             self._scheduler.withdraw(job)
@@ -197,7 +197,7 @@ class Lifecycle:
             if not self._records.started(job.id, kind):
                 return False
             job.started, job.state = True, "running"
-            job.history.happened("begun", kind)
+            job.history.add_event("begun", kind)
             job.kind = job.kind or kind
             self._tell("job", job.id)
         return True
@@ -214,17 +214,17 @@ class Lifecycle:
             job.tick(job.started)
             job.finish_frames()
         if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
-            job.history.happened("picture")
-        job.history.left(self._scheduler.connected())
+            job.history.add_event("picture")
+        job.history.note_departed(self._scheduler.connected())
         if job.shot is None:
             next(iter(job.frames.values())).renew_noise()
-        job.history.measured(job.active_s, job.samples, job.noise_now, is_over)
+        job.history.add_point(job.active_s, job.samples, job.noise_now, is_over)
         gone = job.release()
         self._records.progress(job)
         if gone:
             self._events.publish(BlobsReleased(gone))
         if is_over and self._records.finished(job, measured(job)):
-            job.history.log.say(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
+            job.history.log.add_line(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             job_over(job, "finished")
             self._tell("scene", job.scene)
             self._drop(job)
@@ -251,18 +251,18 @@ class Lifecycle:
         self._errands.moments.heard(job, message.work, message.frame, message.worker, found)
         name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(message.frame)))
         if isinstance(message, FrameFailed):
-            job.history.log.say(f"{name} could not be prepared by {message.worker}: {message.error}")
+            job.history.log.add_line(f"{name} could not be prepared by {message.worker}: {message.error}")
             if not frame.is_over:
                 job.fail(frame, message.error)
         else:
             info = message.info
-            job.history.log.say(f"{name} was prepared by {message.worker} in {info.seconds:.2f} s")
+            job.history.log.add_line(f"{name} was prepared by {message.worker} in {info.seconds:.2f} s")
             try:
                 if job.request.get("strict"):
                     refuse_warnings(info.warnings, job.request)
                 settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
             except SettingsError as error:
-                job.fail(frame, stopped(error))
+                job.fail(frame, with_full_stop(error))
                 return
             job.prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
         self._tell("job", job.id)
@@ -278,7 +278,7 @@ class Lifecycle:
         """Fails a job or a scene; the job's samples are kept."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
-            job.history.log.say(f"failed: {verdict.error}", verdict.reproduce or "")
+            job.history.log.add_line(f"failed: {verdict.error}", verdict.reproduce or "")
             job_over(job, "failed", verdict.error)
             self._drop(job)  # first, since it ends even if the database is away
         command = reproduce(verdict.reproduce, job) if verdict.reproduce and job is not None else verdict.reproduce

@@ -151,7 +151,7 @@ class Loading:
         upload = self._records.scene(row.scene) if row.lit else scene
         job.foretold_s = float(((upload and upload.measured) or {}).get("sample_s") or 0.0)
         job.history.log = self._logs.of(row.id)
-        job.history.log.say(_summary(job, scene))
+        job.history.log.add_line(_summary(job, scene))
         self._scheduler.jobs[row.id] = job
         if not is_of_this_round:
             self._catch_up(job, row.stage)

@@ -19,7 +19,7 @@ from protocol.contract import SceneInfo
 from protocol.terms import Terms as WorkerTerms
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
-from renderer.sentences import Sentence, joined, stopped
+from renderer.sentences import Sentence, joined, with_full_stop
 from renderer.settings import RenderSettings
 from service.errors import Conflict
 from service.intake.resolve import refusal, resolve
@@ -37,7 +37,7 @@ __all__ = ["PendingJob", "Records"]
 # columns of a frame that the engine writes
 NUMBERS = ("samples", "target", "bad_samples", "progress", "noise", "compiled", "settings")
 AT_A_TIME = 2000  # frames of a shot read at once
-AS_TOLD = {"synchronize_session": False}  # no loaded row needs the new values
+NO_SYNCHRONIZE = {"synchronize_session": False}  # no loaded row needs the new values
 
 
 # The columns of FrameRow. Settings make up most of a row and are read when needed.
@@ -180,7 +180,7 @@ class Records:
                     found[row.name] = WorkerTerms.from_bytes(json.dumps(row.terms).encode())
         return found
 
-    def waited(self, other: str) -> None:
+    def remove_waits(self, other: str) -> None:
         """Removes the dependencies on a finished job."""
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
@@ -241,7 +241,7 @@ class Records:
                 try:
                     resolve(job, scene, self._max_pixels)
                 except SettingsError as error:
-                    job.state, job.error, job.finished = "failed", stopped(error), time.time()
+                    job.state, job.error, job.finished = "failed", with_full_stop(error), time.time()
             return job
 
     def started(self, id: str, kind: str) -> bool:
@@ -262,7 +262,7 @@ class Records:
         """Stores a job's progress; of a shot, that of changed frames."""
         with self._sessions.begin() as session:
             told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
-            session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=AS_TOLD)
+            session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=NO_SYNCHRONIZE)
             if job.shot is None:
                 _write_still(session, job)
             else:
@@ -349,7 +349,7 @@ class Records:
             if not said:
                 return None
             scene.notes = said
-            scene.status, scene.error = "failed", stopped(refusal(said))
+            scene.status, scene.error = "failed", with_full_stop(refusal(said))
             return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:
@@ -366,7 +366,7 @@ def _write_still(session: Session, job: ActiveJob) -> None:
     for frame in job.frames.values():
         numbers = {"samples": frame.samples, "target": frame.target_samples, "bad_samples": frame.bad_samples}
         row = update(Frame).where(Frame.job == job.id, Frame.number == frame.key)
-        session.execute(row.values(progress=job.progress, noise=frame.noise, **numbers), execution_options=AS_TOLD)
+        session.execute(row.values(progress=job.progress, noise=frame.noise, **numbers), execution_options=NO_SYNCHRONIZE)
 
 
 def _write_shot(session: Session, job: ActiveJob, asked: Shot) -> None:

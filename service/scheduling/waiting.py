@@ -56,7 +56,7 @@ class DependencyTracker:
         failed = False
         for job, other, name, state in waits:
             if state == "finished":
-                self._records.waited(other)
+                self._records.remove_waits(other)
                 continue
             ended = {
                 None: Sentence("job-was-deleted", "was deleted"),

@@ -17,7 +17,7 @@ from service.errors import NotFound
 from service.store.atomic_files import PRIVATE_FOLDER, move_whole
 from service.store.staging import BlobWriter, Staging
 
-__all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "is_sha256", "no_blob"]
+__all__ = ["CHUNK", "OLD_S", "BlobFolder", "BlobStore", "ServedBlob", "blob_not_found", "is_sha256"]
 
 SHA256 = re.compile(r"[0-9a-f]{64}")
 CHUNK = 1 << 20
@@ -110,7 +110,7 @@ class BlobFolder:
         try:
             return self._path(sha256).open("rb")
         except FileNotFoundError:
-            raise no_blob() from None
+            raise blob_not_found() from None
 
     def serve(self, sha256: str) -> ServedBlob:
         """Implements `BlobStore.serve`."""
@@ -166,7 +166,7 @@ class BlobFolder:
         return self._folder / sha256[:2] / sha256
 
 
-def no_blob() -> NotFound:
+def blob_not_found() -> NotFound:
     """Returns the NotFound error for a blob that does not exist."""
     return NotFound(Sentence("blob-not-found", "There is no blob of this hash; its scene may have been deleted."))
 

@@ -20,7 +20,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from renderer.sentences import Sentence
 from service.errors import Invalid, Unavailable
 from service.store.atomic_files import PRIVATE
-from service.store.disk_space import no_room
+from service.store.disk_space import disk_full_error
 from service.store.upgrade import upgrade
 from service.store.writer_queue import Turns
 
@@ -81,7 +81,7 @@ class Sessions:
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """Opens a writing transaction: commits at the end, rolls back if an exception leaves the block."""
-        turn = self._turns.taken(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
+        turn = self._turns.turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)
@@ -165,7 +165,7 @@ def faults() -> Iterator[None]:
         ) from error
     except DBAPIError as error:
         if getattr(error.orig, "sqlite_errorcode", 0) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE):
-            raise no_room() from error
+            raise disk_full_error() from error
         if isinstance(error, DataError):  # from PostgreSQL, which does not accept NUL characters
             raise Invalid(
                 Sentence(

@@ -11,12 +11,12 @@ from pathlib import Path
 from renderer.sentences import Sentence
 from service.errors import NoRoom
 
-__all__ = ["disk_checker", "full_disk", "need_room", "no_room"]
+__all__ = ["disk_checker", "disk_full_error", "full_disk", "need_room"]
 
 CHECK_EVERY = 16 << 20
 
 
-def no_room() -> NoRoom:
+def disk_full_error() -> NoRoom:
     """Returns the error for a full disk."""
     return NoRoom(
         Sentence("disk-full", "The service's disk is full. Delete scenes or jobs that are no longer needed."),
@@ -31,14 +31,14 @@ def full_disk() -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise no_room() from error
+            raise disk_full_error() from error
         raise
 
 
 def need_room(folder: Path, keep_free: int) -> None:
     """Raises NoRoom if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
     if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
-        raise no_room()
+        raise disk_full_error()
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:

@@ -9,10 +9,10 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from renderer.sentences import Sentence, joined, stopped
+from renderer.sentences import Sentence, joined, with_full_stop
 from service.errors import FilmDamaged, FilmLost, FilmWaits, NotFound
 
-__all__ = ["FILM", "FilmClosed", "another_has_it", "damaged", "film_faults", "incomplete"]
+__all__ = ["FILM", "FilmClosed", "damaged", "film_faults", "incomplete", "owned_elsewhere"]
 
 FILM = Sentence("film-of-job", "The film of this job")  # first words of all these error messages
 AGAIN = Sentence("advice-set-running", "Set the job to running, and it is rendered again.")
@@ -61,13 +61,13 @@ def film_faults() -> Iterator[None]:
         code = getattr(error, "sqlite_errorcode", None)
         if code is None:
             raise  # from the driver: a programming error, not a fault of the film
-        raise _told(code, str(error)) from error
+        raise _classified(code, str(error)) from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise _told(sqlite3.SQLITE_FULL, "") from error
+            raise _classified(sqlite3.SQLITE_FULL, "") from error
         if error.errno == errno.EROFS:
-            raise _told(sqlite3.SQLITE_READONLY, "") from error
-        raise _told(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
+            raise _classified(sqlite3.SQLITE_READONLY, "") from error
+        raise _classified(sqlite3.SQLITE_IOERR if error.errno in OS_PASSES else sqlite3.SQLITE_PERM, str(error)) from error
 
 
 def damaged(why: str) -> FilmDamaged:
@@ -90,12 +90,12 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
     )
 
 
-def another_has_it() -> FilmWaits:
+def owned_elsewhere() -> FilmWaits:
     """Returns the error for a film that another service writes since it took over the farm."""
     return FilmWaits(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 
-def _told(code: int, message: str) -> FilmWaits | FilmLost:
+def _classified(code: int, message: str) -> FilmWaits | FilmLost:
     primary = code & 0xFF
     why = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
     if primary in PASSES and code not in DAMAGED and code != MOVED:
@@ -116,4 +116,4 @@ def _told(code: int, message: str) -> FilmWaits | FilmLost:
 
 
 def _with_why(fact: str, why: str) -> str:
-    return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=why) if why else stopped(fact)
+    return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=why) if why else with_full_stop(fact)

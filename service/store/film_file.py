@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from service.errors import FarmError
-from service.store.film_faults import another_has_it, damaged, film_faults
+from service.store.film_faults import damaged, film_faults, owned_elsewhere
 from service.store.film_version import FilmShape, Row, bring_up_to_date, checksum, is_up_to_date, is_whole, select_rows, spans
 
 __all__ = ["FilmFile", "Head", "head_spans"]
@@ -230,7 +230,7 @@ class FilmFile:
             self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")
         found = self._database.execute("SELECT epoch FROM owner").fetchone()
         if found is not None and found[0] > epoch:
-            raise another_has_it()
+            raise owned_elsewhere()
         if found is None or found[0] < epoch:
             self._database.execute("DELETE FROM owner")
             self._database.execute("INSERT INTO owner VALUES (?)", (epoch,))

@@ -149,7 +149,7 @@ class FilmFolder:
             self._in_use.move_to_end(id(film))
             for key in list(self._in_use)[: max(len(self._in_use) - MAX_FILES, 0)]:
                 other = self._in_use[key]()
-                if other is None or other.rest():
+                if other is None or other.close_file():
                     del self._in_use[key]
 
     def unpin(self, job: str) -> None:

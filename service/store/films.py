@@ -102,7 +102,7 @@ class Film:
             if self._file is not None:
                 self._on_use(self)
 
-    def rest(self) -> bool:
+    def close_file(self) -> bool:
         """Closes the file but keeps its index; the next use opens it again. Returns False if another thread uses the film."""
         if not self._lock.acquire(blocking=False):
             return False

@@ -29,7 +29,7 @@ __all__ = ["FrameChanges", "Step", "apply_at_once", "begin", "is_short"]
 AT_A_TIME = 2000  # frames per transaction
 MOST_PAUSE_S = 0.1
 AGAIN_AFTER_S = 5.0  # delay in seconds after an error of the database or the disk
-AS_TOLD = {"synchronize_session": False}
+NO_SYNCHRONIZE = {"synchronize_session": False}
 NEARLY = 0.9999
 
 Given = Mapping[int, Mapping[str, Any]]  # by frame key: columns with values that differ from those of the other frames
@@ -155,7 +155,7 @@ class FrameChanges:
             with self._sessions.begin() as session:
                 some = select(Frame.number).where(Frame.job == job, Frame.compiled.is_(None)).limit(AT_A_TIME)
                 keys = list(session.scalars(some))
-                session.execute(delete(Frame).where(Frame.job == job, Frame.number.in_(keys)), execution_options=AS_TOLD)
+                session.execute(delete(Frame).where(Frame.job == job, Frame.number.in_(keys)), execution_options=NO_SYNCHRONIZE)
             if len(keys) < AT_A_TIME:
                 return
             self._pause(began)
@@ -265,15 +265,15 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
         case "aim":
             if not step.keep:
                 lower = update(Frame).where(Frame.job == job.id, Frame.number.in_(keys), Frame.spp <= (job.spp or 0))
-                session.execute(lower.values(spp=None), execution_options=AS_TOLD)
+                session.execute(lower.values(spp=None), execution_options=NO_SYNCHRONIZE)
             frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
         case "more":
             wanted = literal(step.spp) if step.spp is not None else func.coalesce(Frame.spp, job.spp or 0) + (step.more or 0)
-            session.execute(frames.values(spp=wanted), execution_options=AS_TOLD)
+            session.execute(frames.values(spp=wanted), execution_options=NO_SYNCHRONIZE)
             frames = frames.where(Frame.state != "failed").values(_aimed(job) | opened)
         case "heal":
             frames = frames.where(Frame.state == "failed").values(opened)
-    session.execute(frames, execution_options=AS_TOLD)
+    session.execute(frames, execution_options=NO_SYNCHRONIZE)
 
 
 def _note_spent(job: Job, keys: list[int], session: Session) -> None:

@@ -83,14 +83,14 @@ class Garbage:
                 with contextlib.suppress(FarmError):  # the next collection deletes them
                     self.collect(lambda session: set())
 
-    def promise(self, sha256: str) -> None:
+    def pin_until_recorded(self, sha256: str) -> None:
         """Pins a blob that a worker stores, until its reference is recorded or `patience_s` has passed."""
         with self._lock:
             self._forget_promises()
             self._promise(sha256)
             self._save({sha256})
 
-    def inherit(self, hashes: set[str]) -> None:
+    def adopt_unreferenced(self, hashes: set[str]) -> None:
         """Takes over unreferenced blobs found at start.
 
         A worker may have stored some of them, with its message still in transit. Those not referred to within `patience_s` are
@@ -102,7 +102,7 @@ class Garbage:
             self._left |= hashes
 
     def keep_promise(self, sha256: str, times: int = 1) -> None:
-        """Removes `times` pins made by `promise`: the blob is referred to, or was never stored."""
+        """Removes `times` pins made by `pin_until_recorded`: the blob is referred to, or was never stored."""
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left

@@ -23,7 +23,7 @@ from obstore.store import S3Store
 from renderer.sentences import Sentence
 from renderer.variables import FILE, value_of
 from service.errors import NotFound, Unavailable
-from service.store.blobs import CHUNK, OLD_S, ServedBlob, is_sha256, no_blob
+from service.store.blobs import CHUNK, OLD_S, ServedBlob, blob_not_found, is_sha256
 from service.store.staging import BlobWriter, Staging
 
 __all__ = ["S3Blobs"]
@@ -139,7 +139,7 @@ class S3Blobs:
         try:
             yield
         except FileNotFoundError:
-            raise no_blob() from None
+            raise blob_not_found() from None
         except BaseError as error:
             why = str(error).partition("\n")[0]
             raise Unavailable(

@@ -14,14 +14,14 @@ from sqlalchemy import Engine, inspect, text
 from service.errors import CannotStart
 from service.store.models import Scene
 
-__all__ = ["FIRST", "Standing", "refuse_newer", "standing", "upgrade"]
+__all__ = ["FIRST", "SchemaState", "refuse_newer", "schema_state", "upgrade"]
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 FIRST = "0001"  # the tables of release 0.1.0, which recorded no revision
 
 
 @dataclass(frozen=True)
-class Standing:
+class SchemaState:
     """The revision of a database (None: release 0.1.0, or empty), and that of this release."""
 
     current: str | None
@@ -29,18 +29,18 @@ class Standing:
     is_newer: bool
 
 
-def standing(engine: Engine) -> Standing:
+def schema_state(engine: Engine) -> SchemaState:
     """Returns the revision of a database. Changes nothing."""
     known = _revisions()
     with engine.connect() as connection:
         recorded = inspect(connection).has_table("alembic_version")
         current = connection.scalar(text("SELECT version_num FROM alembic_version")) if recorded else None
-    return Standing(current, known[-1], current is not None and current not in known)
+    return SchemaState(current, known[-1], current is not None and current not in known)
 
 
-def refuse_newer(engine: Engine) -> Standing:
+def refuse_newer(engine: Engine) -> SchemaState:
     """Returns the revision of a database. Raises CannotStart for one of a newer release. Changes nothing."""
-    stands = standing(engine)
+    stands = schema_state(engine)
     if stands.is_newer:
         raise CannotStart(
             f"The database {engine.url.render_as_string()} is of a newer release of Rayfarm (revision {stands.current}; this "

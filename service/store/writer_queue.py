@@ -28,7 +28,7 @@ class Turns:
         self._numbers = count()
 
     @contextmanager
-    def taken(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
+    def turn(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
         """Waits for a turn and holds it for the duration of the block.
 
         patience_s: timeout in seconds. is_urgent: go before all that are not urgent. Raises Unavailable at the timeout.

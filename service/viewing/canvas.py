@@ -84,7 +84,7 @@ class Canvas:
         if self.tile_is_complete(tile) or has >= GROWTH * self._shown[tile]:
             self.changed[tile] = None
 
-    def take(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
+    def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
         """Returns a tile's mean, shape (3, h, w), its samples per pixel, and whether it is complete; marks it as shown."""
         self.changed.pop(tile, None)
         self._shown[tile] = self._counts[tile]

@@ -17,10 +17,10 @@ from renderer.sentences import Sentence, decoded
 from service.errors import Failed, QueueError, TooLate, Unavailable
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
-from service.scheduling.faults.redis_errors import away
+from service.scheduling.faults.redis_errors import redis_unavailable
 from service.scheduling.snapshot import SnapshotBoard
 
-__all__ = ["Explaining", "no_sense"]
+__all__ = ["PixelExplainer", "unreadable_answer"]
 
 AT_ONCE = 4  # each blocks a thread of the service
 BEGIN_S = 20.0  # until a slot starts; explanations precede batches
@@ -30,7 +30,7 @@ LOOK_S = 1.0
 ASKED_AT_MOST = 2
 
 
-class Explaining:
+class PixelExplainer:
     """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard) -> None:
@@ -84,7 +84,7 @@ class Explaining:
         try:
             unfit, queue, losses = UnfitMachines(), view_queue(kind), 0
             while losses < ASKED_AT_MOST:
-                answer = self._asked(replace(work, message=secrets.token_hex(8)), queue)
+                answer = self._answer_of(replace(work, message=secrets.token_hex(8)), queue)
                 if isinstance(answer, dict):
                     return answer
                 losses += answer is None
@@ -101,11 +101,11 @@ class Explaining:
                 2.0,
             )
         except (redis.RedisError, QueueError) as error:
-            raise away(error) from None
+            raise redis_unavailable(error) from None
         finally:
             self._room.release()
 
-    def _asked(self, work: ExplainPixel, queue: str) -> dict[str, Any] | Fault | None:
+    def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | Fault | None:
         """Sends one message and returns its answer; the fault if the worker's machine cannot do it, None if the worker was lost.
 
         Raises redis.RedisError and QueueError as well.
@@ -175,10 +175,10 @@ def _understood(data: bytes) -> dict[str, Any]:
             return answer
     except (ValueError, RecursionError):
         pass
-    raise no_sense()
+    raise unreadable_answer()
 
 
-def no_sense() -> Failed:
+def unreadable_answer() -> Failed:
     """The error for an answer that is not an explanation."""
     return Failed(
         Sentence(

@@ -35,18 +35,18 @@ class FrameCache:
         gone = [earlier[1]] if earlier else []
         if len(self._infos) > MOST:
             gone.append(self._infos.popitem(last=False)[1][1])
-        self.let_go(*gone)
+        self.delete_unused_blobs(*gone)
 
-    def keep(self, scenes: set[str]) -> None:
+    def keep_only(self, scenes: set[str]) -> None:
         """Evicts the frames of all other scenes."""
         names = [name for name, (scene, _) in self._infos.items() if scene not in scenes]
-        self.let_go(*[self._infos.pop(name)[1] for name in names])
+        self.delete_unused_blobs(*[self._infos.pop(name)[1] for name in names])
 
     def forget(self) -> None:
         """Evicts all frames, so that they are prepared again."""
-        self.keep(set())
+        self.keep_only(set())
 
-    def let_go(self, *infos: FrameInfo) -> None:
+    def delete_unused_blobs(self, *infos: FrameInfo) -> None:
         """Deletes the blobs of frames, except those that cached frames share."""
         gone = Counter[str]()
         for info in infos:

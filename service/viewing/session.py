@@ -164,7 +164,7 @@ class ViewSession:
                     lower.changed.clear()
             self._shown_samples, self._taken = canvas.samples, time.monotonic()
             is_whole = level == len(self._canvases) - 1
-            tiles = [(canvas.level.tiles[tile], *canvas.take(tile)) for tile in list(canvas.changed)]
+            tiles = [(canvas.level.tiles[tile], *canvas.take_tile(tile)) for tile in list(canvas.changed)]
         shown = [ViewTile(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
         return encode_view(shown, size, whole, request.id, seq)

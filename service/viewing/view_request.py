@@ -9,7 +9,7 @@ from typing import Any
 from protocol.contract import FrameInfo, PrepareFrames
 from renderer.errors import SettingsError
 from renderer.frames import frame_key
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from renderer.settings import OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid
 from service.intake.resolve import frame_settings, resolve
@@ -78,7 +78,7 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
         resolve(job, scene, MOST_PIXELS)
         settings = RenderSettings.from_json(job.settings or {})
     except SettingsError as error:
-        raise Invalid(stopped(error)) from None
+        raise Invalid(with_full_stop(error)) from None
     frame_request = None
     if is_shot or settings.shutter:
         cameras = (scene.info or {})["cameras"]

@@ -21,7 +21,7 @@ from protocol.sums import unpack_sums
 from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from service.errors import QueueError
 from service.events import Events
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
@@ -144,7 +144,7 @@ class ViewScheduler:
             self._losses.pop(session.id, None)
             self._unfit.forget(session.id)
             self._redis.delete(view_key(session.id))
-            self._frame_cache.keep({each.request.scene for each in self._sessions.values() if each.request is not None})
+            self._frame_cache.keep_only({each.request.scene for each in self._sessions.values() if each.request is not None})
 
         self._order(order)
 
@@ -174,7 +174,7 @@ class ViewScheduler:
             except Exception:
                 log.exception("the view scheduler failed")
                 self._stop.wait(IDLE_S)
-        self._frame_cache.keep(set())
+        self._frame_cache.keep_only(set())
 
     def _step(self) -> None:
         self._ordered.clear()
@@ -215,7 +215,7 @@ class ViewScheduler:
             try:
                 settings = session.request.at(info)
             except SettingsError as error:
-                self._fail(session, stopped(error))
+                self._fail(session, with_full_stop(error))
                 return
             compiled = info.compiled.sha256 if info.compiled else base
         if not fits_in_memory(settings.width * settings.height, self._sessions.values()):
@@ -363,7 +363,7 @@ class ViewScheduler:
         if any(each.request is not None and each.request.scene == scene for each in self._sessions.values()):
             self._frame_cache.put(name, scene, info)
         else:
-            self._frame_cache.let_go(info)
+            self._frame_cache.delete_unused_blobs(info)
 
     def _end(self, out: PendingMessage) -> None:
         """Finishes a message; its unanswered pieces are sent again."""

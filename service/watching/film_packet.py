@@ -14,7 +14,7 @@ from renderer.film import CHANNELS
 from renderer.image import rgbe9995
 from service.store.bands import bands
 from service.store.film_moment import Readable
-from service.watching.picture_response import Made
+from service.watching.picture_response import PictureBody
 
 __all__ = ["GZIP", "film_packet", "memory", "packed_picture", "unpacked"]
 
@@ -23,7 +23,7 @@ LEVEL = 1  # mantissas are noise: higher levels take longer and save nothing
 PIECE = 1 << 18
 
 
-def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
+def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> PictureBody:
     """Returns the packet of a frame. folder: for temporary files. Raises what reading a film raises."""
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]
@@ -34,14 +34,14 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Made:
         y += len(band)
     pieces = encode_film(frame // 2, (film.width, film.height), max(film.tiles[0][2:]), samples, planes)
     if not gzip:
-        return Made.of(b"".join(pieces), folder)
+        return PictureBody.of(b"".join(pieces), folder)
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
             for piece in _compressed(pieces):
                 file.write(piece)
 
-    return Made.written(write, folder, ".gz")
+    return PictureBody.written(write, folder, ".gz")
 
 
 def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:

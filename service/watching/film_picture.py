@@ -15,12 +15,12 @@ from renderer.image.encode import encode
 from renderer.sentences import Sentence
 from service.errors import Failed
 from service.watching.film_packet import GZIP
-from service.watching.picture_response import Made
+from service.watching.picture_response import PictureBody
 
-__all__ = ["light", "memory", "picture"]
+__all__ = ["memory", "picture", "radiance_of"]
 
 
-def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
+def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
     """Returns the radiance of a gzip-compressed packet, shape (h, w, 3). Raises Failed if it is damaged."""
     try:
         data = zlib.decompress(b"".join(packed), GZIP)
@@ -32,9 +32,9 @@ def light(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
     return rgbe9995.unpack(words)
 
 
-def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> Made:
+def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
     """Returns the picture file. folder: for temporary files."""
-    return Made.of(encode(light(packed), extension, exposure, curve), folder)
+    return PictureBody.of(encode(radiance_of(packed), extension, exposure, curve), folder)
 
 
 def memory(width: int, height: int) -> int:

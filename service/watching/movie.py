@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
-from service.watching.priority import no_more_urgent
+from service.watching.priority import restored_priorities
 
 if TYPE_CHECKING:
     import av
@@ -55,7 +55,7 @@ def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
     count = 0
     options = {"movflags": "+faststart"} if kind == "mp4" else {}
     try:
-        with av.open(str(path), "w", options=options) as container, no_more_urgent() as restore:
+        with av.open(str(path), "w", options=options) as container, restored_priorities() as restore:
             stream: Any = None
             for picture in pictures:
                 if stream is None:

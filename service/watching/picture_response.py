@@ -9,13 +9,13 @@ import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-__all__ = ["Made"]
+__all__ = ["PictureBody"]
 
 SMALL = 1 << 18
 PIECE = 1 << 18
 
 
-class Made:
+class PictureBody:
     """Bytes that any number of clients can read in chunks. A file on disk has no name, and is freed with its last reference."""
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
@@ -28,7 +28,7 @@ class Made:
             weakref.finalize(self, os.close, file)
 
     @classmethod
-    def of(cls, data: bytes, folder: Path) -> Made:
+    def of(cls, data: bytes, folder: Path) -> PictureBody:
         """Wraps bytes, in memory if they are few or the disk of `folder` is full."""
         if len(data) > SMALL:
             with contextlib.suppress(OSError):
@@ -36,7 +36,7 @@ class Made:
         return cls(data)
 
     @classmethod
-    def written(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> Made:
+    def written(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> PictureBody:
         """Wraps what `write` writes to a path with this suffix. Raises what `write` raises."""
         with tempfile.TemporaryDirectory(prefix="picture-", dir=folder) as own:
             path = Path(own) / f"picture{suffix}"

@@ -23,9 +23,9 @@ from service.errors import Invalid
 from service.store.bands import bands
 from service.store.films import Film
 from service.watching.downscale import side_of, smaller
-from service.watching.picture_response import Made
+from service.watching.picture_response import PictureBody
 
-__all__ = ["MEDIA", "PictureWish", "memory", "picture", "shown"]
+__all__ = ["MEDIA", "PictureWish", "display_picture", "memory", "picture"]
 
 F32 = npt.NDArray[np.float32]
 HEAT = ("samples", "error")  # planes drawn as heat maps
@@ -84,7 +84,7 @@ class PictureWish:
         return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
 
-def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
+def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> PictureBody:
     """Returns the picture file. folder: for temporary files."""
     side = side_of(wish.width, film.width, film.height)
     width, height = film.width // side, film.height // side
@@ -94,27 +94,27 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> Made:
         else:
             names = aovs.channels(aovs.MOTION) if wish.planes == (aovs.MOTION,) else RGB
         parts = (_threefold(band) for band in smaller(_values(film, frame, wish), side))
-        return Made.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
+        return PictureBody.written(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
     if wish.extension == "rgb9e5":
-        words = _laid(np.empty((height, width), "<u4"), map(rgbe9995.pack, smaller(_values(film, frame, wish), side)))
-        return Made.of(words.tobytes(), folder)
+        words = _filled_from_top(np.empty((height, width), "<u4"), map(rgbe9995.pack, smaller(_values(film, frame, wish), side)))
+        return PictureBody.of(words.tobytes(), folder)
     if not wish.planes:
-        return Made.of(encode_shown(shown(film, frame, wish), wish.extension), folder)
+        return PictureBody.of(encode_shown(display_picture(film, frame, wish), wish.extension), folder)
     (name,) = wish.planes
     values = _whole(film, frame, wish)
     between = aovs.span(name, values)
     shown_rows = (aovs.visible(name, values[y : y + ROWS], between) for y in range(0, film.height, ROWS))
-    plane = _laid(np.empty((height, width, 3), np.uint8), smaller(shown_rows, side))
-    made = Made.of(encode_shown(plane, wish.extension), folder)
+    plane = _filled_from_top(np.empty((height, width, 3), np.uint8), smaller(shown_rows, side))
+    made = PictureBody.of(encode_shown(plane, wish.extension), folder)
     if between is not None and name in HEAT:
         made.span = float(between[0]), float(between[1])
     return made
 
 
-def shown(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
+def display_picture(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
     """Returns display-encoded colour, shape (h, w, 3) uint8."""
     side = side_of(wish.width, film.width, film.height)
-    return _laid(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
+    return _filled_from_top(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
 
 
 def memory(film: Film, wish: PictureWish) -> int:
@@ -163,7 +163,7 @@ def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
     """Returns a whole plane, which is drawn relative to its minimum and maximum."""
     (name,) = wish.planes
     size = aovs.size(name)
-    plane = _laid(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
+    plane = _filled_from_top(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
     return plane if size > 1 else plane[..., 0]
 
 
@@ -172,7 +172,7 @@ def _threefold(band: F32) -> F32:
     return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
 
 
-def _laid(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+def _filled_from_top(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     """Fills `out` with parts from the top."""
     y = 0
     for part in parts:

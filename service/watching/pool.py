@@ -48,7 +48,7 @@ class Pool:
         self._seconds = 0.0  # running average of the latest durations
 
     @property
-    def asked(self) -> int:
+    def pending_count(self) -> int:
         """Number of different keys that are queued or running."""
         return len(self._made)
 
@@ -70,7 +70,7 @@ class Pool:
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
         is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
-        if is_full or (own and self.asked >= MOST_OF_ALL):
+        if is_full or (own and self.pending_count >= MOST_OF_ALL):
             raise Unavailable(
                 Sentence(
                     "picture-requests-too-many",
@@ -88,7 +88,7 @@ class Pool:
         finally:
             self._turns.give(taken)
             self._seconds += (time.monotonic() - begun - self._seconds) / 4
-            if self.asked == 1:  # the queue is empty after it
+            if self.pending_count == 1:  # the queue is empty after it
                 await anyio.to_thread.run_sync(give_back, limiter=self._limiter)
 
     def _done(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:

@@ -12,11 +12,11 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-__all__ = ["no_more_urgent"]
+__all__ = ["restored_priorities"]
 
 
 @contextlib.contextmanager
-def no_more_urgent() -> Iterator[Callable[[], None]]:
+def restored_priorities() -> Iterator[Callable[[], None]]:
     """Yields a function to be called after each step that may have raised priorities; it is called once more at the end."""
     if sys.platform != "linux":  # the encoder changes priorities on Linux only
         yield lambda: None

@@ -21,7 +21,7 @@ from renderer.image import rgbe9995
 from service.store.films import Film
 from service.watching.broadcast import Broadcast
 
-__all__ = ["Body", "Shared"]
+__all__ = ["Body", "SharedResults"]
 
 THREADS = 2
 TRUE_FOR_S = 0.25  # seconds that a state is valid without reported changes: it contains times too
@@ -58,7 +58,7 @@ class _Making:
     task: asyncio.Task[dict[int, Body | None]]
 
 
-class Shared:
+class SharedResults:
     """The shared results. memory: approximate bytes for packed tiles and for data in transit to all viewers together."""
 
     def __init__(self, broadcast: Broadcast, memory: int) -> None:
@@ -98,7 +98,7 @@ class Shared:
                 missing[tile] = version
         if missing:
             task = asyncio.create_task(self._pack(job, film, frame, missing))
-            task.add_done_callback(_heard)
+            task.add_done_callback(_retrieve_exception)
             for tile, version in missing.items():
                 self._making[job, frame, tile] = _Making(film, version, task)
             tasks[task] = list(missing)
@@ -107,14 +107,14 @@ class Shared:
             found.update((tile, made[tile]) for tile in wanted)
         return [body for body in found.values() if body is not None]
 
-    async def told(self, job: str, what: str, make: Callable[[], T]) -> T:
+    async def shared(self, job: str, what: str, make: Callable[[], T]) -> T:
         """Returns the result of `make`, shared as long as the job does not change, at most TRUE_FOR_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._told.get((job, what))
         if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
             self._told = {key: each for key, each in self._told.items() if now - each[1] <= TRUE_FOR_S}
             task = asyncio.create_task(anyio.to_thread.run_sync(make))
-            task.add_done_callback(_heard)
+            task.add_done_callback(_retrieve_exception)
             known = self._told[job, what] = (changes, now, task)
         said: T = await _result(known[2])
         return said
@@ -170,7 +170,7 @@ def _has_failed(task: asyncio.Task[Any]) -> bool:
     return task.done() and (task.cancelled() or task.exception() is not None)
 
 
-def _heard(task: asyncio.Task[Any]) -> None:
+def _retrieve_exception(task: asyncio.Task[Any]) -> None:
     """Retrieves the exception of a shared task, so that one without viewers is not reported as unhandled."""
     if not task.cancelled():
         task.exception()

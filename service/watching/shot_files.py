@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from renderer.errors import SettingsError
-from renderer.sentences import stopped
+from renderer.sentences import with_full_stop
 from service.errors import Conflict
 from service.store.films import Film
 from service.watching.movie import write_movie
-from service.watching.picture_response import Made
-from service.watching.pictures import PictureWish, memory, shown
+from service.watching.picture_response import PictureBody
+from service.watching.pictures import PictureWish, display_picture, memory
 
 __all__ = ["ZipStream", "movie", "movie_memory"]
 
@@ -27,7 +27,7 @@ class ZipStream:
         self._out = _Pipe()
         self._zip = zipfile.ZipFile(self._out, "w", zipfile.ZIP_STORED)
 
-    def file(self, name: str, made: Made) -> Iterator[bytes]:
+    def file(self, name: str, made: PictureBody) -> Iterator[bytes]:
         """Adds a file; yields the bytes that this adds to the zip."""
         with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=made.size >= 1 << 31) as file:
             for piece in made.pieces():
@@ -65,13 +65,13 @@ class _Pipe(io.RawIOBase):
         return taken
 
 
-def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> Made:
+def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> PictureBody:
     """Returns the movie of the given frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
-    pictures = (shown(film, frame, wish) for frame in frames)
+    pictures = (display_picture(film, frame, wish) for frame in frames)
     try:
-        return Made.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
+        return PictureBody.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
     except SettingsError as error:
-        raise Conflict(stopped(error)) from None
+        raise Conflict(with_full_stop(error)) from None
 
 
 def movie_memory(film: Film, wish: PictureWish) -> int:

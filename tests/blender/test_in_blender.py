@@ -153,7 +153,7 @@ def test_what_a_blend_file_asks_for_is_done_or_named(
     folder, _said = surveyed
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     (tmp_path / "a.blend").write_bytes((folder / f"{name}.blend").read_bytes())
-    found = Shot(tmp_path, "a.blend").over(Moment(1))
+    found = Shot(tmp_path, "a.blend").over_shutter(Moment(1))
     if word:
         assert_said(word, found.warnings)
         return

@@ -10,7 +10,7 @@ import pytest
 import redis
 from playwright.sync_api import Page, expect
 
-from protocol.contract import WorkerReport, order_key, worker_key
+from protocol.contract import WorkerReport, pause_key, worker_key
 from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 from renderer.sentences import Sentence, to_text
 from tests.e2e.conftest import Watched
@@ -34,7 +34,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         say(store, "beta", [{}])
         store.set(vitals_key("alpha"), Vitals(16_000_000_000, 64_000_000_000).to_bytes(), ex=60)
         reason = "Set aside: {failures} of its batches failed while others rendered theirs."
-        store.set(order_key("beta"), to_text(Sentence("worker-quarantined-failures", reason, failures=3)))
+        store.set(pause_key("beta"), to_text(Sentence("worker-quarantined-failures", reason, failures=3)))
         page.goto(f"{many.url}/#/workers")
         alpha, beta = (page.locator(".machine").filter(has_text=name) for name in ("alpha", "beta"))
         expect(alpha).to_contain_text("16 GB of 64 GB")
@@ -52,14 +52,14 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
         expect(alpha.locator(".chip")).to_have_text("Paused")
         beta.get_by_role("button", name="Take back").click()
         expect(beta.locator(".chip")).to_have_text("Ready")
-        until(lambda: not store.exists(order_key("beta")), "it may take work again")
+        until(lambda: not store.exists(pause_key("beta")), "it may take work again")
 
         alpha.get_by_text("Log").click()
         until(lambda: bool(store.exists(log_wanted_key("alpha"))), "the worker is asked")
         store.set(log_key("alpha"), json.dumps(["a line", "the last line"]), ex=60)
         expect(alpha.locator("pre")).to_have_text("a line\nthe last line")
         for name in ("alpha", "beta"):
-            store.delete(worker_key(name), order_key(name))
+            store.delete(worker_key(name), pause_key(name))
     assert watched.errors == []
 
 

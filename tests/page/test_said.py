@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from renderer.sentences import Sentence, times
+from renderer.sentences import Sentence, with_count
 from tests.helpers import ROOT
 from tests.page.node import Node
 
@@ -36,7 +36,7 @@ def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
 def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
     inner = Sentence("view-waits-for-worker", "Waits for a worker.")
     german = json.loads((ROOT / "web/words/service.de.json").read_text())
-    outer = times(inner.removesuffix("."), 3)
+    outer = with_count(inner.removesuffix("."), 3)
     assert isinstance(outer, Sentence)
     within = german["view-waits-for-worker"].rstrip(".")
     assert within in said(program, (outer, outer.coded))[0]

@@ -130,7 +130,7 @@ def test_the_motion_blur_of_cycles(
     job |= {"size": SIZE, "samples": 2 * SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
     run("cycles_render.py", folder / "jobs.json")
-    moving = Shot(folder, file).over(Moment(frame), {"shutter": shutter, "shutter_keys": 9})
+    moving = Shot(folder, file).over_shutter(Moment(frame), {"shutter": shutter, "shutter_keys": 9})
     assert any(mesh.keys for mesh in moving.meshes)
     moving.lights = [replace(light, keys=()) for light in moving.lights]
     camera = moving.cameras[0]
@@ -170,7 +170,7 @@ def test_the_motion_vectors_of_cycles(shot: tuple[Shot, dict[str, Any]], folder:
     picture = oiio.ImageBuf(str(folder / name))
     planes = dict(zip(picture.spec().channelnames, np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0), strict=True))
     theirs = np.stack([next(plane for key, plane in planes.items() if key.endswith(f"Vector.{axis}")) for axis in "XYZW"], -1)
-    description = Shot(folder, "shot-plain.glb").between(Moment(frame))
+    description = Shot(folder, "shot-plain.glb").between_frames(Moment(frame))
     (camera,) = description.cameras
     settings = RenderSettings(SIZE, SIZE, camera.view, views=camera.keys)
     ours = motion_vectors(compile_scene(description), settings)

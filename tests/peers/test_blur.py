@@ -58,7 +58,7 @@ def test_it_is_blurred_as_in_cycles(
 ) -> None:
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     asked = {"shutter": shutter, "shutter_at": OPENED[position], "shutter_keys": 9}
-    moving = Shot(made, f"shot.{kind}").over(Moment(FRAME), asked)
+    moving = Shot(made, f"shot.{kind}").over_shutter(Moment(FRAME), asked)
     camera = moving.cameras[0]
     sky = {} if kind == "blend" else {"environment": SKY}
     settings = RenderSettings(SIZE, SIZE, camera.view, max_depth=DEPTH, filter="box", views=camera.keys, **sky)

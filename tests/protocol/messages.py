@@ -98,7 +98,7 @@ def encoded() -> dict[str, Any]:
         | {"VIEW_ANSWERS": VIEW_ANSWERS, "EXPLAIN": EXPLAIN},
         "keys": [
             *(contract.prepare_queue("k"), contract.own_prepare_queue("k", "w"), contract.render_queue("k")),
-            *(contract.denoise_queue("k"), contract.worker_key("w"), contract.order_key("w"), help_queue("w"), view_queue("k")),
+            *(contract.denoise_queue("k"), contract.worker_key("w"), contract.pause_key("w"), help_queue("w"), view_queue("k")),
             *(view_key("w"), explained_key("m"), site_key("a"), secret_key("a"), needs_queue("k", "gpu"), terms_key("w")),
             *(offer_key("w"), vitals_key("w"), log_key("w"), log_wanted_key("w"), lifeline("w"), blender_queue("k")),
         ],

@@ -10,7 +10,7 @@ from protocol.vitals import Vitals
 
 
 def test_memory_is_as_the_system_says() -> None:
-    found = vitals.look()
+    found = vitals.read_vitals()
     assert found is not None
     assert found.memory_total == psutil.virtual_memory().total
     assert 0 < found.memory_used < found.memory_total

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rayfarm.console import PlainConsole
-from rayfarm.watch.words import cut
+from rayfarm.watch.words import fit_columns
 
 HOSTILE = "a\x1b[2J\x1b]0;owned\x07\u202eb\x9b31m\r\ud800"
 SHOWN = r"a\u001b[2J\u001b]0;owned\u0007\u202eb\u009b31m\u000d\ud800"
@@ -49,4 +49,4 @@ def test_styles_and_progress_still_reach_a_terminal() -> None:
 
 
 def test_a_watched_line_has_its_width() -> None:
-    assert cut("a\x1bb\nc", 12) == r"a\u001bb c  "
+    assert fit_columns("a\x1bb\nc", 12) == r"a\u001bb c  "

@@ -62,6 +62,6 @@ def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
 
 def test_a_picture_with_light_of_its_own_is_not_said_to_be_in_a_studio() -> None:
     warnings = ["Not supported and left out: X.", STUDIO_ALONE, STUDIO_TOO]
-    assert options.told(warnings, options.environment_of(None)) == warnings
+    assert options.relevant_warnings(warnings, options.environment_of(None)) == warnings
     for env in ("1,1,1", "sky:30"):
-        assert options.told(warnings, options.environment_of(env)) == warnings[:1]
+        assert options.relevant_warnings(warnings, options.environment_of(env)) == warnings[:1]

@@ -82,7 +82,7 @@ def test_the_scene_file_is_asked_where_the_person_says_nothing() -> None:
 
 
 def test_every_setting_has_an_option() -> None:
-    assert parsed([]).asked().keys() == set(OPTIONAL)
+    assert parsed([]).given_settings().keys() == set(OPTIONAL)
     view = parsed([])._view().keys()
     assert view == {field.name for field in fields(View)}
 

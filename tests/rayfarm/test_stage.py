@@ -132,7 +132,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
     stage = Stage(Shot(folder, name), threads=1, shutter=asked)
     for frame in (5, 0, 9, 9, 0.5):
         compiled, summary = stage.at(Moment(frame))
-        description = Shot(folder, name).over(Moment(frame), asked)
+        description = Shot(folder, name).over_shutter(Moment(frame), asked)
         alone = compile_scene(description, threads=1)
         for (part, ours), theirs in zip(flat(compiled).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
@@ -148,7 +148,7 @@ def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
     stage = Stage(Shot(folder, name), threads=1)
     for frame in (5, 6):
         between, summary = stage.between(Moment(frame))
-        alone = compile_scene(Shot(folder, name).between(Moment(frame)), threads=1)
+        alone = compile_scene(Shot(folder, name).between_frames(Moment(frame)), threads=1)
         for (part, ours), theirs in zip(flat(between).items(), flat(alone).values(), strict=True):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} between {frame}")
         if name.endswith(".glb"):
@@ -168,7 +168,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
     shot = Shot(tmp_path, "gone.glb")
     with pytest.raises(SceneError, match="shows no surface"):
         shot.at(Moment(24))
-    assert shot.between(Moment(23)).keys == 0
+    assert shot.between_frames(Moment(23)).keys == 0
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rayfarm.errors import CommandError
-from rayfarm.scene_files import belonging, below, opened
+from rayfarm.scene_files import belonging, opened, relative_to_root
 from rayfarm.strict import refuse
 from tests.rayfarm.program import rayfarm
 from tests.service.conftest import OBJ, Service
@@ -30,7 +30,7 @@ def test_files_below_a_root_belong_to_a_scene(tmp_path):
     with opened(scene, root=tmp_path) as (folder, main, _):
         assert (folder, main) == (tmp_path, "scenes/a.usda")
     with pytest.raises(CommandError, match="no folder above"):
-        below(tmp_path / "x.usda", inner)
+        relative_to_root(tmp_path / "x.usda", inner)
 
 
 def test_submit_lists_the_warnings_and_makes_no_job(service: Service, tmp_path: Path) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from rayfarm.temporal_denoise import Steadying
+from rayfarm.temporal_denoise import TemporalDenoiser
 from tests.renderer.test_temporal_denoise import frame as made
 
 
 def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()) -> tuple[list[float], list[str], dict]:
     """Returns the rendered frames, the sequence of events, and the pictures."""
-    steadying, log, pictures = Steadying(frames, missing), [], {}
+    steadying, log, pictures = TemporalDenoiser(frames, missing), [], {}
     for frame in steadying.plan:
         if frame not in fails:
             log.append(f"{frame:g}")
@@ -46,4 +46,4 @@ def test_what_was_there_already_changes_nothing() -> None:
 def test_a_frame_that_fails_parts_its_neighbours_and_what_is_alone_does_not_wait() -> None:
     _, log, _ = run([0, 1, 2, 3, 4], [0, 1, 2, 3, 4], fails=(2,))
     assert log == ["0", "1", "w0", "3", "w1", "4", "w3", "w4"]
-    assert not Steadying([0, 5, 10], [0, 5, 10]).has_neighbours(5)
+    assert not TemporalDenoiser([0, 5, 10], [0, 5, 10]).has_neighbours(5)

@@ -70,7 +70,7 @@ def test_what_is_not_known_of_an_error_is_shown_as_the_greatest():
 
 
 def test_names():
-    assert aovs.known(["depth", "normal"]) == ["depth", "normal"]
-    assert aovs.known(["depth", "all"]) == list(aovs.AOVS)
+    assert aovs.parse_names(["depth", "normal"]) == ["depth", "normal"]
+    assert aovs.parse_names(["depth", "all"]) == list(aovs.AOVS)
     with pytest.raises(SettingsError, match="known are albedo"):
-        aovs.known(["mood"])
+        aovs.parse_names(["mood"])

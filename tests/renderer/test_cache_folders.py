@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from renderer import cache_folders, jit
-from renderer.cache_folders import distrust, make_private, private_folder, read_private
+from renderer.cache_folders import make_private, private_folder, read_private, reason_to_distrust
 from renderer.machine_code import _Files
 
 KEY = ("int64",), "target", "hashes"
@@ -31,10 +31,10 @@ def owned_by(user: int, mode: int = 0o700) -> os.stat_result:
 def test_what_is_another_users_or_writable_by_others_is_not_trusted() -> None:
     me = os.geteuid()
     for user, mode in ((me, 0o700), (me, 0o755), (0, 0o755), (0, 0o555)):
-        assert distrust(owned_by(user, mode)) == "", (user, mode)
-    assert "belongs to user 4242" in distrust(owned_by(4242))
+        assert reason_to_distrust(owned_by(user, mode)) == "", (user, mode)
+    assert "belongs to user 4242" in reason_to_distrust(owned_by(4242))
     for mode in (0o775, 0o757, 0o777):
-        assert f"{mode:04o}" in distrust(owned_by(me, mode))
+        assert f"{mode:04o}" in reason_to_distrust(owned_by(me, mode))
 
 
 def test_folders_are_made_for_this_user_alone(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_folder_that_others_can_write_gives_way_to_a_private_one(
     (home / open_to_others).chmod(0o777)
     chosen = private_folder("kernels/00")
     assert chosen == home / f"private-{os.geteuid()}" / "kernels/00"
-    assert distrust(chosen.parent.parent.stat()) == ""
+    assert reason_to_distrust(chosen.parent.parent.stat()) == ""
     assert private_folder("kernels/00") == chosen
     (said,) = caplog.messages  # once
     assert str(home / open_to_others) in said

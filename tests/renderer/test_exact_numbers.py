@@ -18,7 +18,7 @@ from renderer.kernel.material.texture import DECODED
 from renderer.luminance import REC_709, luminance
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Material, SceneDescription, Sphere
-from renderer.scene.environment import environment_sampled_fully, relit
+from renderer.scene.environment import environment_sampled_fully, with_environment_changed
 from renderer.settings import RenderSettings, View
 
 VIEW = View((0.1, 1.7, 5.3), (-0.3, 0.7, 0.2), up=(0.1, 1.0, 0.3), fov=41.3)
@@ -63,7 +63,7 @@ def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
         )
     )
     request.getfixturevalue("bare")
-    turned = environment_sampled_fully(relit(scene, None, 1.5, 30.0))
+    turned = environment_sampled_fully(with_environment_changed(scene, None, 1.5, 30.0))
     assert turned.environment_frame[0] == pytest.approx(math.sqrt(0.75), abs=1e-7)
     assert turned.environment_frame[1] == pytest.approx(0.5, abs=1e-7)
 

@@ -218,7 +218,7 @@ def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> N
         for point, triangles in zip(points, corners, strict=True):
             a, b, c = triangles[n]
             point[nearer] = (a + u[..., None] * (b - a) + v[..., None] * (c - a))[nearer]
-    ours = motion_vectors(compile_scene(shot.between(Moment(9))), settings_of(views))
+    ours = motion_vectors(compile_scene(shot.between_frames(Moment(9))), settings_of(views))
     met = np.isfinite(best)
     assert met.sum() > 150
     apart = np.abs(ours[met] - known(points, views)[met]).max(-1)

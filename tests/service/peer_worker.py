@@ -33,8 +33,8 @@ from protocol.contract import (
     ShowEnvironment,
     WorkerReport,
     denoise_queue,
-    order_key,
     own_prepare_queue,
+    pause_key,
     prepare_queue,
     render_queue,
     worker_key,
@@ -206,7 +206,7 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                if self.rests or self.redis.exists(order_key(self.name)):
+                if self.rests or self.redis.exists(pause_key(self.name)):
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import pytest
 import redis
 
-from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, render_queue, worker_key
+from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, pause_key, render_queue, worker_key
 from protocol.joint import help_queue
 from protocol.terms import Offer, offer_key, terms_key
 from protocol.vitals import log_wanted_key
 from tests.slow_line import held_up
-from worker.exchange.heartbeat_message import Heard, Telling
+from worker.exchange.heartbeat_message import HeartbeatConnection, HeartbeatReply
 from worker.heartbeat import Heartbeat, Reporter
 from worker.process import context
 
@@ -39,37 +39,39 @@ def test_a_worker_outlives_a_redis_that_is_away() -> None:
 
 
 def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: redis.Redis) -> None:
-    telling, mine = Telling(redis_url), report("a", 1)
-    assert telling.hear() is None
+    telling, mine = HeartbeatConnection(redis_url), report("a", 1)
+    assert telling.receive() is None
     store.rpush(render_queue("kind"), b"1", b"2")
-    telling.tell(mine, Offer(("gpu",), 8 << 30, 2, ""), [("SET", "also", "said")])
-    assert telling.hear(5.0) == Heard(True, is_asked=False, waiting=2)
+    telling.send(mine, Offer(("gpu",), 8 << 30, 2, ""), [("SET", "also", "said")])
+    assert telling.receive(5.0) == HeartbeatReply(True, is_asked=False, waiting=2)
     assert WorkerReport.from_bytes(store.get(worker_key("a"))) == mine  # type: ignore[arg-type]
     assert 0 < store.ttl(worker_key("a")) <= HEARTBEAT_TTL_S
     assert Offer.from_bytes(store.get(offer_key("a"))).tags == ("gpu",)  # type: ignore[arg-type]
     assert store.get("also") == b"said"
-    for key, value in ((order_key("a"), b"why"), (terms_key("a"), b"{}"), (log_wanted_key("a"), b"1")):
+    for key, value in ((pause_key("a"), b"why"), (terms_key("a"), b"{}"), (log_wanted_key("a"), b"1")):
         store.set(key, value)
     store.rpush(help_queue("a"), b"1")
     for _ in range(3):
-        telling.tell(mine, None, [])
+        telling.send(mine, None, [])
     heard = None
     while telling._sent:
-        heard = telling.hear(5.0) or heard
-    assert heard == Heard(True, is_paused=True, terms=b"{}", is_log_wanted=True, waiting=2), "the latest of those that came"
-    store.delete(order_key("a"), terms_key("a"), log_wanted_key("a"), help_queue("a"), render_queue("kind"))
+        heard = telling.receive(5.0) or heard
+    assert heard == HeartbeatReply(True, is_paused=True, terms=b"{}", is_log_wanted=True, waiting=2), (
+        "the latest of those that came"
+    )
+    store.delete(pause_key("a"), terms_key("a"), log_wanted_key("a"), help_queue("a"), render_queue("kind"))
     telling.close()
 
 
 def test_nobody_waits_for_an_answer_that_is_late(redis_url: str, store: redis.Redis) -> None:
     """Otherwise a few queries over a line with one second per reply would take longer than the report's TTL."""
     with held_up(redis_url, 0.4) as url:
-        telling, mine = Telling(url), report("slow", 1)
-        telling.tell(mine, None, [])
+        telling, mine = HeartbeatConnection(url), report("slow", 1)
+        telling.send(mine, None, [])
         begun, heard = time.monotonic(), 0
         for _ in range(20):
-            telling.tell(mine, None, [])
-            heard += telling.hear(0.01) is not None
+            telling.send(mine, None, [])
+            heard += telling.receive(0.01) is not None
             time.sleep(0.05)
         assert time.monotonic() - begun < 1.9, "it was not waited for"
         assert heard > 5
@@ -78,9 +80,9 @@ def test_nobody_waits_for_an_answer_that_is_late(redis_url: str, store: redis.Re
 
 
 def test_where_redis_is_away_nothing_is_heard() -> None:
-    telling = Telling("redis://127.0.0.1:9/0")
-    telling.tell(report("a", 1), None, [])
-    assert telling.hear(0.1) is None
+    telling = HeartbeatConnection("redis://127.0.0.1:9/0")
+    telling.send(report("a", 1), None, [])
+    assert telling.receive(0.1) is None
     telling.close()
 
 
@@ -107,7 +109,7 @@ def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
     assert not heartbeat.is_paused
     assert taken == ["render", "prepare"]
     assert sum("cannot be taken now: maxmemory" in line for line in caplog.messages) == 1
-    heartbeat.heard = Heard(True, is_paused=True)
+    heartbeat.heard = HeartbeatReply(True, is_paused=True)
     heartbeat._obey()
     assert heartbeat.is_paused
     assert taken == []

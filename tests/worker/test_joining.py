@@ -19,7 +19,7 @@ from tests.helpers import running_redis, wait_until
 from worker import __main__ as program
 from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
-from worker.joining import Joining, check_redis, free_name
+from worker.joining import FarmJoin, check_redis, free_name
 
 
 def report(name: str, pid: int, host: str = "here") -> WorkerReport:
@@ -40,8 +40,8 @@ class Service(Link):
         return answer
 
 
-def joining(service: Service, said: list[str], redis_url: str | None = None) -> Joining:
-    return Joining(service, redis_url, "vm", "here", lambda name: report(name, os.getpid()), said.append)
+def joining(service: Service, said: list[str], redis_url: str | None = None) -> FarmJoin:
+    return FarmJoin(service, redis_url, "vm", "here", lambda name: report(name, os.getpid()), said.append)
 
 
 def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, store: redis.Redis) -> None:

@@ -9,7 +9,7 @@ import redis
 
 from protocol.contract import WorkerReport, worker_key
 from tests.helpers import wait_until
-from worker.leaving import Leaving
+from worker.leaving import ShutdownReporter
 
 
 def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None:
@@ -17,7 +17,7 @@ def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None
         return WorkerReport("attic", "host", 1, 1, "cpu", "kind", "paused" if is_paused else "ready", 0.0, 0.0, [{"batch": "b"}])
 
     worker: Any = SimpleNamespace(name="attic", redis_url=redis_url, report=report)
-    leaving = Leaving(worker)
+    leaving = ShutdownReporter(worker)
     leaving.begin(how="Warm")
     leaving.begin(how="Warm")
 

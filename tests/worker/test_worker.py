@@ -27,7 +27,7 @@ from protocol.contract import (
     Result,
     SceneInfo,
     denoise_queue,
-    order_key,
+    pause_key,
     render_queue,
 )
 from protocol.sums import unpack_sums
@@ -317,13 +317,13 @@ def test_a_frame_that_cannot_be_denoised_says_why(bench: Bench) -> None:
 
 def test_a_worker_that_is_told_to_pause_takes_nothing_until_it_may(bench: Bench, info: SceneInfo) -> None:
     name = bench.report().name  # type: ignore[union-attr]
-    bench.store.set(order_key(name), "Paused by a test.")
+    bench.store.set(pause_key(name), "Paused by a test.")
     wait_until(lambda: bench.report().state == "paused", 10, "it pauses")  # type: ignore[union-attr]
     bench.render(batch_of(info, "later", 0, 1))
     queue = render_queue(bench.report().kind)  # type: ignore[union-attr]
     time.sleep(1.5)
     assert bench.store.llen(queue) == 1
-    bench.store.delete(order_key(name))
+    bench.store.delete(pause_key(name))
     assert bench.next("batch").event["batch"] == "later"
     assert bench.report().state == "ready"  # type: ignore[union-attr]
 

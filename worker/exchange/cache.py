@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from renderer.cache_folders import distrust, make_private, private_folder, trusted
+from renderer.cache_folders import make_private, private_folder, reason_to_distrust, trusted
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError
 from worker.exchange.link import FarmAnswer, Link
@@ -212,11 +212,11 @@ def _drop_distrusted(target: Path) -> None:
     """Removes a fetched file that other users may have written, and revokes their access to its folder if this user owns it."""
     with contextlib.suppress(FileNotFoundError):
         folder = target.parent.stat()
-        if distrust(folder):
+        if reason_to_distrust(folder):
             if folder.st_uid == os.geteuid():
                 target.parent.chmod(0o700)
             target.unlink()
-        elif distrust(target.stat()):
+        elif reason_to_distrust(target.stat()):
             target.unlink()
 
 

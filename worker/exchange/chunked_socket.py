@@ -13,7 +13,7 @@ from typing import Any
 import redis
 from redis.connection import AbstractConnection, ConnectionPool
 
-__all__ = ["PIECE", "patient_redis"]
+__all__ = ["PIECE", "chunked_redis"]
 
 PIECE = 16 << 10  # bytes: with a timeout of ten seconds, at least 1.6 kB/s
 
@@ -25,7 +25,7 @@ class _InPieces(AbstractConnection):
         super().send_packed_command(_pieces(whole), check_health)
 
 
-def patient_redis(url: str, **options: Any) -> redis.Redis:
+def chunked_redis(url: str, **options: Any) -> redis.Redis:
     """Like `redis.Redis.from_url`, with the timeout applied to each piece that is sent."""
     if (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:  # otherwise the kernel buffers it all, and
         options |= {"socket_keepalive": True, "socket_keepalive_options": {mark: PIECE}}  # waiting for the reply would time out

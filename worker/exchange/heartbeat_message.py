@@ -14,13 +14,13 @@ from typing import Any
 import redis
 from redis.connection import ConnectionInterface
 
-from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, order_key, prepare_queue, render_queue, worker_key
+from protocol.contract import HEARTBEAT_TTL_S, WorkerReport, pause_key, prepare_queue, render_queue, worker_key
 from protocol.joint import help_queue
 from protocol.lifeline import lifeline
 from protocol.terms import OFFER_TTL_S, Offer, offer_key, terms_key
 from protocol.vitals import log_wanted_key
 
-__all__ = ["Heard", "Telling"]
+__all__ = ["HeartbeatConnection", "HeartbeatReply"]
 
 ANSWER_S = 15.0  # timeout of a reply, after which the connection is closed
 CONNECT_S = 5.0
@@ -29,7 +29,7 @@ _AWAY = (redis.RedisError, OSError)
 
 
 @dataclass(frozen=True)
-class Heard:
+class HeartbeatReply:
     """Redis's reply to a heartbeat.
 
     is_taken: whether Redis stored the report; is_asked: whether a help request waits for the worker's slots; waiting: number of
@@ -44,7 +44,7 @@ class Heard:
     waiting: int = 0
 
 
-class Telling:
+class HeartbeatConnection:
     """A separate Redis connection for heartbeats. Methods do not raise if Redis is unreachable, so the worker keeps running."""
 
     def __init__(self, redis_url: str) -> None:
@@ -52,13 +52,13 @@ class Telling:
         self._connection: ConnectionInterface | None = None
         self._sent: deque[tuple[float, int]] = deque()  # pending messages: time sent, and number of commands
 
-    def tell(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
+    def send(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
         """Sends a report. offer: the worker's offer, if it has one. more: further commands, whose replies are ignored."""
         name, kind = report.name, report.kind
         commands: list[tuple[Any, ...]] = [
             ("CLIENT", "SETNAME", lifeline(name)),  # repeated, since the connection may be new
             ("SET", worker_key(name), report.to_bytes(), "EX", HEARTBEAT_TTL_S),
-            ("EXISTS", order_key(name)),
+            ("EXISTS", pause_key(name)),
             ("GET", terms_key(name)),
             ("EXISTS", log_wanted_key(name)),
             ("EXISTS", help_queue(name)),
@@ -80,9 +80,9 @@ class Telling:
         except _AWAY:
             self.close()
 
-    def hear(self, patience_s: float = 0.0) -> Heard | None:
+    def receive(self, patience_s: float = 0.0) -> HeartbeatReply | None:
         """Returns the latest reply received; None if there is none. patience_s: timeout in seconds if a reply is pending."""
-        heard: Heard | None = None
+        heard: HeartbeatReply | None = None
         try:
             while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
                 answers = [self._answer(self._connection) for _ in range(self._sent[0][1])]
@@ -107,9 +107,9 @@ class Telling:
             return error
 
 
-def _understood(answers: list[Any]) -> Heard:
+def _understood(answers: list[Any]) -> HeartbeatReply:
     _, taken, order, terms, log, asked, *waiting = answers[:8]
-    return Heard(
+    return HeartbeatReply(
         is_taken=taken == b"OK",
         is_paused=order == 1,
         terms=terms if isinstance(terms, bytes) else None,

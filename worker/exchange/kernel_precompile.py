@@ -18,12 +18,12 @@ from renderer import jit
 from renderer.child_processes import begun_later, spawn_guard
 from renderer.render import FULL, kernel_name
 from worker.exchange.errors import WorkerError
-from worker.exchange.kernels import hand_in
+from worker.exchange.kernels import upload_kernel
 from worker.exchange.link import Link
 from worker.exchange.ready import fetched_or_compiled
 from worker.telemetry import logs
 
-__all__ = ["get_ready_ahead"]
+__all__ = ["precompile_full_kernel"]
 
 log = logging.getLogger("worker")
 
@@ -31,7 +31,7 @@ LATER_S = 3.0  # the worker has its first tile to render
 STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel on a busy machine gets it
 
 
-def get_ready_ahead(link: Link) -> None:
+def precompile_full_kernel(link: Link) -> None:
     """Starts the process, unless this machine has the kernel. It works after LATER_S, and ends with this process."""
     if jit.is_cached(kernel_name(edition=FULL)):
         return
@@ -64,7 +64,7 @@ def main() -> int:
     link = Link(options.service, os.environ.get("RAYFARM_TOKEN", ""))
     try:
         if not fetched_or_compiled(link, edition=FULL):
-            hand_in(link, jit.cache_folder(), kernel_name(edition=FULL))
+            upload_kernel(link, jit.cache_folder(), kernel_name(edition=FULL))
     except (WorkerError, OSError) as error:
         log.warning("the kernel %s is not handed in: %s", kernel_name(edition=FULL), error)
         return 1

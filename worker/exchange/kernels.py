@@ -22,7 +22,7 @@ from worker.exchange.errors import LinkError, WorkerError
 from worker.exchange.link import Link
 from worker.telemetry import logs
 
-__all__ = ["fetch_kernel", "hand_in", "hand_in_beside"]
+__all__ = ["fetch_kernel", "upload_kernel", "upload_kernel_in_background"]
 
 log = logging.getLogger(__name__)
 _LATER_S = 10.0  # a new worker has its first tile to render
@@ -44,7 +44,7 @@ def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
             return False, f"the farm's kernel {kernel} cannot be fetched: {error}"
 
 
-def hand_in(link: Link, folder: Path, kernel: str) -> None:
+def upload_kernel(link: Link, folder: Path, kernel: str) -> None:
     """Uploads the kernel in this folder, unless the farm has it. Raises WorkerError or OSError."""
     name = name_of(folder, kernel)
     if link.has_kernels(name):
@@ -54,7 +54,7 @@ def hand_in(link: Link, folder: Path, kernel: str) -> None:
         link.store_kernels(name, file)
 
 
-def hand_in_beside(link: Link, folder: Path, kernel: str) -> None:
+def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
     """Like `hand_in`, some seconds later, in a child process that ends with this one."""
     command = [
         *begun_later("worker.exchange.kernels", _LATER_S),
@@ -83,19 +83,19 @@ def main() -> int:
     token = os.environ.get("RAYFARM_TOKEN", "")
     logs.set_up()
     try:
-        _hand_in_once_it_is_there(Link(options.service, token), options.folder, options.kernel)
+        _upload_once_compiled(Link(options.service, token), options.folder, options.kernel)
     except (WorkerError, OSError) as error:
         log.warning("the kernels are not handed in: %s", error)
         return 1
     return 0
 
 
-def _hand_in_once_it_is_there(link: Link, folder: Path, kernel: str) -> None:
-    """Like `hand_in`, retried for up to a minute, as the service may still be starting or restarting."""
+def _upload_once_compiled(link: Link, folder: Path, kernel: str) -> None:
+    """Like `upload_kernel`, retried for up to a minute, as the service may still be starting or restarting."""
     until = time.monotonic() + _PATIENCE_S
     while True:
         try:
-            return hand_in(link, folder, kernel)
+            return upload_kernel(link, folder, kernel)
         except LinkError:
             if time.monotonic() > until:
                 raise

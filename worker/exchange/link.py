@@ -152,7 +152,7 @@ class Link:
                 )
             )
 
-    def means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
+    def fetch_means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
         """Writes a frame's means to `out` (format: DenoiseFrame); returns the film's version and number of samples."""
         with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
             try:

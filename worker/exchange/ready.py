@@ -8,7 +8,7 @@ from renderer import jit
 from renderer.parallel_compile import Helpers
 from renderer.render import PLAIN, kernel_name, warm_up
 from renderer.settings import RenderSettings
-from worker.exchange.kernels import fetch_kernel, hand_in_beside
+from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.link import Link
 
 __all__ = ["fetched_or_compiled", "get_ready"]
@@ -19,7 +19,7 @@ _log = logging.getLogger("worker")
 def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None) -> None:
     """Like `warm_up`, but fetches the kernel from the farm if possible, and otherwise uploads it after compiling."""
     if not fetched_or_compiled(link, settings, edition, helpers):
-        hand_in_beside(link, jit.cache_folder(), kernel_name(settings, edition))
+        upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, edition))
 
 
 def fetched_or_compiled(

@@ -10,7 +10,7 @@ from redis.backoff import ExponentialBackoff
 from redis.retry import Retry
 
 from protocol.contract import RESULTS, Result
-from worker.exchange.chunked_socket import patient_redis
+from worker.exchange.chunked_socket import chunked_redis
 
 __all__ = ["ResultStream"]
 
@@ -30,7 +30,7 @@ class ResultStream:
         self.max_entries = max_entries
         self.patience_s = patience_s
         self._length = max_entries  # the stream's last known length
-        self.redis = patient_redis(
+        self.redis = chunked_redis(
             redis_url, socket_timeout=LIMIT_S, socket_connect_timeout=5, retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2)
         )
 

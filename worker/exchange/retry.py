@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from worker.exchange.errors import DamagedError, Trouble
 
-__all__ = ["patiently"]
+__all__ = ["retry_on_trouble"]
 
 DAMAGES_ALLOWED = 3  # after this many the blob is damaged at its source
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-def patiently(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
+def retry_on_trouble(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
     """Returns what `call` returns, retrying for `seconds` while it raises Trouble; then raises the last error.
 
     Each distinct reason is logged once.

@@ -10,7 +10,7 @@ import os
 from enum import StrEnum
 from pathlib import Path
 
-__all__ = ["ALIVE", "State", "say"]
+__all__ = ["ALIVE", "State", "write_state"]
 
 ALIVE = "RAYFARM_ALIVE"
 
@@ -23,7 +23,7 @@ class State(StrEnum):
     AWAY = "away"  # waits for Redis, or ends
 
 
-def say(state: State, pid: int | None = None) -> None:
+def write_state(state: State, pid: int | None = None) -> None:
     """Writes the state, if a file is configured. Errors are ignored: the health check then fails and reports them."""
     if not (named := os.environ.get(ALIVE, "")):
         return

@@ -90,9 +90,9 @@ class Pieces:
         written = taken.folder / f"written-{taken.number}-{os.getpid()}"
         written.write_bytes(result_bytes(result))
         written.rename(taken.folder / f"done-{taken.number:04}")
-        self.let_go(taken)
+        self.release(taken)
 
-    def let_go(self, taken: Taken) -> None:
+    def release(self, taken: Taken) -> None:
         """Releases a piece that is rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
             (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()

@@ -19,7 +19,7 @@ from renderer.sentences import Sentence
 from worker.machine.presence import Presence
 from worker.machine.process_tree import family
 
-__all__ = ["Keeping", "memory_limit"]
+__all__ = ["TermsKeeper", "memory_limit"]
 
 MEMORY_EVERY = 5  # heartbeats; summing up the memory of all processes takes milliseconds
 NICE = "Its nice level"
@@ -36,7 +36,7 @@ def memory_limit() -> int:
 
 
 @dataclass
-class Keeping:
+class TermsKeeper:
     """The terms of one worker. own: those it was started with."""
 
     slots: int  # processes that it has
@@ -55,7 +55,7 @@ class Keeping:
     @property
     def terms(self) -> Terms:
         """The terms in force."""
-        return self.asked.over(self.own)
+        return self.asked.with_defaults(self.own)
 
     @property
     def slots_now(self) -> int:
@@ -67,7 +67,7 @@ class Keeping:
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 
-    def ask(self, data: bytes | None) -> None:
+    def request(self, data: bytes | None) -> None:
         """Takes the service's requested terms; None: none. Invalid terms are ignored."""
         try:
             asked = Terms.from_bytes(data) if data is not None else Terms()
@@ -81,7 +81,7 @@ class Keeping:
             self.trouble = None
         self.asked = asked
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Updates whether the worker rests, and its nice level."""
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
@@ -93,7 +93,7 @@ class Keeping:
     def offer(self) -> Offer:
         """Returns the worker's offer to jobs with requirements."""
         terms = self.terms
-        self._total = self._total or (found.memory_total if (found := vitals.look()) else 0)
+        self._total = self._total or (found.memory_total if (found := vitals.read_vitals()) else 0)
         return Offer(
             tags=self.tags,
             memory=min(terms.memory or self._total, self._total or (1 << 60)),

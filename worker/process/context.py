@@ -21,7 +21,7 @@ from worker.exchange.link import Link
 from worker.exchange.results import ResultStream
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
-from worker.process.apply_terms import Keeping
+from worker.process.apply_terms import TermsKeeper
 from worker.site.link import SiteLink
 from worker.telemetry.log_tail import LogTail
 
@@ -43,7 +43,7 @@ class WorkerContext:
     host: str = field(default_factory=socket.gethostname)
     started: float = field(default_factory=time.time)
     tail: LogTail | None = None  # of the log
-    keeping: Keeping | None = None  # applies the service's terms; in the parent process only
+    keeping: TermsKeeper | None = None  # applies the service's terms; in the parent process only
     blender: Blender | None = None  # to open .blend files; None without Blender
     cards: tuple[Card, ...] = ()  # graphics cards; the last slots have one each
     pieces: Pieces | None = None  # none where this machine has no folder for them

@@ -13,7 +13,7 @@ from redis import Redis
 
 from worker.process.redis_lock import ScriptlessLock
 
-__all__ = ["be_patient"]
+__all__ = ["skip_malformed_messages"]
 
 log = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ class ScriptlessRedis(Redis):
         return super().lock(name, *positional, **{"lock_class": ScriptlessLock, **options})
 
 
-class PatientChannel(redis.Channel):
+class SkippingChannel(redis.Channel):
     """Kombu's Redis channel, which skips malformed messages."""
 
     def _get_client(self) -> Any:
@@ -41,6 +41,6 @@ class PatientChannel(redis.Channel):
             return True  # something was read
 
 
-def be_patient() -> None:
-    """Makes this process read all queues through PatientChannel."""
-    redis.Transport.Channel = PatientChannel
+def skip_malformed_messages() -> None:
+    """Makes this process read all queues through SkippingChannel."""
+    redis.Transport.Channel = SkippingChannel

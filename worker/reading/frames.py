@@ -86,7 +86,7 @@ class Stage:
 
     def at(self, moment: Moment) -> dict[str, Any]:
         """The message for a frame. Raises SceneError, and SettingsError if its view is invalid."""
-        read = self._still or self._shot.over(moment, self._work.shutter)
+        read = self._still or self._shot.over_shutter(moment, self._work.shutter)
         self._still = None if read.moves else read
         described, compiled, file = self._compiled(read)
         view, views = self._views(described, compiled)

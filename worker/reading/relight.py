@@ -10,11 +10,11 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.compiled_parts import save_changed
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
-from renderer.scene.load import light_with
-from renderer.scene.relight import CHANGED, lit
+from renderer.scene.load import environment_light
+from renderer.scene.relight import CHANGED, replace_environment
 from worker.reading.scene_folder import folder_of, placed_scene
 
-__all__ = ["relight", "save_lit"]
+__all__ = ["relight", "save_relit"]
 
 
 def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
@@ -23,11 +23,11 @@ def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: flo
     light: an image in `folder`. base: the hash of the original compiled scene.
     """
     data = (folder_of(base_folder) / base).read_bytes()
-    return {"compiled": save_lit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
+    return {"compiled": save_relit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
 
 
-def save_lit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
+def save_relit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
     """Writes the manifest and changed parts of `base` (manifest: `data`) with another environment; returns the new manifest."""
     description = SceneDescription(name="light")
-    light_with(SceneFiles(folder, light), light, description)
-    return save_changed(data, lit(base, description, power), CHANGED, out)
+    environment_light(SceneFiles(folder, light), light, description)
+    return save_changed(data, replace_environment(base, description, power), CHANGED, out)

@@ -26,7 +26,7 @@ def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes
     """Writes the vectors as float32 into the file `result`. Raises RayfarmError."""
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
-    read = shot.between(moment)
+    read = shot.between_frames(moment)
     fps, up = read.fps, read.up
     compiled = compile_scene(read)
     view, views = _views(shot, read, compiled, work)

@@ -28,7 +28,7 @@ from urllib.parse import urlsplit
 import redis
 
 from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, Result
-from protocol.redis_tls import trusting
+from protocol.redis_tls import with_certificate_authority
 from protocol.result_bytes import result_of
 from protocol.site import (
     ANNOUNCED_HEADER,
@@ -48,7 +48,7 @@ from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, by_json
 from worker.exchange.errors import LinkError, RefusedError, Trouble, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.exchange.results import ResultStream
-from worker.site.socket_deadline import Timed
+from worker.site.socket_deadline import DeadlineReader
 from worker.site.sums import Full, SiteSums
 from worker.telemetry import logs
 
@@ -172,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Limits the time of reading."""
         super().setup()
         self.rfile.close()
-        self._timed = Timed(self.connection, PATIENCE_S)
+        self._timed = DeadlineReader(self.connection, PATIENCE_S)
         self.rfile = io.BufferedReader(self._timed, 1 << 16)
 
     def do_POST(self) -> None:
@@ -244,7 +244,7 @@ def _work(options: argparse.Namespace, stop: threading.Event) -> int:
         alone = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)  # held until this process ends, however that is
         fcntl.flock(alone, fcntl.LOCK_EX | fcntl.LOCK_NB)
         server = _Server((options.host, options.port), _Handler)
-        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), trusting(farm.redis_url))
+        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), with_certificate_authority(farm.redis_url))
     except BlockingIOError:
         raise RefusedError(f"The site {options.name} has a reducer on this machine already. One of them is enough.") from None
     except OSError as error:

@@ -7,10 +7,10 @@ import socket
 import time
 from typing import Any
 
-__all__ = ["Timed"]
+__all__ = ["DeadlineReader"]
 
 
-class Timed(io.RawIOBase):
+class DeadlineReader(io.RawIOBase):
     """The input of a connection. Raises TimeoutError after its deadline."""
 
     def __init__(self, wire: socket.socket, seconds: float) -> None:

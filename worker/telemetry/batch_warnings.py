@@ -15,14 +15,14 @@ from typing import Any
 
 from telemetry import tracing
 
-__all__ = ["Listener", "Overheard", "overhear", "step"]
+__all__ = ["BatchWarnings", "WarningHandler", "collect_warnings", "step"]
 
 MOST = 10  # lines of a batch
 LONGEST = 300  # characters of a line
 
 
 @dataclass
-class Overheard:
+class BatchWarnings:
     """lines: the first warnings and errors. took: seconds of each step."""
 
     lines: list[str] = field(default_factory=list)
@@ -34,10 +34,10 @@ class Overheard:
         return {name: value for name, value in said.items() if value}
 
 
-_now: ContextVar[Overheard | None] = ContextVar("overheard", default=None)
+_now: ContextVar[BatchWarnings | None] = ContextVar("overheard", default=None)
 
 
-class Listener(logging.Handler):
+class WarningHandler(logging.Handler):
     """A handler of the root logger that collects warnings while a batch is rendered."""
 
     def __init__(self) -> None:
@@ -53,9 +53,9 @@ class Listener(logging.Handler):
 
 
 @contextlib.contextmanager
-def overhear() -> Iterator[Overheard]:
+def collect_warnings() -> Iterator[BatchWarnings]:
     """Collects warnings and durations within the context."""
-    noted = Overheard()
+    noted = BatchWarnings()
     before = _now.set(noted)
     try:
         yield noted

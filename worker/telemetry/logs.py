@@ -12,7 +12,7 @@ import redis
 
 from renderer.printable import LogRecord
 from telemetry.log_lines import JsonLines, as_json, by_json, level
-from worker.telemetry.batch_warnings import Listener
+from worker.telemetry.batch_warnings import WarningHandler
 from worker.telemetry.log_tail import LogTail
 
 __all__ = ["set_up"]
@@ -34,7 +34,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
         root.setLevel(level())
         logging.getLogger("httpx").setLevel(logging.WARNING)
     root.addHandler(tail)
-    root.addHandler(Listener())
+    root.addHandler(WarningHandler())
     for each in root.handlers:
         each.addFilter(_in_a_line)
     return tail, lines

@@ -54,7 +54,7 @@ def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., No
         (message,) = (*positional, *arguments.values())
         parent = tracing.where(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
         ids = named(message)
-        with about(**ids), tracing.within(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
+        with about(**ids), tracing.child_of(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
             task(self, message)
 
     return run

@@ -18,10 +18,10 @@ from worker.process.context import WorkerContext
 from worker.work.deaths import DEATHS_ALLOWED, deaths_of
 from worker.work.denoise import denoise_frame
 from worker.work.environments import show_environment
-from worker.work.slot import InHand
+from worker.work.slot import SlotTask
 from worker.work.vectors import frame_vectors
 
-__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "Aside"]
+__all__ = ["DENOISING", "ENVIRONMENTS", "MOTION_VECTORS", "ArtifactTask"]
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 
 @dataclass(frozen=True)
-class Aside(Generic[Work]):
+class ArtifactTask(Generic[Work]):
     """One kind of on-demand task.
 
     read: parses a message; raises ValueError. make: does the work, and returns the fields of its event; may raise anything.
@@ -54,7 +54,7 @@ class Aside(Generic[Work]):
             work = self.read(message)
         except ValueError as error:
             return self._failure(worker, message.get("work"), str(error))
-        with InHand(worker, {self.shown_as: work.job, "frame": work.frame}):
+        with SlotTask(worker, {self.shown_as: work.job, "frame": work.frame}):
             if deaths_of(task, worker, work.work) >= DEATHS_ALLOWED:
                 died = Sentence(
                     "worker-died-during-task",
@@ -114,8 +114,10 @@ class Aside(Generic[Work]):
         return {**event, "unfit": True} if unfit else event
 
 
-DENOISING = Aside(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
-MOTION_VECTORS = Aside(FrameVectors.from_json, frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors")
-ENVIRONMENTS = Aside(
+DENOISING = ArtifactTask(DenoiseFrame.from_json, denoise_frame, "denoised", "denoise-failed", "denoise", "denoise the picture")
+MOTION_VECTORS = ArtifactTask(
+    FrameVectors.from_json, frame_vectors, "vectors-made", "vectors-failed", "vectors", "make motion vectors"
+)
+ENVIRONMENTS = ArtifactTask(
     ShowEnvironment.from_json, show_environment, "environment-shown", "environment-failed", "environment", "read the image"
 )

@@ -19,19 +19,19 @@ from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence, encoded
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.ready import get_ready
-from worker.exchange.retry import patiently
+from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.work.frames import see_frame
 from worker.work.render import mapped_scene
 
-__all__ = ["explain_pixel", "explanation_json", "say"]
+__all__ = ["explain_pixel", "explanation_json", "send_answer"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
 
-def say(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
+def send_answer(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
     """Appends an answer to the message's list in Redis. Only logs a failure if Redis is unreachable."""
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
@@ -47,28 +47,28 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
 
     compiling: called with True before the scene's kernel is made ready, and with False after.
     """
-    say(worker, work.message, "begun")
+    send_answer(worker, work.message, "begun")
     try:
         scene = _scene(worker, work)
         edition = edition_for(work.settings, scene)
         if not is_warm(work.settings, edition):
             compiling(True)
-            say(worker, work.message, "compiling")
+            send_answer(worker, work.message, "compiling")
             get_ready(worker.link, work.settings, edition)
             compiling(False)
         found = pixel_paths(scene, work.settings, work.x, work.y, work.count, work.sample)
-        say(worker, work.message, "done", explained=explanation_json(scene, found))
+        send_answer(worker, work.message, "done", explained=explanation_json(scene, found))
     except (UnfitError, MachineError) as error:
-        say(worker, work.message, "returned", error=str(error), unfit=True)
+        send_answer(worker, work.message, "returned", error=str(error), unfit=True)
     except Trouble as error:
-        say(
+        send_answer(
             worker,
             work.message,
             "returned",
             error=Sentence("worker-returned-request", "{worker} hands it back: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
-        say(
+        send_answer(
             worker,
             work.message,
             "failed",
@@ -77,9 +77,9 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
             ),
         )
     except RayfarmError as error:
-        say(worker, work.message, "failed", error=str(error))
+        send_answer(worker, work.message, "failed", error=str(error))
     except MemoryError:
-        say(
+        send_answer(
             worker,
             work.message,
             "returned",
@@ -88,7 +88,7 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
         )
     except Exception as error:  # any error fails this pixel only, not the worker
         log.exception("explaining a pixel of job %s failed", work.job)
-        say(
+        send_answer(
             worker,
             work.message,
             "failed",
@@ -105,11 +105,11 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
 def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
     if work.moment is not None:
         moment = work.moment
-        manifest = patiently(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
+        manifest = retry_on_trouble(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
         found = see_frame(worker, manifest, moment)
         if found is not None:
             return found
-    return patiently(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+    return retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
 
 
 def explanation_json(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:

@@ -28,14 +28,14 @@ from worker.site.merging import joined
 from worker.telemetry.task_context import named
 from worker.work.slot import at_work
 
-__all__ = ["ask_for_help", "hand_in", "help_out", "laid_out", "left_of"]
+__all__ = ["ask_for_help", "hand_in", "help_out", "remaining_pieces", "share_pieces"]
 
 _AWAY = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
 log = logging.getLogger(__name__)
 
 
-def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
+def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
     """Makes the pieces available to all slots of this worker; False if the files cannot be written.
 
     Pieces beyond the number of slots go back to the queue.
@@ -57,7 +57,7 @@ def laid_out(app: Celery, worker: WorkerContext, joint: JointBatch, message: str
     return True
 
 
-def left_of(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
+def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
     """The numbers of a dead process's pieces that no slot of this machine holds or renders."""
     with contextlib.suppress(OSError):
         if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
@@ -126,7 +126,7 @@ def _render(worker: WorkerContext, taken: Taken) -> None:
             except OSError as error:
                 log.warning("sums are sent by themselves, as they cannot be kept for others: %s", error)
         worker.results.send(result)
-        worker.pieces.let_go(taken)
+        worker.pieces.release(taken)
 
 
 def _send(worker: WorkerContext, results: list[Result]) -> None:

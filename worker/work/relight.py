@@ -15,7 +15,7 @@ from renderer.scene.studio import STUDIO_NOTES
 from worker.exchange.errors import RefusedError
 from worker.process.context import WorkerContext
 from worker.reading.relight import relight as relight_by_image
-from worker.reading.relight import save_lit
+from worker.reading.relight import save_relit
 from worker.work.files import place_files
 from worker.work.reader import Room
 from worker.work.render import mapped_scene
@@ -40,7 +40,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
     light = manifest.environment
     with Room("relight") as room:
         if is_named(light):
-            made = save_lit(room.scene, light, base, data, power, room.out)
+            made = save_relit(room.scene, light, base, data, power, room.out)
         else:  # an uploaded image
             files = [file for file in manifest.files if file.path == light]
             place_files(worker, replace(manifest, files=files), room.scene)

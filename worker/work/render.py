@@ -18,7 +18,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from worker.exchange.errors import RefusedError, Trouble
 from worker.exchange.ready import get_ready
-from worker.exchange.retry import patiently
+from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
@@ -43,7 +43,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     """
     try:
         with step("open scene"):
-            scene = patiently(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
+            scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         edition = edition_for(batch.settings, scene)
         with step("trace paths on a card", first=batch.first, count=batch.count, tile=list(batch.tile)):
             of_card = render_with_card(worker, batch, scene, edition, compiling)

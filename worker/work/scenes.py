@@ -14,7 +14,7 @@ from renderer.scene.compiled_parts import Part, parts_of
 from renderer.sentences import Sentence
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError, is_of_machine
-from worker.exchange.retry import patiently
+from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
@@ -24,7 +24,7 @@ STORE_PATIENCE_S = 60.0
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
     """Stores a file at the service, with retries, so that a restart of the service does not lose minutes of work."""
-    return patiently(lambda: worker.link.store(path), STORE_PATIENCE_S)
+    return retry_on_trouble(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
 def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
@@ -38,7 +38,7 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
     for part in parts:
         if part.sha256 not in there:
             _store_part(worker, path.parent / part.sha256, part)
-    is_there: bool = bool(parts) and patiently(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
+    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has(path.name), STORE_PATIENCE_S)
     if is_there:
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
@@ -48,7 +48,7 @@ def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) 
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    if not patiently(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
+    if not retry_on_trouble(lambda: worker.link.has(part.sha256), STORE_PATIENCE_S):
         store(worker, path if path.is_file() else _from_cache(worker, part))
     if path.is_file():
         worker.cache.adopt(path, part.sha256)

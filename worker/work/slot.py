@@ -12,16 +12,16 @@ from telemetry import tracing
 from telemetry.log_lines import ids
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
-from worker.telemetry.batch_warnings import overhear
+from worker.telemetry.batch_warnings import collect_warnings
 from worker.telemetry.task_context import named
 from worker.work.render import render
 
-__all__ = ["InHand", "at_work"]
+__all__ = ["SlotTask", "at_work"]
 
 log = logging.getLogger(__name__)
 
 
-class InHand:
+class SlotTask:
     """Context during which the slot is reported as busy.
 
     speed: samples per second, set by the caller if it was rendering.
@@ -48,12 +48,12 @@ class InHand:
 def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
     """Context during which the slot reports this batch as in progress; yields a function that renders it."""
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
-    with InHand(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
+    with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
         def do() -> Result:
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.here() or tracing.root_of("job", work.job)
-            with overhear() as heard, tracing.span("batch", parent, **named(vars(work))):
+            with collect_warnings() as heard, tracing.span("batch", parent, **named(vars(work))):
                 result = render(worker, work, hand.compiling)
                 if tracing.is_on():
                     result.event["traceparents"] = [str(tracing.here())]

@@ -14,7 +14,7 @@ from renderer.cuda.render import CardError, CardMemoryError, CardRenderer
 from renderer.film import BatchSums
 from renderer.render import is_for_cards, render_batch
 from renderer.scene.compiled import CompiledScene
-from worker.exchange.kernels import fetch_kernel, hand_in_beside
+from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 
@@ -77,4 +77,4 @@ def _load(worker: WorkerContext, renderer: CardRenderer, edition: str) -> None:
 
     renderer.load(edition, fetch)
     if not is_fetched:
-        hand_in_beside(worker.link, jit.cache_folder(), kernel_name(edition))
+        upload_kernel_in_background(worker.link, jit.cache_folder(), kernel_name(edition))

@@ -27,19 +27,19 @@ from renderer.render import edition_for, is_warm, render_batch
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError
 from worker.exchange.ready import get_ready
-from worker.exchange.retry import patiently
+from worker.exchange.retry import retry_on_trouble
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.render import mapped_scene
 
-__all__ = ["Answering", "prepare_view_frame", "render_view"]
+__all__ = ["ViewAnswers", "prepare_view_frame", "render_view"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
 log = logging.getLogger(__name__)
 
 
-class Answering:
+class ViewAnswers:
     """Sends the answers to one message. Answers are lost if Redis is unreachable, and come with the next request."""
 
     def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
@@ -72,13 +72,13 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
 
     compiling: called with True before the scene's kernel is made ready, and with False after.
     """
-    answering = Answering(worker, work)
+    answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return 0.0
     answering.send("begun")
     samples, seconds = 0, 0.0
     try:
-        scene = patiently(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+        scene = retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
         edition = edition_for(work.settings, scene)
         if not is_warm(work.settings, edition):
             compiling(True)
@@ -130,7 +130,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
 
 def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
     """Prepares the frames of a view, and answers for each."""
-    answering = Answering(worker, work)
+    answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return
     answering.send("begun")
@@ -139,7 +139,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         answering.send({"frame-prepared": "frame", "frame-failed": "failed"}.get(kind, "returned"), **more)
 
     try:
-        manifest = patiently(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
+        manifest = retry_on_trouble(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
         prepare_frames(worker, manifest, work.work, answer)
         answering.send("over")
     except (UnfitError, MachineError) as error:

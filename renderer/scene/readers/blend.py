@@ -17,7 +17,7 @@ from renderer.scene.readers import yaml
 __all__ = ["read"]
 
 
-class _Written:
+class _ConvertedFile:
     """The scene that Blender exported from a file; its folder is deleted when the object is garbage-collected."""
 
     def __init__(self, files: SceneFiles, name: str) -> None:
@@ -35,6 +35,6 @@ class _Written:
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
     """Adds the file's scene at a moment to the description. Raises SceneError."""
-    written = files.recall(("blend", main), lambda: _Written(files, main))
+    written = files.recall(("blend", main), lambda: _ConvertedFile(files, main))
     written.files.read_anew()
     yaml.read(written.files, written.main, description, moment)

@@ -40,7 +40,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     before = {field.name: copy(getattr(description, field.name)) for field in fields(description)}
     data = files.read(main)
     refuse_entities(data, main, doctype_too=False)
-    own = files.recall(("Collada's own", main), lambda: _own(data, main))
+    own = files.recall(("Collada's own", main), lambda: _extra_data(data, main))
     try:
         whole, filled = bridged(data)
         metres = _metres(data)
@@ -98,7 +98,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         )
 
 
-class _Own(NamedTuple):
+class _ExtraData(NamedTuple):
     """The data read directly from the XML rather than by assimp, by node names and ids."""
 
     lenses: dict[str, _Lens]
@@ -108,18 +108,18 @@ class _Own(NamedTuple):
     guessed: int  # cameras without an aspect ratio
 
 
-def _own(data: bytes, main: str) -> _Own:
+def _extra_data(data: bytes, main: str) -> _ExtraData:
     """Returns the data that assimp does not provide. Raises SceneError if nodes contain each other or are too many."""
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError:
-        return _Own({}, {}, False, Counter(), 0)
+        return _ExtraData({}, {}, False, Counter(), 0)
     collada_nodes(root, main)
     _refuse_odd_corners(root, main)
     by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
     kinds = (str(element.tag).rpartition("}")[2] for element in root.iter())
     unread: Counter[str] = Counter(_UNREAD[kind] for kind in kinds if kind in _UNREAD)
-    return _Own(_lenses(root), _lamps(root), by_blender, unread, _shapeless(root))
+    return _ExtraData(_lenses(root), _lamps(root), by_blender, unread, _shapeless(root))
 
 
 def _shapeless(root: ElementTree.Element) -> int:

@@ -22,7 +22,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.mtl import without_comment
 from renderer.scene.readers.obj_lines import Statements, parse
 from renderer.scene.readers.obj_materials import Materials
-from renderer.scene.readers.polygon_meshes import filled
+from renderer.scene.readers.polygon_meshes import triangulated
 from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -93,7 +93,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             )
         )
     materials = Materials(main, said, files, shelf, description)
-    cut = filled(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
+    cut = triangulated(np.diff(said.starts), said.corners[:, 0], said.positions, main, shelf)
     stretches = _faces_by_material(said)
     order, begins = _groups(said, cut, list(stretches.values()))
     title = PurePosixPath(main).stem

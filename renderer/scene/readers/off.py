@@ -19,7 +19,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import filled, fractions, split, used
+from renderer.scene.readers.polygon_meshes import fractions, split, triangulated, used
 from renderer.scene.text_encoding import decoded, with_points
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -209,7 +209,7 @@ def _add(head: _Head, rows: F64, faces: _Faces, main: str, shelf: TextureShelf, 
     if not (faces.counts >= 3).any():
         add_points(positions, colors, np.eye(4), main, description, shelf)
         return
-    cut = filled(faces.counts, faces.corners, positions, main, shelf)
+    cut = triangulated(faces.counts, faces.corners, positions, main, shelf)
     mesh = Mesh(PurePosixPath(main).stem, positions, faces.corners[cut.triangles].astype(np.int32), normals, uvs)
     if colors is not None:
         mesh.colors = vertex_colors(colors)

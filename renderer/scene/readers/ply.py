@@ -17,7 +17,7 @@ from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.ply_rows import Element, Lists, elements, textures_of
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import filled, fractions, of_triangles, split, used
+from renderer.scene.readers.polygon_meshes import fractions, of_triangles, split, triangulated, used
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -152,7 +152,7 @@ def _faces(found: Iterable[Element], positions: F32, main: str, shelf: TextureSh
 
 def _polygons(lists: Lists, element: Element, positions: F32, main: str, shelf: TextureShelf) -> _Faces:
     values = lists.values.astype(np.int64)
-    cut = filled(lists.count, values, positions, main, shelf)
+    cut = triangulated(lists.count, values, positions, main, shelf)
     return _Faces(lists, element, values[cut.triangles], cut.triangles, cut.face)
 
 
@@ -167,7 +167,7 @@ def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Fa
     at = at[whole]
     odd = (at - begins[at + 2]) % 2
     corners = np.stack([at, at + 1 + odd, at + 2 - odd], axis=1)
-    cut = filled(np.full(len(at), 3), values[corners].reshape(-1), positions, main, shelf)
+    cut = triangulated(np.full(len(at), 3), values[corners].reshape(-1), positions, main, shelf)
     corners = corners[cut.face]
     return _Faces(lists, None, values[corners], corners, np.zeros(len(corners), np.int64))
 

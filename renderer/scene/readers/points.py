@@ -14,7 +14,7 @@ from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["MOST_POINTS", "add_points", "balls", "spacing"]
+__all__ = ["MOST_POINTS", "add_points", "spacing", "sphere_mesh"]
 
 MOST_POINTS = 1_000_000
 _FINE = 200_000  # up to this many points become spheres of 20 triangles, more of 8
@@ -58,7 +58,9 @@ def spacing(points: F32) -> float:
     return float(np.sqrt(np.median(found))) if found else 0.0
 
 
-def balls(name: str, points: F32, colors: npt.NDArray[np.uint8] | F32 | None, radius: float | None = None) -> tuple[Mesh, float]:
+def sphere_mesh(
+    name: str, points: F32, colors: npt.NDArray[np.uint8] | F32 | None, radius: float | None = None
+) -> tuple[Mesh, float]:
     """Returns a mesh with a sphere at each point, and the radius of the spheres, by default the points' spacing.
 
     colors: (P, 3 or 4) sRGB, 8-bit codes or fractions.
@@ -99,7 +101,7 @@ def add_points(
         )
     step = -(-count // MOST_POINTS)
     rows = np.flatnonzero(chosen)[::step]
-    mesh, radius = balls(PurePosixPath(main).stem, points[rows], None if colors is None else colors[rows])
+    mesh, radius = sphere_mesh(PurePosixPath(main).stem, points[rows], None if colors is None else colors[rows])
     description.materials.append(Material("points", base_color=(1.0, 1.0, 1.0) if mesh.colors is not None else (0.8, 0.8, 0.8)))
     mesh.material = len(description.materials) - 1
     description.meshes.append(mesh)

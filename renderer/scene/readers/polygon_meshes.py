@@ -14,12 +14,12 @@ from renderer.scene.polygons import Cut, triangulate
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["filled", "fractions", "of_triangles", "split", "used"]
+__all__ = ["fractions", "of_triangles", "split", "triangulated", "used"]
 
 Array = npt.NDArray[Any]
 
 
-def filled(counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf) -> Cut:
+def triangulated(counts: Array, corners: Array, positions: npt.NDArray[np.floating], main: str, shelf: TextureShelf) -> Cut:
     """Returns the triangles of polygons (see `triangulate`) without those with non-finite vertices. Warns with their number.
 
     Raises SceneError if a face names a vertex that does not exist, or if no face remains.

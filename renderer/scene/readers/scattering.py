@@ -13,7 +13,15 @@ from renderer.scene.description import Medium, Vec3
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD
 from renderer.scene.readers.number_ranges import clamped, unit_color
 
-__all__ = ["attenuating", "diffuse_reflectance", "filled_with", "medium", "seen_through_a_boundary", "single_albedo", "within"]
+__all__ = [
+    "attenuating",
+    "dense_medium_surface",
+    "diffuse_reflectance",
+    "interior_fields",
+    "medium",
+    "seen_through_a_boundary",
+    "single_albedo",
+]
 
 F64 = npt.NDArray[np.float64]
 _LEAST_COLOR = 1e-6
@@ -28,7 +36,7 @@ def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, s
     return Medium(absorbed, scattered, clamped(g, -MOST_FORWARD, MOST_FORWARD))
 
 
-def filled_with(found: Medium) -> dict[str, Any]:
+def interior_fields(found: Medium) -> dict[str, Any]:
     """Returns the material fields for an interior of this medium."""
     return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
 
@@ -68,7 +76,7 @@ def diffuse_reflectance(albedo: Any, ior: float) -> F64:
     return np.asarray(a / 2 * (1 + np.exp(-4 / 3 * (1 + inner) / (1 - inner) * root)) * np.exp(-root))
 
 
-def within(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
+def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3, Vec3]:
     """Returns the colour and the subsurface radius of a dense medium beneath a boundary. sigma_s: reduced scattering."""
     absorbed, scattered = np.array(sigma_a), np.array(sigma_s)
     total = np.maximum(absorbed + scattered, 1e-12)

@@ -14,7 +14,7 @@ from renderer.scene.description import Instance, Material, Mesh, SceneDescriptio
 from renderer.scene.files import SceneFiles
 from renderer.scene.normals import smoothed
 from renderer.scene.readers.colors import vertex_colors
-from renderer.scene.readers.polygon_meshes import filled
+from renderer.scene.readers.polygon_meshes import triangulated
 from renderer.scene.readers.up_axis import Z_UP
 from renderer.scene.text_encoding import as_utf8, decoded, readable, with_points
 from renderer.scene.textures import TextureShelf
@@ -61,7 +61,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
                 total=count,
             )
         )
-    whole = filled(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
+    whole = triangulated(np.full(count, 3), np.arange(3 * count), corners, main, shelf).face
     if len(whole) < count:
         corners = corners.reshape(-1, 9)[whole].reshape(-1, 3)
         colors = None if colors is None else colors[whole]

@@ -267,7 +267,7 @@ class _Reader:
             self._shelf.warn(
                 Sentence("3mf-build-empty", "{file}: its build is empty; all of its objects are shown.", file=self._main)
             )
-        self._judge([(path, number) for path, number, _ in items])
+        self._check_expansion([(path, number) for path, number, _ in items])
         for path, number, place in items:
             self._place(path, number, product(_UPRIGHT, place), 0)
         self._description.meshes[first:] = smoothed_together(self._description.meshes[first:], surfaces=self._surfaces)
@@ -307,7 +307,7 @@ class _Reader:
                     )
                 )
 
-    def _judge(self, shown: list[tuple[str, str]]) -> None:
+    def _check_expansion(self, shown: list[tuple[str, str]]) -> None:
         """Raises SceneError if nested components expand to too many objects, before any is added."""
 
         def below(key: tuple[str, str]) -> list[tuple[str, str]]:

@@ -65,7 +65,7 @@ def cut_out(data: bytes) -> tuple[bytes, list[Rows]]:
 
 
 def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: bytes) -> Rows | None:
-    alike = _alike(data[begin : min(end, begin + _MOST_ROW)].lstrip(), tag)
+    alike = _row_pattern(data[begin : min(end, begin + _MOST_ROW)].lstrip(), tag)
     if alike is None:
         return None
     names, words = alike
@@ -84,7 +84,7 @@ def _rows(data: bytes, text: npt.NDArray[np.uint8], begin: int, end: int, tag: b
     return Rows({name: table[:, k] for k, name in enumerate(names)})
 
 
-def _alike(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
+def _row_pattern(row: bytes, tag: bytes) -> tuple[list[str], list[bytes]] | None:
     """Returns the attributes of a list's first row and the text before, between and after their values; None if it is no row."""
     names: list[bytes] = []
     words: list[bytes] = []

@@ -22,7 +22,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.origin import exact
 from renderer.scene.readers.colors import vertex_colors
 from renderer.scene.readers.points import add_points
-from renderer.scene.readers.polygon_meshes import filled, used
+from renderer.scene.readers.polygon_meshes import triangulated, used
 from renderer.scene.readers.up_axis import X_UP, Z_UP
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.textures import TextureShelf
@@ -119,7 +119,7 @@ def _add_points(
 def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
     positions = exact(np.asarray(geometry.vertices))
     triangles = np.asarray(geometry.faces, np.int64)
-    whole = filled(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
+    whole = triangulated(np.full(len(triangles), 3), triangles.reshape(-1), positions, main, shelf).face
     triangles = triangles[whole]
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     # trimesh computes missing normals; only those of the file are in its cache.

@@ -25,7 +25,7 @@ from service.events import BlobsReleased, Events
 from service.scheduling.artifacts.unfit_machines import Fault, UnfitMachines
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.leases import Lease
-from service.scheduling.faults.redis_errors import away
+from service.scheduling.faults.redis_errors import redis_unavailable
 from service.scheduling.fleet.workers import Workers
 from service.store.blobs import BlobStore, is_sha256
 
@@ -98,7 +98,7 @@ class ArtifactTask(ABC, Generic[Wish]):
         """Whether a result of the request may have this size, in bytes."""
 
     @abstractmethod
-    def _nobody(self) -> Unavailable:
+    def _no_worker_error(self) -> Unavailable:
         """Returns the error that says why no worker can make the result."""
 
     @property
@@ -123,7 +123,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             wanted = self._wanted.get((job, frame))
             if wanted is None:
                 if self._kind() is None:
-                    raise self._nobody()
+                    raise self._no_worker_error()
                 wanted = self._wanted[job, frame] = _Wanted(wish)
             return wanted.answer
 
@@ -132,7 +132,7 @@ class ArtifactTask(ABC, Generic[Wish]):
         for key, wanted in self._waiting():
             kind = self._kind()
             if kind is None:
-                self._fail(key, self._nobody())
+                self._fail(key, self._no_worker_error())
                 continue
             queue = self._queue(kind)
             owner = _owner(key)
@@ -147,7 +147,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             try:
                 self._send(replace(wanted.wish, work=lease.id), queue)
             except QueueError as error:
-                self._fail(key, away(error))
+                self._fail(key, redis_unavailable(error))
                 raise
             wanted.lease = lease
             wanted.sent += 1

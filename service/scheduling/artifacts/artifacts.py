@@ -7,7 +7,7 @@ from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
-from service.scheduling.artifacts.scene_preparation import Preparing
+from service.scheduling.artifacts.scene_preparation import ScenePreparations
 from service.scheduling.artifacts.unfit_machines import Fault
 from service.scheduling.artifacts.vectors import Vectors
 from service.scheduling.dispatching.dispatcher import Dispatcher
@@ -31,24 +31,24 @@ class ArtifactTasks:
     """All errands: preparation of scenes and frames, and results made on request."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
-        self.preparing = Preparing(dispatcher, workers, settings.prepare_deadline)
+        self.preparing = ScenePreparations(dispatcher, workers, settings.prepare_deadline)
         self.moments = FramePreparation(dispatcher, workers, settings.prepare_deadline, settings.frame_scenes_bytes)
         self.denoising = Denoising(dispatcher, workers, blobs, events)
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
         self._aside = (self.denoising, self.vectors, self.environments)
 
-    def fill_aside(self) -> None:
+    def fill_artifacts(self) -> None:
         """Hands out the open requests of clients. Raises QueueError."""
         for each in self._aside:
             each.fill()
 
-    def review_aside(self) -> None:
+    def review_artifacts(self) -> None:
         """Checks for lost and overdue requests of clients; called once a second."""
         for each in self._aside:
             each.review()
 
-    def heard_aside(self, message: Message) -> None:
+    def handle_artifact(self, message: Message) -> None:
         """Handles an answer to a client's request. Other messages are ignored."""
         match message:
             case DenoiseDone():

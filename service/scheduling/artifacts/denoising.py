@@ -31,7 +31,7 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
         return size == 3 * 4 * wish.width * wish.height
 
-    def _nobody(self) -> Unavailable:
+    def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready():
             return Unavailable(
                 Sentence(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from protocol.contract import ShowEnvironment, WorkerReport
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 from service.errors import FarmError, Invalid, Unavailable
 from service.scheduling.artifacts.artifact_task import ArtifactTask
 
@@ -31,7 +31,7 @@ class Environments(ArtifactTask[ShowEnvironment]):
     def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
         return 0 < size <= MOST_BYTES
 
-    def _nobody(self) -> Unavailable:
+    def _no_worker_error(self) -> Unavailable:
         if self._workers.roster.best_kind() is not None:
             return Unavailable(
                 Sentence(
@@ -48,4 +48,4 @@ class Environments(ArtifactTask[ShowEnvironment]):
         )
 
     def _failed(self, why: str) -> FarmError:
-        return Invalid(stopped(why.rstrip("."))) if why else super()._failed(why)
+        return Invalid(with_full_stop(why.rstrip("."))) if why else super()._failed(why)

@@ -21,7 +21,7 @@ from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
-from service.scheduling.jobs.frame_bytes import alone, held, more
+from service.scheduling.jobs.frame_bytes import additional_bytes, exclusive_bytes, total_bytes
 
 __all__ = ["FramePreparation"]
 
@@ -104,8 +104,8 @@ class FramePreparation:
             self._seconds[job.id] = before + (info.seconds - before) / 2
             if info.compiled is None:
                 self._sizes[job.id] = 0
-            elif not info.compiled.parts or held([job]):  # otherwise the shared part is unknown
-                self._sizes[job.id] = more(job, asdict(info.compiled))
+            elif not info.compiled.parts or total_bytes([job]):  # otherwise the shared part is unknown
+                self._sizes[job.id] = additional_bytes(job, asdict(info.compiled))
         lease = self.leases.get(work)
         if lease is None:
             return
@@ -201,7 +201,7 @@ class FramePreparation:
         later = [f for f in idle if f.is_idle or job.agenda.turn(f) > turn]
         if later:
             victim = max(later, key=job.agenda.turn)
-            gone = alone(job, victim)
+            gone = exclusive_bytes(job, victim)
             victim.compiled.clear()
             job.touch(victim)
             return gone
@@ -210,7 +210,7 @@ class FramePreparation:
     def _taken(self, jobs: list[ActiveJob]) -> int:
         """Returns the bytes of compiled frames, including the expected bytes of frames in preparation."""
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
-        return awaited + sum(held(jobs).values())
+        return awaited + sum(total_bytes(jobs).values())
 
     def _send(self, job: ActiveJob, place: Place, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
         assert job.shot is not None

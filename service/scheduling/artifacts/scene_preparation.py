@@ -16,7 +16,7 @@ from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.incoming.results import Results
 
-__all__ = ["Preparing", "Progress"]
+__all__ = ["Progress", "ScenePreparations"]
 
 LOSSES_ALLOWED = 3
 
@@ -36,7 +36,7 @@ class Progress:
 NO_BLENDER = Progress(WAITS, 0.0)
 
 
-class Preparing:
+class ScenePreparations:
     """The scenes to prepare, each for one kind of workers; None: the kind with most slots."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:

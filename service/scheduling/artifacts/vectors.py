@@ -29,7 +29,7 @@ class Vectors(ArtifactTask[FrameVectors]):
     def _is_size(self, size: int, wish: FrameVectors) -> bool:
         return size == 4 * 4 * wish.width * wish.height
 
-    def _nobody(self) -> Unavailable:
+    def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready():
             return Unavailable(
                 Sentence(

@@ -8,10 +8,10 @@ from service.scheduling.dispatching.leases import Lease
 from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["Held"]
+__all__ = ["HeldBatches"]
 
 
-class Held:
+class HeldBatches:
     """The batches in one snapshot of the workers' reports."""
 
     def __init__(self, roster: WorkerSnapshot) -> None:
@@ -30,7 +30,7 @@ class Held:
                 elif "job" in doing:
                     self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
 
-    def by(self, lease: Lease, job: ActiveJob) -> str | None:
+    def holder_of(self, lease: Lease, job: ActiveJob) -> str | None:
         """Returns the worker that reports to hold a lease; None if none does."""
         if lease.batch is None:
             return None

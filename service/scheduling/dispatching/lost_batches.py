@@ -16,7 +16,7 @@ from functools import cache
 from typing import Protocol
 
 from service.clock import Clock
-from service.scheduling.dispatching.held_batches import Held
+from service.scheduling.dispatching.held_batches import HeldBatches
 from service.scheduling.dispatching.leases import UNSEEN_ALLOWED, Lease, Leases
 from service.scheduling.fleet.workers import WorkerSnapshot
 from service.scheduling.incoming.results import Position
@@ -81,7 +81,7 @@ class LostLeaseFinder:
         self._queues = queues
         self._clock = clock
 
-    def look(
+    def find_lost(
         self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0
     ) -> Iterator[tuple[Lease, LossVerdict]]:
         """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
@@ -92,13 +92,13 @@ class LostLeaseFinder:
         allowed = UNSEEN_ALLOWED + travel_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting(queue)}
         roster = self._workers.roster
-        held = Held(roster)
+        held = HeldBatches(roster)
         living = self._workers.away()
         end, is_late = cache(results.end), cache(lambda: bool(living) or self._workers.are_late())
         out = [lease for lease in self._leases if lease.batch is not None and not lease.has_arrived and lease.owner in jobs]
         now = self._clock.monotonic()
         for lease in out:
-            holder = held.by(lease, jobs[lease.owner])
+            holder = held.holder_of(lease, jobs[lease.owner])
             is_at_site, waits = held.is_at_site(lease), lease.message in waiting
             lease.seen(holder is not None or is_at_site or waits, end, allowed)
             lease.waited = now if waits else lease.waited

@@ -141,7 +141,7 @@ class Scheduler:
                 taken = len({lease.turn for lease in new})
                 handed_out += taken
                 pool.room -= taken
-                line.gave(job, taken, sum(lease.charged_s for lease in new))
+                line.record_served(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
 
     def _window(self, slots: int, kind: str) -> int:
@@ -207,7 +207,7 @@ class Scheduler:
         self._sent += leases
         for lease in leases:
             self.leases.add(lease)
-        job.history.log.given(len(batches))
+        job.history.log.count_given(len(batches))
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
@@ -233,7 +233,7 @@ class Scheduler:
             return
         job.history.rendered_by(worker)
         tile = job.film.tiles[batch.tile]
-        job.history.log.back(worker, batch.count * tile.w * tile.h, seconds)
+        job.history.log.count_returned(worker, batch.count * tile.w * tile.h, seconds)
         trouble = job.trouble.pop(batch, None)
         failed_on = trouble.workers if trouble else []
         self.suspicion.succeeded(worker, failed_on)
@@ -263,14 +263,14 @@ class Scheduler:
         trouble = job.trouble.setdefault(batch, BatchFailures())
         trouble.workers.append(worker)
         trouble.error, trouble.reproduce = error, reproduce
-        job.history.log.say(f"{worker} could not render {named(batch)}: {error}", trace)
+        job.history.log.add_line(f"{worker} could not render {named(batch)}: {error}", trace)
         able = {report.name for report in self._workers.roster.ready() if report.kind == job.kind}
         enough_workers = len(able & set(trouble.workers)) >= max(min(FAILURES_ALLOWED, len(able)), 1)
         # A worker that fails at once may get the batch several times before another does.
         is_hopeless = enough_workers or time.monotonic() - trouble.since > PATIENCE_WITH_FEW_S
         if len(trouble.workers) >= FAILURES_ALLOWED and is_hopeless:
             return trouble
-        job.history.happened("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
+        job.history.add_event("failed", f"{worker}: {error.splitlines()[0][:200] if error else 'a batch'}")
         job.lose(batch)
         if is_suspect:
             self.suspicion.failed(worker, (job.id, batch))
@@ -285,7 +285,7 @@ class Scheduler:
         batch = ended.batch or batch
         if job.handed_back != why:
             log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
-            job.history.log.say(f"{named(batch)} is handed out again: {why}")
+            job.history.log.add_line(f"{named(batch)} is handed out again: {why}")
         job.handed_back = why
         job.lose(batch)
         self.suspicion.failed(worker, (job.id, batch))
@@ -325,7 +325,7 @@ class Scheduler:
         self.sites.review(self.jobs)
         idle = cache(self._has_idle_slots)
         rests = cache(lambda id, kind: not (job := self.jobs[id]).knows_cost or job.agenda.next(kind) is None)
-        for lease, fate in self._missing.look(self.jobs, results, self._pace.travel_s):
+        for lease, fate in self._missing.find_lost(self.jobs, results, self._pace.travel_s):
             job = self.jobs.get(lease.owner)
             if lease.batch is None or job is None or self.leases.get(lease.id) is None:
                 continue  # ended together with another lease of its job or frame
@@ -366,10 +366,10 @@ class Scheduler:
         self.lost += 1
         trouble = job.trouble.setdefault(batch, BatchFailures())
         trouble.losses += fate.counts_as_loss
-        job.history.happened("lost", lease.holder or "")
+        job.history.add_event("lost", lease.holder or "")
         said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
         log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
-        job.history.log.say(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
+        job.history.log.add_line(f"that was {named(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.lose(batch)
         if trouble.losses >= LOSSES_ALLOWED:
             where = job.film.tiles[batch.tile][:2]

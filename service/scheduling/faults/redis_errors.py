@@ -10,7 +10,7 @@ import redis
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 
-__all__ = ["RedisTrouble", "away", "causes", "redis_fault"]
+__all__ = ["RedisTrouble", "causes", "redis_fault", "redis_unavailable"]
 
 RedisTrouble = tuple[str, str]  # fact and remedy
 
@@ -118,7 +118,7 @@ def redis_fault(error: BaseException) -> RedisTrouble:
     )
 
 
-def away(error: BaseException) -> Unavailable:
+def redis_unavailable(error: BaseException) -> Unavailable:
     """Returns the Unavailable error for a request that needs Redis."""
     return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is over."))
 

@@ -11,7 +11,7 @@ from protocol.contract import (
     RESULTS,
     WORKER_KEYS,
     denoise_queue,
-    order_key,
+    pause_key,
     prepare_queue,
     render_queue,
 )
@@ -33,7 +33,7 @@ TYPES = (
     (WORKER_KEYS, "string"),
     *(
         (key("*"), "string")
-        for key in (*(order_key, offer_key, terms_key, vitals_key, log_key, log_wanted_key, site_key, secret_key, view_key),)
+        for key in (*(pause_key, offer_key, terms_key, vitals_key, log_key, log_wanted_key, site_key, secret_key, view_key),)
     ),
     ("rayfarm:service", "string"),
     ("unacked", "hash"),  # these three belong to kombu

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import redis
 
 from protocol.blends import TAG
-from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, order_key, worker_key
+from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WORKER_KEYS, WorkerReport, pause_key, worker_key
 from protocol.lifeline import connected
 from protocol.site import SITE, SiteReport, site_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
@@ -165,7 +165,7 @@ class Workers:
         found = [self._understand(key, value) for key, value in zip(keys, values, strict=True) if value is not None]
         reports = {report.name: report for report in found if report is not None}
         names = sorted(reports)
-        whys: Any = self._redis.mget([order_key(name) for name in names]) if names else []
+        whys: Any = self._redis.mget([pause_key(name) for name in names]) if names else []
         orders = {name: from_text(why.decode(errors="replace")) for name, why in zip(names, whys, strict=True) if why is not None}
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
         vitals = self._all_of(Vitals.from_bytes, vitals_key, names, told)
@@ -238,19 +238,19 @@ class Workers:
 
     def pause(self, name: str, why: str) -> None:
         """Pauses a worker until `resume`. Safe to call from any thread. Raises redis.RedisError."""
-        self._redis.set(order_key(name), to_text(why), ex=ORDER_TTL_S)
+        self._redis.set(pause_key(name), to_text(why), ex=ORDER_TTL_S)
 
     def all_orders(self) -> dict[str, str]:
         """Returns the reason of each paused worker, by name, connected or not. Raises redis.RedisError."""
-        keys = list(self._redis.scan_iter(order_key("*"), count=1000))
+        keys = list(self._redis.scan_iter(pause_key("*"), count=1000))
         values: Any = self._redis.mget(keys) if keys else []
-        prefix = len(order_key(""))
+        prefix = len(pause_key(""))
         found = ((key.decode(errors="replace")[prefix:], why) for key, why in zip(keys, values, strict=True))
         return {name: from_text(why.decode(errors="replace")) for name, why in found if why is not None}
 
     def resume(self, name: str) -> None:
         """Resumes a worker. Safe to call from any thread. Raises redis.RedisError."""
-        self._redis.delete(order_key(name))
+        self._redis.delete(pause_key(name))
 
     def log(self, name: str) -> list[str] | None:
         """Returns the last lines of a worker's log; None if the worker does not send them in time.

@@ -99,8 +99,8 @@ class Deadlines:
             return
         self._since.pop(job.id, None)
         job.urgency = job.deadline if is_late and job.deadline is not None else math.inf
-        job.history.happened("late" if is_late else "in-time")
-        job.history.log.say("is expected after its deadline" if is_late else "is expected by its deadline again")
+        job.history.add_event("late" if is_late else "in-time")
+        job.history.log.add_line("is expected after its deadline" if is_late else "is expected by its deadline again")
         self._tell("job", job.id)
 
     def _note_overdue(self, known: dict[str, ActiveJob], now: float) -> None:

@@ -25,7 +25,7 @@ from renderer.sentences import Sentence
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Shares
 
-__all__ = ["Forecast", "Forecaster", "Lines", "RemainingWork"]
+__all__ = ["Forecast", "Forecaster", "JobLines", "RemainingWork"]
 
 RENEWED_EVERY_S = 1.0
 RESTS = 20  # validity of a computation, as a multiple of its duration
@@ -42,7 +42,7 @@ class Forecast:
     why: str | None = None
 
 
-class Lines(Protocol):
+class JobLines(Protocol):
     """The operations required of service/scheduling/dispatching/job_queue.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
@@ -122,10 +122,10 @@ class RemainingWork:
         if (own := equals.get(job.share)) is None:
             return (before + work) / slots
         had = own.until(job, work)
-        terms = self._shares.of(job.share)
+        terms = self._shares.terms_of(job.share)
         clock = had / terms.weight
         others = sum(
-            min(share.total, clock * self._shares.of(name).weight) for name, share in equals.items() if name != job.share
+            min(share.total, clock * self._shares.terms_of(name).weight) for name, share in equals.items() if name != job.share
         )
         return max((before + others + had) / slots, had / min(terms.max_slots or slots, slots))
 
@@ -133,7 +133,7 @@ class RemainingWork:
 class Forecaster:
     """Computes the forecasts of jobs. Used only by the engine's thread."""
 
-    def __init__(self, lines: Lines, shares: Shares) -> None:
+    def __init__(self, lines: JobLines, shares: Shares) -> None:
         self._lines = lines
         self._shares = shares
         self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd
@@ -146,20 +146,20 @@ class Forecaster:
         if slots <= 0:
             return Forecast(None, NO_SLOTS)
         work = work_s(job, slots)
-        most = [each for each in (job.max_slots, self._shares.of(job.share).max_slots) if each is not None]
+        most = [each for each in (job.max_slots, self._shares.terms_of(job.share).max_slots) if each is not None]
         alone = None if work is None else work / min([slots, *most])
         measured = job.eta_s if job.state == "running" and job.samples_per_s > 0.0 else alone
         if measured is None:
             return Forecast(None, NO_COST)
         if work is None or alone is None or job.state == "paused":
             return Forecast(now + measured)
-        crowd = self._crowd(self._lines.kind_for(job) or "", slots)
+        crowd = self._remaining_work(self._lines.kind_for(job) or "", slots)
         if crowd.jobs <= 1:
             return Forecast(now + measured)
         left = max(crowd.seconds(job, work, slots), alone)
         return Forecast(now + (left if crowd.is_known else max(left, measured)))
 
-    def _crowd(self, kind: str, slots: int) -> RemainingWork:
+    def _remaining_work(self, kind: str, slots: int) -> RemainingWork:
         until, crowd = self._crowds.get(kind, (0.0, None))
         begins = time.monotonic()
         if crowd is None or begins > until:

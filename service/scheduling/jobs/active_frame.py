@@ -120,7 +120,7 @@ class ActiveFrame:
         if self._plan is None:
             self.bad_samples = self.film.bad_samples(self.key)[0]
             self._plan = FramePlan(
-                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._told, self.key, self.ceiling)
+                *(self.film.tiles, self.spp, self.noise_asked, self._coverage, self._noise_for_plan, self.key, self.ceiling)
             )
             self._plan.focus(self._in_focus())
             self._changed()
@@ -202,7 +202,7 @@ class ActiveFrame:
         state = "preparing" if self.state == "queued" and self.is_preparing else self.state
         return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
 
-    def rise_to(self, ceiling: int) -> None:
+    def raise_ceiling(self, ceiling: int) -> None:
         """Raises the ceiling to this number of samples per pixel."""
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
@@ -236,19 +236,19 @@ class ActiveFrame:
             elif covered.total >= LOOK_AGAIN * done:
                 self._due[batch.tile] = None
 
-    def look(self, looks: NoiseBudget) -> None:
+    def estimate_noise(self, looks: NoiseBudget) -> None:
         """Estimates the noise of tiles with many new samples, within the time limit `looks`.
 
         Raises FilmWaits or FilmLost.
         """
         found = False
         for tile in list(self._due):
-            if self._share is None and not looks.may():  # the next round of a shot depends on this noise
+            if self._share is None and not looks.has_time():  # the next round of a shot depends on this noise
                 break
             del self._due[tile]
             covered = self._coverage(tile)
             if covered.prefix == covered.total > self._measured.get(tile, (0, 0.0))[0]:
-                with looks.one():
+                with looks.charged():
                     self._measure(tile, covered.total)
                 found = True
         if found:
@@ -294,7 +294,7 @@ class ActiveFrame:
             self._json = self._settings, self._settings.to_json()
         return self._json[1]
 
-    def _told(self, tile: int) -> float:
+    def _noise_for_plan(self, tile: int) -> float:
         """Returns the noise of a tile to its plan, estimated now."""
         self._measure(tile, self._coverage(tile).total)
         self._is_told_anew = True

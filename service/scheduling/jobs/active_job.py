@@ -310,7 +310,7 @@ class ActiveJob:
             frame = self.frames.get(batch.frame)
             if frame is not None:
                 frame.settle(batch)
-                frame.look(self.looks)
+                frame.estimate_noise(self.looks)
                 self._unsettled_frame(frame)
             self._unsettled.pop(0)
 

@@ -87,7 +87,7 @@ class Agenda:
         top = {"breadth-first": frame.spp, "noisiest-first": self._pilot}.get(self._order, frame.ceiling)
         if frame.ceiling >= top:
             return False
-        frame.rise_to(min(2 * frame.ceiling, top))
+        frame.raise_ceiling(min(2 * frame.ceiling, top))
         return True
 
     def settled(self, frame: ActiveFrame) -> None:
@@ -123,7 +123,7 @@ class Agenda:
     def begin_round(self) -> None:
         """Starts the next round, after its goals were stored."""
         for key, goal in self.new_goals.items():
-            self._frames[key].rise_to(goal)
+            self._frames[key].raise_ceiling(goal)
         self.new_goals = {}
 
 

@@ -8,23 +8,23 @@ from typing import Any
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["alone", "held", "more"]
+__all__ = ["additional_bytes", "exclusive_bytes", "total_bytes"]
 
 
-def held(jobs: Iterable[ActiveJob]) -> dict[str, int]:
+def total_bytes(jobs: Iterable[ActiveJob]) -> dict[str, int]:
     """Returns the sizes in bytes, by hash, of the blobs compiled for frames of these jobs."""
     return {sha256: size for job in jobs for frame in job.agenda.turns.owning() for sha256, size in _of_frame(job, frame)}
 
 
-def alone(job: ActiveJob, frame: ActiveFrame) -> int:
+def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
     """Returns the bytes that only this frame of the job needs."""
     others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
     return _sum_without(_of_frame(job, frame), others)
 
 
-def more(job: ActiveJob, ref: Mapping[str, Any]) -> int:
+def additional_bytes(job: ActiveJob, ref: Mapping[str, Any]) -> int:
     """Returns the additional bytes of a new BlobRef (protocol.contract), given as JSON."""
-    return _sum_without(_blobs(ref), {*held([job]), *job.of_scene})
+    return _sum_without(_blobs(ref), {*total_bytes([job]), *job.of_scene})
 
 
 def _of_frame(job: ActiveJob, frame: ActiveFrame) -> Iterator[tuple[str, int]]:

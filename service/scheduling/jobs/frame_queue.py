@@ -48,7 +48,7 @@ class FrameQueue:
 
     def lacking(self, kind: str, most: int) -> list[ActiveFrame]:
         """Returns the first frames to prepare for a kind of workers, at most `most`."""
-        return [self._frames[key] for key in self._line(self._lacking, kind).some(most)]
+        return [self._frames[key] for key in self._line(self._lacking, kind).first_keys(most)]
 
     def first_lacking(self, kind: str) -> Turn | None:
         """Returns the sort key of the first frame that is not prepared for a kind, being prepared or not.

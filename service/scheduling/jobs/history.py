@@ -59,7 +59,7 @@ class History:
         """Returns the JSON value for the job's row."""
         return {"points": self.points, "events": self.events}
 
-    def measured(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
+    def add_point(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
         """Adds a point if the samples have grown by the factor `STEP`, or at all if `is_end`."""
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0
@@ -70,9 +70,9 @@ class History:
         self.points.append([round(seconds, 3), float(samples), noise])
         self.has_changed = True
 
-    def happened(self, kind: str, words: str = "") -> None:
+    def add_event(self, kind: str, words: str = "") -> None:
         """Adds an event now and logs it; an event equal to the latest one is only logged."""
-        self.log.say(SENTENCES.get(kind, kind).format(words or "somebody"))
+        self.log.add_line(SENTENCES.get(kind, kind).format(words or "somebody"))
         if self.events and self.events[-1][1:] == [kind, words]:
             return
         if len(self.events) >= MOST_EVENTS:
@@ -84,10 +84,10 @@ class History:
         """Adds an event for the first batch of a worker."""
         if worker not in self._workers:
             self._workers.add(worker)
-            self.happened("worker", worker)
+            self.add_event("worker", worker)
 
-    def left(self, workers: set[str]) -> None:
+    def note_departed(self, workers: set[str]) -> None:
         """Adds an event for each contributing worker that is not among the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)
-            self.happened("left", gone)
+            self.add_event("left", gone)

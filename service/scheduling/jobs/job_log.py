@@ -38,25 +38,25 @@ class JobLog:
         self._given = 0
         self._back: dict[str, list[float]] = {}  # by worker: batches, samples, seconds
 
-    def say(self, text: str, more: str = "") -> None:
+    def add_line(self, text: str, more: str = "") -> None:
         """Adds a line. more: further lines, indented below it."""
         self._tell_counts()
         self._add(text)
         for line in more.splitlines():
             self._add(f"    {line}")
 
-    def given(self, batches: int) -> None:
+    def count_given(self, batches: int) -> None:
         """Counts batches that were handed out."""
         self._given += batches
 
-    def back(self, worker: str, samples: int, seconds: float) -> None:
+    def count_returned(self, worker: str, samples: int, seconds: float) -> None:
         """Counts a returned batch."""
         counts = self._back.setdefault(worker, [0, 0, 0.0])
         counts[0] += 1
         counts[1] += samples
         counts[2] += seconds
 
-    def take(self) -> str:
+    def drain(self) -> str:
         """Returns the pending lines and clears them."""
         self._tell_counts()
         lines, self._lines = self._lines, []
@@ -99,7 +99,7 @@ class JobLogs:
             return
         self._flushed = time.monotonic()
         for job, log in list(self._logs.items()):
-            text = log.take()
+            text = log.drain()
             if text:
                 self._tell(job, text.splitlines(), log.counts)
                 log.counts.clear()

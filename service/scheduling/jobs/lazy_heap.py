@@ -51,7 +51,7 @@ class LazyHeap(Generic[Place]):
             heapq.heappop(self._heap)
         return self._heap[0] if self._heap else None
 
-    def some(self, most: int) -> list[int]:
+    def first_keys(self, most: int) -> list[int]:
         """Returns the first keys in order, at most `most`."""
         taken: dict[int, tuple[Place, int]] = {}
         while len(taken) < most and (first := self.first()) is not None:

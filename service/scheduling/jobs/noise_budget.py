@@ -27,7 +27,7 @@ class NoiseBudget:
         self._left_s = AT_ONCE_S
         self._since = self._clock.monotonic()
 
-    def may(self) -> bool:
+    def has_time(self) -> bool:
         """Whether there is time for another estimate."""
         now = self._clock.monotonic()
         self._left_s = min(self._left_s + SHARE * (now - self._since), AT_ONCE_S)
@@ -35,7 +35,7 @@ class NoiseBudget:
         return self._left_s > 0.0
 
     @contextmanager
-    def one(self) -> Iterator[None]:
+    def charged(self) -> Iterator[None]:
         """Context that charges its processor time to the limit."""
         begun = self._clock.thread_time()
         try:

@@ -91,7 +91,7 @@ class Shares:
         self._clocks: dict[str, _Clock] = {}
         self._turn = count(1)
 
-    def of(self, share: str) -> Terms:
+    def terms_of(self, share: str) -> Terms:
         """Returns a share's terms."""
         return self.terms.get(share, _USUAL)
 
@@ -115,7 +115,7 @@ class Shares:
         clock = self._clocks.setdefault(kind, _Clock())
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
 
-    def rest(self, kind: str, share: str) -> None:
+    def reset_share(self, kind: str, share: str) -> None:
         """Resets the virtual time of an idle or full share, so that it accumulates no credit."""
         clock = self._clocks.setdefault(kind, _Clock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
@@ -125,13 +125,13 @@ class Shares:
         clock = self._clocks.setdefault(kind, _Clock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
-        clock.ends[share] = begins + seconds / self.of(share).weight
+        clock.ends[share] = begins + seconds / self.terms_of(share).weight
         clock.served[share] = next(self._turn)
 
     def correct(self, kind: str, share: str, seconds: float) -> None:
         """Corrects a share's charge by the difference between actual and expected seconds."""
         clock = self._clocks.setdefault(kind, _Clock())
-        clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.of(share).weight
+        clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.terms_of(share).weight
 
 
 _USUAL = Terms()
@@ -139,7 +139,7 @@ _Place = tuple[float, int, int, float, str]
 
 
 class Line(Generic[Job]):
-    """Queue of jobs, ordered by share and job. Call `gave` after handing out work; a job without work is skipped."""
+    """Queue of jobs, ordered by share and job. Call `record_served` after handing out work; a job without work is skipped."""
 
     def __init__(
         self, shares: Shares, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]
@@ -153,7 +153,7 @@ class Line(Generic[Job]):
             self._queues.setdefault(job.share, []).append((place, job))
         for share in self._queues:
             if not shares_held[share]:
-                shares.rest(kind, share)
+                shares.reset_share(kind, share)
         self._turns = [(shares.start(kind, share), share) for share in self._queues]
         heapify(self._turns)
         self._is_heap: set[str] = set()
@@ -166,9 +166,9 @@ class Line(Generic[Job]):
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
-            room = self._room(self._shares.of(share).max_slots, self._held[share])
+            room = self._room(self._shares.terms_of(share).max_slots, self._held[share])
             if room <= 0 or not queue:
-                self._shares.rest(self._kind, share)
+                self._shares.reset_share(self._kind, share)
                 heappop(self._turns)
                 continue
             if share not in self._is_heap:
@@ -181,7 +181,7 @@ class Line(Generic[Job]):
                 return job
         return None
 
-    def gave(self, job: Job, messages: int, seconds: float) -> None:
+    def record_served(self, job: Job, messages: int, seconds: float) -> None:
         """Records that the current job was given messages, and charges its share for their expected slot-seconds."""
         assert self._place is not None
         urgency, held, _, created, id = self._place

@@ -96,7 +96,7 @@ class Trust:
                 kept.append((message, sums))
         return kept
 
-    def taken(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
+    def consider_verification(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
         """Randomly starts the verification of a batch that the film accepted."""
         if (
             not job.verify
@@ -149,7 +149,7 @@ class Trust:
             for job in list(self._scheduler.jobs.values()):
                 if job.film.has_sent(worker):
                     partly.append(job.id)
-                    job.history.happened("distrusted", worker)
+                    job.history.add_event("distrusted", worker)
                     again(job)
             self.counts["distrusted"] += 1
             log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
@@ -187,7 +187,7 @@ class Trust:
             self.counts["differed"] += 1
             where = f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}"
             log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(check.votes.workers)), where)
-            job.history.log.say(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
+            job.history.log.add_line(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
         if check.votes.right is None:
             with suppress(QueueError):  # sent at the next review
                 if check.votes.may_help(self._ready(check.kind)) and len(check.votes.cast) < MOST_ASKED:
@@ -196,7 +196,9 @@ class Trust:
         self.counts["verified"] += 1
         right = sorted(check.votes.workers - check.votes.wrong)
         for worker in check.votes.wrong:
-            self._find_out(worker, check, Sentence("worker-outvoted", "as {workers} rendered them", workers=" and ".join(right)))
+            self._mark_wrong(
+                worker, check, Sentence("worker-outvoted", "as {workers} rendered them", workers=" and ".join(right))
+            )
         self._close(check)
 
     def _decide_by_hand(self, check: _Check) -> None:
@@ -205,10 +207,10 @@ class Trust:
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
             for worker in paused:
-                self._find_out(worker, check, Sentence("worker-distrusted-by-user", "as somebody decided by pausing it"))
+                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "as somebody decided by pausing it"))
             self._close(check)
 
-    def _find_out(self, worker: str, check: _Check, how: str) -> None:
+    def _mark_wrong(self, worker: str, check: _Check, how: str) -> None:
         batch = check.batch
         where = Sentence(
             "samples-of-tile",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rayfarm.watch.blocks import Blocks, nearest_256
-from rayfarm.watch.fit import fitted, shown
+from rayfarm.watch.fit import fitted, fitted_picture
 from rayfarm.watch.pixels import Kitty, Sixel
 from rayfarm.watch.terminal import CELL, understood
 from renderer.image import tonemap
@@ -77,10 +77,10 @@ def test_a_picture_fits_and_its_pixels_are_the_mean_light() -> None:
     assert fitted((64, 48), (200, 100)) == (128, 96)
     assert fitted((4000, 10), (80, 60)) == (80, 1)
     film = RANDOM.uniform(0, 2, (40, 60, 3)).astype(np.float32)
-    np.testing.assert_array_equal(shown(film, (60, 40), 0.5, "agx"), tonemap.apply(film, 0.5, "agx"))
+    np.testing.assert_array_equal(fitted_picture(film, (60, 40), 0.5, "agx"), tonemap.apply(film, 0.5, "agx"))
     halves = film.reshape(20, 2, 30, 2, 3).mean(axis=(1, 3))
-    assert np.abs(shown(film, (30, 20), 0.0, "neutral").astype(int) - tonemap.apply(halves)).max() <= 1
-    np.testing.assert_array_equal(shown(film, (120, 80), 0.0, "srgb")[::2, 1::2], tonemap.apply(film, 0.0, "srgb"))
+    assert np.abs(fitted_picture(film, (30, 20), 0.0, "neutral").astype(int) - tonemap.apply(halves)).max() <= 1
+    np.testing.assert_array_equal(fitted_picture(film, (120, 80), 0.0, "srgb")[::2, 1::2], tonemap.apply(film, 0.0, "srgb"))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from renderer.confine import rules, running
-from renderer.confine.reader import told
+from renderer.confine.reader import error_message
 from renderer.confine.running import Bounds, run
 from renderer.errors import MachineError, SceneError
 from renderer.scene.load import Shot
@@ -105,7 +105,7 @@ def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(by_format, "import_module", lambda name: SimpleNamespace(read=lacking))
     with pytest.raises(type(what)) as raised:
         Shot(tmp_path, "a.ply").at()
-    assert "machine" in told(raised.value)
+    assert "machine" in error_message(raised.value)
 
 
 def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -120,7 +120,7 @@ def test_what_moves_is_known(kit):
 
 
 def test_a_shutter_that_opens_while_a_skin_bends():
-    over = Shot(KIT, "kit.fbx").over(Moment(5), {"shutter": 0.5})
+    over = Shot(KIT, "kit.fbx").over_shutter(Moment(5), {"shutter": 0.5})
     assert over.keys >= 2
     assert len(next(m for m in over.meshes if m.name == "Cylinder").keys) == over.keys
 

@@ -62,7 +62,7 @@ def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shri
 
 def test_what_was_said_of_other_things_is_not_known():
     kept, head = ShotCache(), object()
-    assert not kept.knows("checked", (head, 1))
-    assert kept.knows("checked", (head, 1))
-    assert not kept.knows("checked", (head, 2))
-    assert not kept.knows("checked", (object(), 2))
+    assert not kept.is_unchanged("checked", (head, 1))
+    assert kept.is_unchanged("checked", (head, 1))
+    assert not kept.is_unchanged("checked", (head, 2))
+    assert not kept.is_unchanged("checked", (object(), 2))

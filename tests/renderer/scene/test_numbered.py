@@ -89,19 +89,19 @@ def test_while_the_shutter_is_open_meshes_go_from_file_to_file(tmp_path):
     for number, height in ((1, 5), (2, 3), (3, 2)):
         (tmp_path / f"drop.{number}.obj").write_text(drop(height, "obj"))
     shot = Shot(tmp_path, "drop.#.obj")
-    moving = shot.over(Moment(2), {"shutter": 1.0, "shutter_keys": 5})
+    moving = shot.over_shutter(Moment(2), {"shutter": 1.0, "shutter_keys": 5})
     heights = [float(positions[0, 1]) for positions, _ in moving.meshes[0].keys]
     np.testing.assert_allclose(heights, [4.0, 3.5, 3.0, 2.75, 2.5])
-    trailing = shot.over(Moment(2), {"shutter": 0.5, "shutter_at": "trailing", "shutter_keys": 2})
+    trailing = shot.over_shutter(Moment(2), {"shutter": 0.5, "shutter_at": "trailing", "shutter_keys": 2})
     np.testing.assert_allclose([float(positions[0, 1]) for positions, _ in trailing.meshes[0].keys], [4.0, 3.0])
-    last = shot.over(Moment(3), {"shutter": 1.0, "shutter_keys": 3})
+    last = shot.over_shutter(Moment(3), {"shutter": 1.0, "shutter_keys": 3})
     np.testing.assert_allclose([float(positions[0, 1]) for positions, _ in last.meshes[0].keys], [2.5, 2.0, 2.0])
 
 
 def test_meshes_that_are_cut_anew_are_not_blurred(tmp_path):
     (tmp_path / "drop.1.obj").write_text(drop(5, "obj"))
     (tmp_path / "drop.2.obj").write_text(drop(3, "obj") + "v 0 0 9\nf 1 2 4\n")
-    moving = Shot(tmp_path, "drop.#.obj").over(Moment(1), {"shutter": 0.5})
+    moving = Shot(tmp_path, "drop.#.obj").over_shutter(Moment(1), {"shutter": 0.5})
     assert moving.keys == 0
     assert not moving.meshes[0].keys
     assert any("whose triangles change" in warning for warning in moving.warnings)

@@ -161,7 +161,7 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
     assert found.defaults["shutter"] == 1
     assert found.instances[0].transform[0, 3] == 1
     np.testing.assert_allclose(found.instances[0].transform[:2, 0], [math.sqrt(0.5)] * 2, atol=1e-12)
-    over = shot.over()
+    over = shot.over_shutter()
     assert [key[0, 3] for key in (over.instances[0].keys[0], over.instances[0].keys[-1])] == [0, 2]
     assert not over.instances[1].keys
 

@@ -13,7 +13,7 @@ from renderer.render import render_frame
 from renderer.scene import atmosphere
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sky
-from renderer.scene.environment import relit, tabulate_environment
+from renderer.scene.environment import tabulate_environment, with_environment_changed
 from renderer.scene.load import read
 from renderer.scene.sky import image_of_sky, parse_sky, sun_of_sky
 from tests.grids import grid
@@ -193,15 +193,18 @@ def test_the_sun_is_seen_as_a_disk_where_it_stands_and_in_mirrors():
 def test_strength_and_replacement_reach_the_sun():
     made = lit(Sky(35))
     view = settings((0, 2, -1), (0, 0, 0), 0.01, max_depth=2)
-    once, thrice = (mean(render_frame(relit(made, None, s), view, 16), 24).mean() for s in (1.0, 3.0))
+    once, thrice = (mean(render_frame(with_environment_changed(made, None, s), view, 16), 24).mean() for s in (1.0, 3.0))
     assert thrice == pytest.approx(3 * once, rel=1e-5)
-    assert_mean(render_frame(relit(made, (0.5, 0.5, 0.5), 1.0), view, 64), 0.5, slack=1e-4)
-    assert mean(render_frame(relit(made, None, 0.0), view, 1), 24).max() == 0
+    assert_mean(render_frame(with_environment_changed(made, (0.5, 0.5, 0.5), 1.0), view, 64), 0.5, slack=1e-4)
+    assert mean(render_frame(with_environment_changed(made, None, 0.0), view, 1), 24).max() == 0
 
 
 @pytest.mark.parametrize("turn", [35.0, -170.0])
 def test_turning_it_later_is_turning_it_in_the_file(turn):
-    later, before = relit(lit(Sky(35, 40), rotation=20.0), None, 1.0, turn), lit(Sky(35, 40), rotation=20.0 + turn)
+    later, before = (
+        with_environment_changed(lit(Sky(35, 40), rotation=20.0), None, 1.0, turn),
+        lit(Sky(35, 40), rotation=20.0 + turn),
+    )
     np.testing.assert_allclose(later.environment_frame, before.environment_frame, rtol=1e-5, atol=1e-6)
     np.testing.assert_array_equal(later.environment, before.environment)
 

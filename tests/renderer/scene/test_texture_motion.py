@@ -50,7 +50,7 @@ def sliding_glb() -> bytes:
 def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(SLIDING_YAML.encode() if name.endswith("yaml") else sliding_glb())
     shot = Shot(tmp_path, name)
-    moving = shot.over(Moment(12.0), {"shutter": 1.0})
+    moving = shot.over_shutter(Moment(12.0), {"shutter": 1.0})
     assert not any("blurred" in warning for warning in moving.warnings)
     offsets = [(key[2], key[5]) for texture in moving.textures for key in texture.keys]
     np.testing.assert_allclose(offsets, [(2 + k / 24, 1 + k / 48) for k in (-2, -1, 0, 1, 2)], atol=1e-6)

@@ -57,7 +57,7 @@ def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
         assert found.lights[0].intensity[0] == pytest.approx(light.GetIntensityAttr().Get(time))
         assert [named[n].moves for n in ("m", "still")] == [True, False]
         assert (shape.deforms, found.meshes[named["still"].mesh].deforms) == (True, False)
-    blurred = shot.over(Moment(5))
+    blurred = shot.over_shutter(Moment(5))
     assert blurred.keys > 0
     assert len({float(k[0, 3]) for k in blurred.instances[0].keys}) == blurred.keys
     with pytest.raises(SceneError, match="has no clip 'walk'"):
@@ -171,7 +171,7 @@ def test_a_skeleton_that_is_not_shown_still_says_where_its_meshes_stand(tmp_path
 
 def test_a_skin_moves_while_the_shutter_is_open(tmp_path):
     arm(tmp_path / "a.usda")
-    moving = Shot(tmp_path, "a.usda").over(Moment(3), {"shutter": 0.5})
+    moving = Shot(tmp_path, "a.usda").over_shutter(Moment(3), {"shutter": 0.5})
     assert all(len(moving.meshes[i.mesh].keys) == moving.keys > 0 for i in moving.instances)
 
 

@@ -20,7 +20,7 @@ def test_who_is_removed_is_no_member_any_more_and_a_new_user_of_that_name_is_non
     access = service.farm.access
     access.users.add("anna", Role.VIEW, None)
     access.projects.add("film")
-    assert access.projects.let_in("film", "anna").members == ["anna"]
+    assert access.projects.add_member("film", "anna").members == ["anna"]
     access.users.remove("anna")
     access.users.add("anna", Role.VIEW, None)
     assert access.projects.find("film").members == []

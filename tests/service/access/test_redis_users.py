@@ -147,11 +147,11 @@ def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service
         names = []
         for instance in ("one", "two"):
             users = RedisUsers(store, keys, TOKEN, instance)
-            users.look()
+            users.refresh()
             names += [name for name in store.acl_users() if key in name and name.startswith(users._prefix)]
         assert len(names) == 2
         keys.withdraw("worker", key)
-        users.look()
+        users.refresh()
         assert [name in store.acl_users() for name in names] == [True, False]
         store.acl_deluser(names[0])
 
@@ -164,8 +164,8 @@ def test_its_address_keeps_what_belongs_to_the_way(service: Service) -> None:
 
 
 def test_a_lock_of_an_older_worker_is_released_by_the_one_script_that_the_service_loads(service: Service) -> None:
-    service.farm.redis_users.look()
-    RedisCare(service.farm.redis_users._redis).look()
+    service.farm.redis_users.refresh()
+    RedisCare(service.farm.redis_users._redis).maintain()
     with joined(service, made(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
         pass
 
@@ -186,7 +186,7 @@ def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         store.set("rayfarm.render.mistaken", b"text")
         store.rpush("rayfarm:worker:mistaken", b"text")
-        RedisCare(store).look()
+        RedisCare(store).maintain()
         assert not store.exists("rayfarm.render.mistaken", "rayfarm:worker:mistaken")
 
 

@@ -44,7 +44,7 @@ def test_more_pictures_than_wait_in_line_are_told_to_come_again(
     url = f"/api/jobs/{job}/frames/0/image.png"
     with ThreadPoolExecutor(2) as many:
         waiting = [many.submit(service.http.get, url, params={"exposure": i}) for i in range(2)]
-        until(lambda: service.farm.pictures.asked == 2, "both wait")
+        until(lambda: service.farm.pictures.pending_count == 2, "both wait")
         answer = service.http.get(url, params={"exposure": 9})
         hold.set()
         assert [each.result().status_code for each in waiting] == [200, 200]

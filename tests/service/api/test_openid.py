@@ -142,13 +142,13 @@ def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
     assert oidc is not None
     back = "https://farm.example/"
     about, _ = oidc._provider()
-    assert "id_token_hint" not in str(oidc.way_out("", back)), "a login of which the token is not known any more"
+    assert "id_token_hint" not in str(oidc.logout_url("", back)), "a login of which the token is not known any more"
     for end in ("javascript:alert(1)", "/oauth2/end_session", None):
         monkeypatch.setitem(about, "end_session_endpoint", end)
-        assert oidc.way_out("a.b.c", back) is None
+        assert oidc.logout_url("a.b.c", back) is None
     monkeypatch.undo()
     monkeypatch.setattr(oidc, "_logs_out", False)
-    assert oidc.way_out("a.b.c", back) is None
+    assert oidc.logout_url("a.b.c", back) is None
     monkeypatch.undo()
     with browser(service) as client:
         log_in(client, "1")

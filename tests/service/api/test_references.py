@@ -17,7 +17,7 @@ from renderer.image import encode, rgbe9995
 from service.http.security import MAX_BODY
 from service.intake import references
 from service.intake.read_reference import from_srgb
-from service.watching.film_picture import light
+from service.watching.film_picture import radiance_of
 from tests.grids import grid
 from tests.helpers import running_redis
 from tests.service.conftest import Service
@@ -81,7 +81,7 @@ def test_a_picture_of_8_bits_is_decoded_and_said_to_be_one(service: Service) -> 
     found = service.http.post("/api/references", files={"file": ("shown.png", out.getvalue())}).raise_for_status().json()
     assert (found["display_referred"], found["clipped"]) == (True, 0)
     packed = service.farm.blobs.serve(_film_of(service, found["id"])).chunks
-    np.testing.assert_array_equal(light(packed), rgbe9995.unpack(rgbe9995.pack(from_srgb(np.dstack([codes] * 3)))))
+    np.testing.assert_array_equal(radiance_of(packed), rgbe9995.unpack(rgbe9995.pack(from_srgb(np.dstack([codes] * 3)))))
     np.testing.assert_allclose(from_srgb(np.array([0, 10, 188, 255])), [0, 0.0030353, 0.5028865, 1], rtol=1e-5)
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 

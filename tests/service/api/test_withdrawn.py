@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import httpx
 import pytest
 
-from service.access.projects import hold_project
+from service.access.projects import lock_project
 from service.access.roles import Role
 from service.errors import NotFound
 from service.store.models import Project
@@ -97,10 +97,10 @@ def test_an_upload_into_a_project_that_is_closed_to_its_sender_meanwhile_is_not_
 def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Client) -> None:
     owner.post("/api/projects", json={"name": "held"}).raise_for_status()
     with service.farm.sessions.begin() as session:
-        hold_project("held", session)
-        hold_project("", session)
+        lock_project("held", session)
+        lock_project("", session)
         with pytest.raises(NotFound):
-            hold_project("nowhere", session)
+            lock_project("nowhere", session)
         assert session.get(Project, "held") is not None
 
 

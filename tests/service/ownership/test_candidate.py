@@ -11,7 +11,7 @@ from sqlalchemy import text
 
 from service.errors import CannotStart, NotOwner, Unavailable
 from service.ownership import rows
-from service.ownership.candidate import Candidate, own
+from service.ownership.candidate import Candidate, take_farm
 from service.ownership.ownership import Ownership
 from service.ownership.silence import LEAST_LOOKS
 from service.settings import Settings
@@ -80,7 +80,7 @@ def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
     clock.now += 0.5
     follower = owned(second)
     assert follower.epoch > first.epoch
-    row = rows.look(follower.sessions)
+    row = rows.current_owner(follower.sessions)
     assert row is not None
     assert row.takeovers == 0, "it was given up"
 
@@ -101,7 +101,7 @@ def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candida
     second = candidates()
     first._folder.release()  # as the system does when a process ends
     follower = owned(second)
-    row = rows.look(follower.sessions)
+    row = rows.current_owner(follower.sessions)
     assert row is not None
     assert row.takeovers == 1
 
@@ -115,7 +115,7 @@ def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Ca
     assert not second._lock.is_held, "who stands by leaves it to the owner"
     first.confirm()
     assert first._folder.is_held
-    row = rows.look(first.sessions)
+    row = rows.current_owner(first.sessions)
     assert row is not None
     assert row.locked
 
@@ -164,7 +164,7 @@ def test_alone_it_goes_on_though_the_database_is_away(
         looked.append(clock.now)
         raise Unavailable("away")
 
-    monkeypatch.setattr(rows, "look", away)
+    monkeypatch.setattr(rows, "current_owner", away)
     clock.now += 2 * LEASE_S
     for _ in range(5):
         first.guard()
@@ -186,7 +186,7 @@ def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Can
             first.guard()
     assert len(told) == 1
     first.stop()
-    row = rows.look(second._bare)
+    row = rows.current_owner(second._bare)
     assert row is not None
     assert row.owner is not None, "what is another's is not given up"
 
@@ -215,24 +215,24 @@ def test_another_folder_on_the_same_database_is_refused(candidates: Callable[...
 
 def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidate]) -> None:
     first = owned(candidates())
-    seen = rows.look(first._bare)
+    seen = rows.current_owner(first._bare)
     me = candidates()._me
-    assert rows.take(first._bare, seen, me, has_lock=False) is not None
-    assert rows.take(first._bare, seen, me, has_lock=False) is None
+    assert rows.take_ownership(first._bare, seen, me, has_lock=False) is not None
+    assert rows.take_ownership(first._bare, seen, me, has_lock=False) is None
 
 
 def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> None:
-    first = own(Settings(data=tmp_path), 0.0)
+    first = take_farm(Settings(data=tmp_path), 0.0)
     with pytest.raises(CannotStart, match="Another service works on"):
-        own(Settings(data=tmp_path), 0.0)
+        take_farm(Settings(data=tmp_path), 0.0)
     first.stop()
-    own(Settings(data=tmp_path), 0.0).stop()
+    take_farm(Settings(data=tmp_path), 0.0).stop()
 
 
 def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
     with pytest.raises(CannotStart, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
-        own(Settings(data=tmp_path), 0.0)
+        take_farm(Settings(data=tmp_path), 0.0)
 
 
 def scene(id: str) -> Scene:

@@ -85,7 +85,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
         waiting.clear()
         access.users.add("ben", Role.SUBMIT, None)
         for user in ("anna", "ben"):
-            access.projects.let_in("film", user)
+            access.projects.add_member("film", user)
         for job in [submit_as(service, user, film, spp=64) for user in ("anna", "ben")]:
             service.wait_for(job, "finished")
         assert max(waiting) == 1, "whose they are, they are of one share"

@@ -18,7 +18,7 @@ from service.errors import FilmWaits
 from service.scheduling.faults import bulkhead
 from service.scheduling.records import PendingJob, Records
 from service.store.database import connect
-from service.store.disk_space import no_room
+from service.store.disk_space import disk_full_error
 from service.store.film_file import FilmFile
 from service.store.films import Film
 from service.store.models import Job
@@ -219,7 +219,7 @@ def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service,
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
     for name in RECORDS:
-        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), no_room, lambda *_: True, failed))
+        monkeypatch.setattr(Records, name, failing_at_first(getattr(Records, name), disk_full_error, lambda *_: True, failed))
     service.start()
     with service.worker() as worker:
         scene = service.upload()

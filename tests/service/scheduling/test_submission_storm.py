@@ -23,7 +23,7 @@ def test_a_running_job_goes_on_while_hundreds_are_submitted(
 ) -> None:
     begun: list[bool] = []  # of each transaction: whether it was the engine's
     passed: list[int] = []  # of each of the engine's: how many of others began while it waited
-    taken = Turns.taken
+    taken = Turns.turn
 
     @contextmanager
     def counted(self: Turns, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
@@ -34,7 +34,7 @@ def test_a_running_job_goes_on_while_hundreds_are_submitted(
             begun.append(is_urgent)
             yield
 
-    monkeypatch.setattr(Turns, "taken", counted)
+    monkeypatch.setattr(Turns, "turn", counted)
     worker.on_batch = lambda _: (time.sleep(0.02), True)[1]
     scene = service.ready_scene()
     running = service.submit(scene, spp=100_000, priority=10, **SIZE)

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from service.errors import NoRoom
 from service.store.database import Sessions
-from service.store.disk_space import no_room
+from service.store.disk_space import disk_full_error
 from service.store.reserve import SIZE, Reserve
 from tests.helpers import running_redis
 from tests.service.api.test_kernels import NAME, SHOWN, artefact
@@ -68,7 +68,7 @@ def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -
     @contextmanager
     def begin_where_there_is_room(self: Sessions) -> Iterator[Session]:
         if reserve.exists():
-            raise no_room()
+            raise disk_full_error()
         with begin(self) as session:
             yield session
 
@@ -119,7 +119,7 @@ def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
     def delete() -> str:
         tries.append((tmp_path / "reserve").exists())
         if tries[-1]:
-            raise no_room()
+            raise disk_full_error()
         return "deleted"
 
     assert reserve.spend_on(delete) == "deleted"
@@ -131,7 +131,7 @@ def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
 
 
 def always_full() -> None:
-    raise no_room()
+    raise disk_full_error()
 
 
 def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:

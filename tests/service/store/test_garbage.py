@@ -130,7 +130,7 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
     """A blob was compiled for one scene while another scene, compiled to the same bytes, is deleted."""
     collector, blobs = garbage
     sha256 = put(blobs, b"compiled")
-    collector.promise(sha256)
+    collector.pin_until_recorded(sha256)
     collector.collect(lambda session: {sha256})
     assert blobs.exists(sha256)
     collector._promised[sha256] = [0.0]  # the news did not come

@@ -22,7 +22,7 @@ from service.settings import Settings
 from service.store.database import connect
 from service.store.migrations.versions import r0001_release_0_1_0
 from service.store.models import Base, Job
-from service.store.upgrade import MIGRATIONS, standing, upgrade
+from service.store.upgrade import MIGRATIONS, schema_state, upgrade
 from tests.grids import grid
 from tests.service.conftest import Databases, empty_database
 
@@ -65,7 +65,7 @@ def test_file_names_give_the_revisions_that_alembic_reads(tmp_path: Path) -> Non
     revisions = [script.revision for script in scripts.walk_revisions()]
     engine = create_engine(f"sqlite:///{tmp_path / 'new.sqlite'}")
     try:
-        assert standing(engine).head == scripts.get_current_head() == revisions[0]
+        assert schema_state(engine).head == scripts.get_current_head() == revisions[0]
     finally:
         engine.dispose()
     assert sorted(revisions) == sorted(path.name[1:5] for path in (MIGRATIONS / "versions").glob("r*.py"))

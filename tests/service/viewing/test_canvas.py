@@ -23,8 +23,8 @@ def filled(canvas: Canvas, samples: int) -> list[int]:
             rect = level.tiles[piece.tile]
             canvas.add(piece.tile, piece.first, piece.count, expected_sums(rect, piece.first, piece.count, 0))
             for tile in list(canvas.changed):
-                shown += [canvas.take(tile)[1]] * (tile == 0)
-    mean, has, _ = canvas.take(piece.tile)
+                shown += [canvas.take_tile(tile)[1]] * (tile == 0)
+    mean, has, _ = canvas.take_tile(piece.tile)
     assert has == samples
     np.testing.assert_array_equal(mean, np.moveaxis(film.mean(expected_sums(rect, 0, samples, 0), 24), -1, 0))
     return shown

@@ -142,7 +142,7 @@ def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made
         assert await asyncio.gather(*(pool.make(i, size, work, size) for i, size in enumerate(sizes))) == sizes
         assert most <= 100
         assert alone
-        assert pool.asked == 0
+        assert pool.pending_count == 0
 
     run(test())
 

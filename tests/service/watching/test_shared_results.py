@@ -18,7 +18,7 @@ from service.store.films import Film, Part
 from service.store.tile_cache import TileCache
 from service.watching import shared_results
 from service.watching.broadcast import Broadcast
-from service.watching.shared_results import ROUND_PIXELS, Shared
+from service.watching.shared_results import ROUND_PIXELS, SharedResults
 from tests.service.peer_worker import expected_sums
 
 
@@ -70,7 +70,7 @@ def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
-        shared = Shared(broadcast, 1 << 20)
+        shared = SharedResults(broadcast, 1 << 20)
         for tile in (0, 1):
             render(film, tile, 0)
         with broadcast.listen("job"):
@@ -97,7 +97,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
-        shared = Shared(broadcast, 1 << 20)
+        shared = SharedResults(broadcast, 1 << 20)
         render(film, 0, 0)
         with broadcast.listen("job"):
             packing.go.clear()
@@ -121,7 +121,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
 def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
-        shared = Shared(broadcast, 1 << 20)
+        shared = SharedResults(broadcast, 1 << 20)
         render(film, 0, 0)
         packing.fails = True
         with broadcast.listen("job"):
@@ -140,7 +140,7 @@ def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packin
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         for tile in range(8):
             render(film, tile, 0)
-        shared = Shared(broadcast, 2 * 4 * 16 * 16 * 4)
+        shared = SharedResults(broadcast, 2 * 4 * 16 * 16 * 4)
         with broadcast.listen("job"):
             await shared.tiles("job", film, 0, range(8))
             assert shared._bytes == 4 * 16 * 16 * 4
@@ -148,10 +148,10 @@ def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packin
             assert len(packing.tiles) == 8
             await shared.tiles("job", film, 0, [0])
             assert len(packing.tiles) == 9
-        large = Shared(broadcast, 1 << 30)
+        large = SharedResults(broadcast, 1 << 30)
         assert large.round_pixels == ROUND_PIXELS
         with broadcast.listen("a"), broadcast.listen("a"), broadcast.listen("b"):
-            few = Shared(broadcast, 96 << 10).round_pixels
+            few = SharedResults(broadcast, 96 << 10).round_pixels
             assert few == (48 << 10) // (3 * 16)
         film.close()
 
@@ -162,17 +162,17 @@ def test_a_job_is_described_once_until_it_changes(tmp_path: Path) -> None:
     async def test() -> None:
         broadcast, made = Broadcast(Events()), []
         broadcast.open(asyncio.get_running_loop())
-        shared = Shared(broadcast, 1 << 20)
+        shared = SharedResults(broadcast, 1 << 20)
 
         def make() -> int:
             made.append(0)
             return len(made)
 
         with broadcast.listen("job"):
-            said = await asyncio.gather(*(shared.told("job", "state", make) for _ in range(20)))
+            said = await asyncio.gather(*(shared.shared("job", "state", make) for _ in range(20)))
             assert said == [1] * 20
             broadcast.tell("job", "job")
             await asyncio.sleep(0)
-            assert await shared.told("job", "state", make) == 2
+            assert await shared.shared("job", "state", make) == 2
 
     run(test())

@@ -16,7 +16,7 @@ from renderer.render import FULL, kernel_name
 from worker.exchange import kernel_precompile
 from worker.exchange.errors import LinkError
 from worker.exchange.link import Link
-from worker.process.apply_terms import Keeping
+from worker.process.apply_terms import TermsKeeper
 
 LINK = Link("http://127.0.0.1:9", "token")
 
@@ -46,7 +46,7 @@ def test_it_begins_behind_everything_else(
     started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jit, "is_cached", lambda name: False)
-    kernel_precompile.get_ready_ahead(LINK)
+    kernel_precompile.precompile_full_kernel(LINK)
     ((command, process),) = started
     assert command[1:] == [
         *begun_later("worker.exchange.kernel_precompile", kernel_precompile.LATER_S)[1:],
@@ -62,7 +62,7 @@ def test_nothing_begins_where_this_machine_has_the_kernel(
 ) -> None:
     asked: list[str] = []
     monkeypatch.setattr(jit, "is_cached", lambda name: asked.append(name) or True)
-    kernel_precompile.get_ready_ahead(LINK)
+    kernel_precompile.precompile_full_kernel(LINK)
     assert (started, asked) == ([], [kernel_name(edition=FULL)])
 
 
@@ -72,7 +72,7 @@ def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
     monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: fetched)
-    monkeypatch.setattr(kernel_precompile, "hand_in", lambda link, folder, kernel: handed_in.append(kernel))
+    monkeypatch.setattr(kernel_precompile, "upload_kernel", lambda link, folder, kernel: handed_in.append(kernel))
     assert kernel_precompile.main() == 0
     assert handed_in == ([] if fetched else [kernel_name(edition=FULL)])
 
@@ -84,12 +84,12 @@ def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog:
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
     monkeypatch.setattr(kernel_precompile, "fetched_or_compiled", lambda link, edition: False)
-    monkeypatch.setattr(kernel_precompile, "hand_in", away)
+    monkeypatch.setattr(kernel_precompile, "upload_kernel", away)
     assert kernel_precompile.main() == 1
     assert "nobody answers" in caplog.text
 
 
 def test_a_worker_that_shall_spare_its_machine_does_nothing_ahead() -> None:
-    assert Keeping(1).may_work_ahead()
+    assert TermsKeeper(1).may_work_ahead()
     for own in (Terms(hours="Mon"), Terms(idle_minutes=5.0), Terms(nice=5), Terms(memory=1 << 30)):
-        assert not Keeping(1, own=own).may_work_ahead(), own
+        assert not TermsKeeper(1, own=own).may_work_ahead(), own

@@ -26,6 +26,6 @@ def test_the_process_beside_is_waited_for(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(subprocess, "Popen", Started)
     monkeypatch.setattr(sys, "executable", shutil.which("true"))
-    kernels.hand_in_beside(Link("http://127.0.0.1:1", "token"), tmp_path, "render_pool-plain")
+    kernels.upload_kernel_in_background(Link("http://127.0.0.1:1", "token"), tmp_path, "render_pool-plain")
     (pid,) = started
     wait_until(lambda: not psutil.pid_exists(pid), 10, "not even a zombie is left")

@@ -79,7 +79,7 @@ def test_what_is_no_farm_is_told_by_a_sentence(name: str) -> None:
         with pytest.raises(NotAFarmError, match="rayfarm up") as said:
             made.join()
         assert words in str(said.value)
-        for other in (lambda: made.manifest("scene"), lambda: made.means("job", 0, io.BytesIO())):
+        for other in (lambda: made.manifest("scene"), lambda: made.fetch_means("job", 0, io.BytesIO())):
             with pytest.raises((NotAFarmError, RefusedError)):
                 other()
         made.client.close()

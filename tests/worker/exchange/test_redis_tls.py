@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from protocol.broker import celery_config
-from protocol.redis_tls import CA_VARIABLE, as_told, trusting
+from protocol.redis_tls import CA_VARIABLE, with_certificate_authority, without_local_options
 from service.settings import Settings
 from worker.exchange.errors import LinkError
 from worker.joining import check_redis
@@ -91,9 +91,9 @@ def test_it_is_believed_by_its_authority_alone(
     for wrong in ("", str(certificate(tmp_path, "other")[0])):
         monkeypatch.setenv(CA_VARIABLE, wrong)
         with pytest.raises(LinkError, match="certificate verify failed"):
-            check_redis(trusting(url))
+            check_redis(with_certificate_authority(url))
     monkeypatch.setenv(CA_VARIABLE, str(authority))
-    check_redis(trusting(url))
+    check_redis(with_certificate_authority(url))
 
 
 def test_celery_and_the_service_speak_to_it(over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -118,4 +118,4 @@ def test_others_are_not_told_where_this_machine_keeps_its_files(monkeypatch: pyt
     assert "redis-ca" not in settings.worker_redis_url
     assert "health_check_interval=30" in settings.worker_redis_url
     plain = "redis://:secret@redis.example:6379/0"
-    assert trusting(plain) == as_told(plain) == plain
+    assert with_certificate_authority(plain) == without_local_options(plain) == plain

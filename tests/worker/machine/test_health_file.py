@@ -23,7 +23,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("state", State)
 def test_a_worker_that_waits_is_healthy_and_not_ready(state: State, file: Path) -> None:
-    health_file.say(state)
+    health_file.write_state(state)
     assert healthy.fault(str(file)) == ""
     assert bool(healthy.fault(str(file), ready=True)) is (state is not State.WORKING)
 
@@ -31,17 +31,17 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: State, file: Path) 
 @pytest.mark.parametrize(("state", "why"), [(State.WORKING, "last seen"), (State.AWAY, ""), (State.STARTING, "")])
 def test_only_an_event_loop_can_hang(state: State, why: str, file: Path) -> None:
     """A worker may wait for the service or Redis for any time."""
-    health_file.say(state)
+    health_file.write_state(state)
     os.utime(file, (1.0, 1.0))
     assert (why in healthy.fault(str(file)), bool(healthy.fault(str(file)))) == (True, bool(why))
-    health_file.say(state)
+    health_file.write_state(state)
     assert healthy.fault(str(file)) == "", "what is said again is fresh"
 
 
 def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
-    health_file.say(State.WORKING, ended.pid)
+    health_file.write_state(State.WORKING, ended.pid)
     assert "has ended" in healthy.fault(str(file))
     file.write_text("nonsense")
     assert "does not say" in healthy.fault(str(file))
@@ -51,7 +51,7 @@ def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
 
 def test_the_check_is_a_program(file: Path) -> None:
     command = [sys.executable, "-IS", str(ROOT / "worker" / "healthy.py")]
-    health_file.say(State.STARTING)
+    health_file.write_state(State.STARTING)
     assert subprocess.run(command, check=False).returncode == 0
     done = subprocess.run([*command, "--ready"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "the worker is starting\n")
@@ -59,6 +59,6 @@ def test_the_check_is_a_program(file: Path) -> None:
 
 def test_nothing_is_written_unless_a_file_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(health_file.ALIVE, raising=False)
-    health_file.say(State.WORKING)
+    health_file.write_state(State.WORKING)
     monkeypatch.setenv(health_file.ALIVE, "/nowhere/alive")
-    health_file.say(State.WORKING)
+    health_file.write_state(State.WORKING)

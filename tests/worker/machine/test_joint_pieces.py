@@ -126,7 +126,7 @@ def test_a_piece_that_comes_to_nothing_holds_nobody_up(pieces: Pieces) -> None:
     pieces.begin("m", b"", range(2), 60.0)
     first, second = one(pieces), one(pieces)
     pieces.put(first, result(0))
-    pieces.let_go(second)
+    pieces.release(second)
     assert sent(pieces) == [[0]]
 
 

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 import redis
 
-from protocol.contract import WorkerReport, order_key
+from protocol.contract import WorkerReport, pause_key
 from protocol.terms import Offer, Terms, offer_key, terms_key
 from tests.helpers import wait_until
 from worker.heartbeat import Heartbeat
 from worker.machine.process_tree import family
 from worker.process import apply_terms, context
-from worker.process.apply_terms import Keeping, memory_limit
+from worker.process.apply_terms import TermsKeeper, memory_limit
 from worker.work.files import memory_budget
 
 MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
@@ -45,13 +45,13 @@ class Queues:
 @pytest.fixture(autouse=True)
 def no_limit() -> Iterator[None]:
     yield
-    Keeping(1).look()
+    TermsKeeper(1).refresh()
     assert memory_limit() == 0
 
 
 @pytest.fixture
 def heartbeat(redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> Heartbeat:
-    kept = Keeping(4, ("gpu",), clock=lambda: MONDAY_NOON)
+    kept = TermsKeeper(4, ("gpu",), clock=lambda: MONDAY_NOON)
     worker = SimpleNamespace(redis_url=redis_url, name="w", kind="k", queues=["render", "prepare"], keeping=kept)
     monkeypatch.setattr(context, "_current", worker)
     return Heartbeat(Queues(4))
@@ -65,8 +65,8 @@ def ask(store: redis.Redis, heartbeat: Heartbeat, terms: Terms | bytes) -> Any:
 def beat(heartbeat: Heartbeat) -> Any:
     kept = heartbeat.worker.keeping
     assert kept is not None
-    heartbeat.telling.tell(WorkerReport("w", "host", 1, 4, "cpu", "k", "ready", 0.0), kept.offer(), [])
-    heard = heartbeat.telling.hear(5.0)
+    heartbeat.telling.send(WorkerReport("w", "host", 1, 4, "cpu", "k", "ready", 0.0), kept.offer(), [])
+    heard = heartbeat.telling.receive(5.0)
     assert heard is not None
     heartbeat.heard = heard
     heartbeat._keep()
@@ -85,10 +85,10 @@ def test_slots_hours_and_queues_are_kept_at_the_next_beat(store: redis.Redis, he
     ask(store, heartbeat, Terms(queues=("needs-b",), hours="Tue"))
     assert (consumer.taken, heartbeat.is_paused, kept.why) == ([], True, "Outside its hours: Tue.")
     assert kept.offer().queues == (), "it takes from nobody"
-    store.set(order_key("w"), "Paused by a person.")
+    store.set(pause_key("w"), "Paused by a person.")
     ask(store, heartbeat, Terms(queues=("needs-b",)))
     assert heartbeat.is_paused, "still by a person"
-    store.delete(order_key("w"))
+    store.delete(pause_key("w"))
     ask(store, heartbeat, Terms(queues=("needs-b",)))
     assert sorted(consumer.taken) == ["needs-b", "prepare", "render"]
     store.delete(terms_key("w"))
@@ -111,48 +111,48 @@ def test_what_makes_no_sense_is_left_out_and_said(store: redis.Redis, heartbeat:
 
 
 def test_its_own_terms_hold_where_nothing_else_is_asked() -> None:
-    kept = Keeping(4, own=Terms(hours="Mon", idle_minutes=5.0))
-    kept.ask(Terms(hours="").to_bytes())
+    kept = TermsKeeper(4, own=Terms(hours="Mon", idle_minutes=5.0))
+    kept.request(Terms(hours="").to_bytes())
     assert (kept.terms.hours, kept.terms.idle_minutes) == ("", 5.0)
 
 
 def test_it_rests_while_somebody_is_there() -> None:
-    kept = Keeping(1)
+    kept = TermsKeeper(1)
     there = {"idle_s": 0.0}
     kept.presence = SimpleNamespace(idle_s=lambda: there["idle_s"], by=("load",))  # type: ignore[assignment]
-    kept.ask(Terms(idle_minutes=2.0).to_bytes())
-    kept.look()
+    kept.request(Terms(idle_minutes=2.0).to_bytes())
+    kept.refresh()
     assert kept.why == "Somebody works at this machine; it begins when nobody has for 2 minutes."
     there["idle_s"] = 121.0
-    kept.look()
+    kept.refresh()
     assert (kept.why, kept.offer().idle_by) == (None, ("load",))
 
 
 def test_whether_somebody_is_there_is_known_when_its_hours_begin() -> None:
-    kept = Keeping(1, clock=lambda: MONDAY_NOON)
+    kept = TermsKeeper(1, clock=lambda: MONDAY_NOON)
     looked = []
     kept.presence = SimpleNamespace(idle_s=lambda: looked.append(1) or 0.0, by=("load",))  # type: ignore[assignment, func-returns-value]
-    kept.ask(Terms(hours="Tue", idle_minutes=2.0).to_bytes())
-    kept.look()
+    kept.request(Terms(hours="Tue", idle_minutes=2.0).to_bytes())
+    kept.refresh()
     assert (kept.why, looked) == ("Outside its hours: Tue.", [1])
 
 
 def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytest.MonkeyPatch) -> None:
     used = {"bytes": 900}
     monkeypatch.setattr(apply_terms, "_memory_of_family", lambda: used["bytes"])
-    kept = Keeping(1)
-    kept.ask(Terms(memory=1000).to_bytes())
-    kept.look()
+    kept = TermsKeeper(1)
+    kept.request(Terms(memory=1000).to_bytes())
+    kept.refresh()
     assert (kept.why, memory_limit(), memory_budget()) == (None, 1000, 1000)
     kept._beats = 0
     used["bytes"] = 1001
-    kept.look()
+    kept.refresh()
     assert "more memory than its limit" in str(kept.why)
     used["bytes"] = 950
-    kept.look()
+    kept.refresh()
     assert kept.why is not None, "not well below yet"
     used["bytes"] = 899
-    kept.look()
+    kept.refresh()
     assert kept.why is None
     assert apply_terms._memory_of_family() == 899
 
@@ -162,11 +162,11 @@ def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None
     code = (
         "import os, subprocess, sys, time\n"
         "from worker.machine.process_tree import family\n"
-        "from worker.process.apply_terms import Keeping\nfrom protocol.terms import Terms\n"
+        "from worker.process.apply_terms import TermsKeeper\nfrom protocol.terms import Terms\n"
         f"child = subprocess.Popen([sys.executable, '-c', {program!r}])\n"
         "while len(family()) < 3: time.sleep(0.05)\n"
-        "kept = Keeping(1)\nfirst = os.getpriority(os.PRIO_PROCESS, 0)\n"
-        "kept.ask(Terms(nice=first + 3).to_bytes())\nkept.look()\n"
+        "kept = TermsKeeper(1)\nfirst = os.getpriority(os.PRIO_PROCESS, 0)\n"
+        "kept.request(Terms(nice=first + 3).to_bytes())\nkept.refresh()\n"
         "levels = {os.getpriority(os.PRIO_PROCESS, pid) - first for pid in family()}\n"
         "print(sorted(levels), kept.offer().nice - first, kept.trouble)\n"
         "for pid in family().keys() - {os.getpid()}: os.kill(pid, 9)\n"

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from worker.site.socket_deadline import Timed
+from worker.site.socket_deadline import DeadlineReader
 
 
 def test_what_comes_in_time_is_read_and_what_trickles_is_not_waited_for() -> None:
@@ -22,7 +22,7 @@ def test_what_comes_in_time_is_read_and_what_trickles_is_not_waited_for() -> Non
 
     with here, there:
         there.sendall(b"a line\nand more")
-        timed = Timed(here, 20.0)
+        timed = DeadlineReader(here, 20.0)
         reader = io.BufferedReader(timed)
         assert reader.readline() == b"a line\n"
         assert reader.read(8) == b"and more"

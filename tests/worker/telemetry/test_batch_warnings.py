@@ -5,15 +5,15 @@ from __future__ import annotations
 import logging
 import time
 
-from worker.telemetry.batch_warnings import Listener, overhear, step
+from worker.telemetry.batch_warnings import WarningHandler, collect_warnings, step
 
 
 def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
-    log, listener = logging.getLogger("a library"), Listener()
+    log, listener = logging.getLogger("a library"), WarningHandler()
     logging.getLogger().addHandler(listener)
     try:
         log.warning("before")
-        with overhear() as heard:
+        with collect_warnings() as heard:
             log.info("as ever")
             try:
                 _ = 1 / 0
@@ -31,11 +31,11 @@ def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
 
 
 def test_steps_are_added_up() -> None:
-    with overhear() as heard:
+    with collect_warnings() as heard:
         for _ in range(2):
             with step("open scene"):
                 time.sleep(0.02)
     assert heard.told()["took"]["open scene"] >= 0.04
-    with overhear() as heard:
+    with collect_warnings() as heard:
         pass
     assert heard.told() == {}

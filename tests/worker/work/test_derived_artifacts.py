@@ -13,7 +13,7 @@ from protocol.contract import DenoiseFrame
 from worker.exchange.errors import LinkError, WorkError
 from worker.machine.status import SlotBoard
 from worker.work import derived_artifacts
-from worker.work.derived_artifacts import Aside
+from worker.work.derived_artifacts import ArtifactTask
 
 WORK = DenoiseFrame("w1", "job", 4, 8, 8)
 TASK = SimpleNamespace(request=SimpleNamespace(delivery_info={}))
@@ -24,8 +24,8 @@ def worker() -> Any:
     return SimpleNamespace(name="attic", board=SlotBoard(1))
 
 
-def aside(make: Callable[..., dict[str, Any]]) -> Aside[DenoiseFrame]:
-    return Aside(DenoiseFrame.from_json, make, "made", "failed", "denoise", "denoise the picture")
+def aside(make: Callable[..., dict[str, Any]]) -> ArtifactTask[DenoiseFrame]:
+    return ArtifactTask(DenoiseFrame.from_json, make, "made", "failed", "denoise", "denoise the picture")
 
 
 def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:

@@ -197,7 +197,7 @@ class Materials:
             name, data = self._imported.textures[inside]
             return self._shelf.image_bytes(f"{self._main} (picture {inside}): {name or reference}", data, srgb), UNMOVED
         if is_tiled(unquote(reference)):
-            return self._shelf.found(unquote(reference).removeprefix("file:"), self._main, user, srgb)
+            return self._shelf.image_and_transform(unquote(reference).removeprefix("file:"), self._main, user, srgb)
         found = self._files.resolve_uri(reference, self._main)
         if found is None:
             self._shelf.missing(reference, user)

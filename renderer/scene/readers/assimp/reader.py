@@ -22,12 +22,12 @@ from renderer.scene.readers.assimp.animation import Movement
 from renderer.scene.readers.assimp.far import import_exactly
 from renderer.scene.readers.assimp.library import Camera, Imported, Lamp, Shape
 from renderer.scene.readers.assimp.materials import Materials
-from renderer.scene.readers.assimp.untrusted import judge
+from renderer.scene.readers.assimp.untrusted import refuse_expanding_files
 from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.skinning import carried
 from renderer.scene.text_encoding import as_utf8
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, amount, times
+from renderer.sentences import Sentence, amount, with_count
 from renderer.settings import View
 
 __all__ = ["read"]
@@ -64,7 +64,7 @@ def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes]
     data = files.read(main)
     if main.lower().endswith(_TEXT):
         data = as_utf8(data)
-    judge(data, main)
+    refuse_expanding_files(data, main)
     data = change(data)
     imported = import_exactly(data, main)
     if imported.nodes:
@@ -134,7 +134,7 @@ class _Reader:
                     "assimp-importer-message",
                     "{file}: the importer says: {text}.",
                     file=self._main,
-                    text=times(text, count),
+                    text=with_count(text, count),
                 )
             )
 

@@ -13,12 +13,12 @@ from renderer.scene.readers.xml import refuse_entities
 from renderer.sentences import Sentence
 from renderer.zips import DAMAGED, is_bomb
 
-__all__ = ["judge"]
+__all__ = ["refuse_expanding_files"]
 
 _XML = (".dae", ".x3d", ".xgl", ".amf", ".irrmesh")
 
 
-def judge(data: bytes, main: str) -> None:
+def refuse_expanding_files(data: bytes, main: str) -> None:
     """Raises SceneError if a file must not be opened."""
     suffix = PurePosixPath(main).suffix.lower()
     if suffix in _XML:

@@ -8,7 +8,7 @@ from typing import Any
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import Opened, at, each, is_set, is_visible, pointed, text, value_at
+from renderer.scene.readers.fbx.library import FbxScene, at, each, is_set, is_visible, pointed, text, value_at
 from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Stacks"]
@@ -19,7 +19,7 @@ _STILL = 1e-9  # of a curve's values, by which rounding alone differs
 class Stacks:
     """The animation stacks of a scene."""
 
-    def __init__(self, opened: Opened, name: str) -> None:
+    def __init__(self, opened: FbxScene, name: str) -> None:
         self._opened, self._file = opened, name
         scene = opened.scene
         # Blender shows the first that moves anything; files of Mixamo and 3ds Max begin with an empty one.
@@ -37,15 +37,15 @@ class Stacks:
         chosen = self._stacks[:1]
         if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
             chosen = [self._stacks[number_of("clip", names, moment.clip, self._file)]]
-        if self._opened.unturned or any(len(_heard(stack)) < stack.layers.count for stack in chosen):
+        if self._opened.unturned or any(len(_active_layers(stack)) < stack.layers.count for stack in chosen):
             return self._together(chosen)
         return int(chosen[0].anim) if chosen else None
 
     def _together(self, stacks: list[Any]) -> int:
-        layers = [layer for stack in stacks for layer in _heard(stack)]
-        return self._opened.together([int(layer.typed_id) for layer in layers], self._file)
+        layers = [layer for stack in stacks for layer in _active_layers(stack)]
+        return self._opened.combined_animation([int(layer.typed_id) for layer in layers], self._file)
 
-    def shown(self, anim: int, evaluated: Opened, seconds: float) -> dict[int, bool]:
+    def shown(self, anim: int, evaluated: FbxScene, seconds: float) -> dict[int, bool]:
         """Returns the visibility of nodes by id where animation layers set it: the topmost curve of a weighted layer decides.
 
         Maya evaluates visibility, as all booleans, in override mode whatever the layer's mode (Autodesk, "Animation layer
@@ -74,7 +74,7 @@ class Stacks:
         return set(_moved(anim))
 
 
-def _heard(stack: Any) -> list[Any]:
+def _active_layers(stack: Any) -> list[Any]:
     """Returns the layers of a stack that are evaluated: those with solo, or without any, all that are not muted."""
     layers = pointed(stack.layers, layout.AnimLayer)
     return [layer for layer in layers if is_set(layer, b"Solo")] or [layer for layer in layers if not is_set(layer, b"Mute")]

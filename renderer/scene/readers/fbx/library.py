@@ -20,16 +20,16 @@ from renderer.scene.readers.fbx import layout
 from renderer.sentences import Sentence
 
 __all__ = [
-    "Opened",
+    "FbxScene",
     "array",
     "at",
     "each",
     "is_set",
     "is_visible",
+    "list_view",
     "matrix",
     "number_of",
     "pointed",
-    "seen",
     "text",
     "value_at",
 ]
@@ -100,7 +100,7 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
     return library
 
 
-class Opened:
+class FbxScene:
     """A scene in ufbx's memory, which is freed with this object; arrays that were copied from it remain valid."""
 
     def __init__(self, pointer: Any) -> None:
@@ -114,7 +114,7 @@ class Opened:
         _library().ufbx_free_scene(self._pointer)
 
     @classmethod
-    def of(cls, data: bytes, name: str) -> Opened:
+    def of(cls, data: bytes, name: str) -> FbxScene:
         """Parses a file's bytes, in metres with Y up. Opens no other file. Raises SceneError."""
         options = layout.LoadOptions()
         options.blender_pbr = True
@@ -128,13 +128,13 @@ class Opened:
         found = _library().ufbx_load_memory(data, len(data), ctypes.byref(options), ctypes.byref(error))
         return cls(found) if found else _failed(error, name)
 
-    def at(self, anim: int, seconds: float, name: str) -> Opened:
+    def at(self, anim: int, seconds: float, name: str) -> FbxScene:
         """Returns the scene evaluated at a time of an animation. Raises SceneError."""
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))
-        return Opened(found) if found else _failed(error, name)
+        return FbxScene(found) if found else _failed(error, name)
 
-    def together(self, layers: list[int], name: str) -> int:
+    def combined_animation(self, layers: list[int], name: str) -> int:
         """Returns the address of an animation made of these layers of the scene, the last on top, following RotationActive.
 
         Raises SceneError.
@@ -211,10 +211,10 @@ def pointed(values: Any, kind: Any, most: int | None = None) -> list[Any]:
 
 def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
     """Returns a copy of a list of numbers, (N,) or (N, width)."""
-    return seen(values, dtype, width).copy()
+    return list_view(values, dtype, width).copy()
 
 
-def seen(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
+def list_view(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
     """Returns a view of a list of numbers, (N,) or (N, width), valid while the scene exists."""
     item = np.dtype(dtype).itemsize * width
     if not values.data or not values.count:

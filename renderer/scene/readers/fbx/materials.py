@@ -59,7 +59,7 @@ class Materials:
 
     def _read(self, source: Any) -> Material:
         name = text(source.name) or "material"
-        said = _Said(source, name, self._pictures)
+        said = _MaterialValues(source, name, self._pictures)
         material = Material(name, "metallic_roughness", (1.0, 1.0, 1.0), metallic=0.0, roughness=0.5)
         material.base_color = said.color("base_color", "base_factor", (0.8, 0.8, 0.8))
         material.base_color_texture = said.texture("base_color", srgb=True)
@@ -86,7 +86,7 @@ class Materials:
             )
         return material
 
-    def _emission(self, said: _Said, material: Material) -> None:
+    def _emission(self, said: _MaterialValues, material: Material) -> None:
         material.emission = said.color("emission_color", "emission_factor", (0.0, 0.0, 0.0), _MAX_RADIANCE)
         material.double_sided = True  # FBX's surfaces have two sides, as those of the programs that write it
         texture = said.texture("emission_color", srgb=True)
@@ -96,7 +96,7 @@ class Materials:
             level = clamped(factor, 0.0, _MAX_RADIANCE)
             material.emission = (level, level, level)
 
-    def _normals(self, said: _Said, material: Material) -> None:
+    def _normals(self, said: _MaterialValues, material: Material) -> None:
         material.normal_texture = said.texture("normal_map")
         if material.normal_texture is None:
             texture = said.fbx_texture("bump")
@@ -114,7 +114,7 @@ class Materials:
                     )
                 )
 
-    def _opacity(self, said: _Said, material: Material) -> None:
+    def _opacity(self, said: _MaterialValues, material: Material) -> None:
         is_old = said.source.shader in (_UNKNOWN, _LAMBERT, _PHONG)
         opacity = 1 - max(said.fbx_color("transparency_color", "transparency_factor")) if is_old else said.opacity()
         if opacity < 1 and not (is_old and opacity == 0):  # 0 is written by exporters that mean the opposite
@@ -140,7 +140,7 @@ class Materials:
         material.base_color_texture = mask if same else with_opacity(self._shelf, material.base_color_texture, mask)
         material.alpha_mode = "blend"
 
-    def _physical(self, said: _Said, material: Material) -> None:
+    def _physical(self, said: _MaterialValues, material: Material) -> None:
         rough, metal = said.texture("roughness"), said.texture("metalness")
         if rough is None:
             rough = inverted(self._shelf, said.texture("glossiness"))
@@ -174,7 +174,7 @@ class Materials:
             if dispersion > 0 and said.source.shader in _BY_ABBE:
                 dispersion = 20 / dispersion
             material.dispersion = clamped(dispersion, 0.0, 20.0)
-        self._beneath(said, material)
+        self._subsurface(said, material)
         self._coat(said, material)
         if said.value("sheen_factor", 0.0) > 0:
             material.sheen_color = said.color("sheen_color", "sheen_factor", (0.0, 0.0, 0.0))
@@ -190,7 +190,7 @@ class Materials:
             material.iridescence_thickness = (thickness, thickness)
             material.iridescence_ior = clamped(said.value("thin_film_ior", 1.4), 1.0, 5.0)
 
-    def _fill(self, said: _Said, material: Material, tint: Vec3, depth: float) -> None:
+    def _fill(self, said: _MaterialValues, material: Material, tint: Vec3, depth: float) -> None:
         """Sets the medium inside glass. tint: transmittance at `depth` metres."""
         scatter = said.color("transmission_scatter", None, (0.0, 0.0, 0.0), _MOST_SCATTER)
         if max(scatter) <= 0:
@@ -199,7 +199,7 @@ class Materials:
         found = attenuating(tint, depth, scatter, said.value("transmission_scatter_anisotropy", 0.0))
         material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
 
-    def _beneath(self, said: _Said, material: Material) -> None:
+    def _subsurface(self, said: _MaterialValues, material: Material) -> None:
         """Sets subsurface scattering; its colour and the base colour are one colour here."""
         share = unit(said.value("subsurface_factor", 0.0))
         if share <= 0 or said.feature("thin_walled"):
@@ -217,7 +217,7 @@ class Materials:
         material.subsurface_radius = unit_color((scale * c for c in radius), MOST_DENSE)
         material.subsurface_anisotropy = clamped(said.value("subsurface_anisotropy", 0.0), -MOST_FORWARD, MOST_FORWARD)
 
-    def _coat(self, said: _Said, material: Material) -> None:
+    def _coat(self, said: _MaterialValues, material: Material) -> None:
         material.clearcoat_texture = said.texture("coat_factor")
         material.clearcoat = 1.0 if material.clearcoat_texture is not None else unit(said.value("coat_factor", 0.0))
         if material.clearcoat > 0:
@@ -227,7 +227,7 @@ class Materials:
             material.clearcoat_normal_texture = said.texture("coat_normal")
             tint_beneath(material, said.color("coat_color", None, (1.0, 1.0, 1.0)))
 
-    def _phong(self, said: _Said, material: Material) -> None:
+    def _phong(self, said: _MaterialValues, material: Material) -> None:
         specular = said.fbx_color("specular_color", "specular_factor")
         exponent = max(said.fbx_value("specular_exponent", 20.0), 0.0)
         level = unit(said.fbx_value("specular_factor", 1.0))
@@ -243,7 +243,7 @@ class Materials:
         material.specular_texture = as_alpha(self._shelf, said.fbx_texture("specular_factor"))
 
 
-class _Said:
+class _MaterialValues:
     """The properties of one material, with a record of which were read."""
 
     def __init__(self, source: Any, name: str, pictures: Pictures) -> None:

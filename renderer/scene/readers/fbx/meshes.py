@@ -13,7 +13,7 @@ from renderer.scene.deduplicate import unique_corners, used_among
 from renderer.scene.description import F32, I32
 from renderer.scene.polygons import triangulate
 from renderer.scene.readers.fbx import layout
-from renderer.scene.readers.fbx.library import array, each, seen
+from renderer.scene.readers.fbx.library import array, each, list_view
 
 __all__ = ["Part", "parts_of"]
 
@@ -81,8 +81,8 @@ def _at_corners(vertex: Any, width: int) -> F32 | None:
     """Returns the (C, width) values at the corners of a mesh's faces; None without any."""
     if not vertex.exists:
         return None
-    values = seen(vertex.values, np.float64, width).astype(np.float32)
-    return values[seen(vertex.indices, np.uint32)] if len(values) else None
+    values = list_view(vertex.values, np.float64, width).astype(np.float32)
+    return values[list_view(vertex.indices, np.uint32)] if len(values) else None
 
 
 def _triangles(mesh: Any) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], int]:

@@ -16,7 +16,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.origin import exact
 from renderer.scene.readers.fbx import layout, lights
 from renderer.scene.readers.fbx.animation import Stacks
-from renderer.scene.readers.fbx.library import Opened, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
+from renderer.scene.readers.fbx.library import FbxScene, array, at, each, is_set, is_visible, matrix, number_of, pointed, text
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
 from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
@@ -24,7 +24,7 @@ from renderer.scene.readers.fbx.targets import aimed
 from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.shapes import quad
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, amount, times
+from renderer.sentences import Sentence, amount, with_count
 
 __all__ = ["read"]
 
@@ -49,7 +49,7 @@ MAX_INSTANCES = 500_000
 
 def read(files: SceneFiles, main: str, description: SceneDescription, moment: Moment = Moment()) -> None:
     """Adds the file's scene at a moment to the description. Raises SceneError."""
-    opened = files.recall(("FBX", main), lambda: Opened.of(files.read(main), main))
+    opened = files.recall(("FBX", main), lambda: FbxScene.of(files.read(main), main))
     if opened.scene.nodes.count > MAX_NODES:
         raise SceneError(
             Sentence(
@@ -83,7 +83,7 @@ class _Reader:
         files: SceneFiles,
         main: str,
         description: SceneDescription,
-        opened: Opened,
+        opened: FbxScene,
         moving: set[int],
         visible: dict[int, bool],
     ) -> None:
@@ -158,7 +158,7 @@ class _Reader:
         bends = bool(mesh.blends.count) or bool(skins)
         source = int(mesh.element_id) if not skins else -1 - int(node.element_id)
         is_new = any((source, part.slot) not in self._numbers for part in parts)
-        made = self._bent(node, mesh, parts, skins, world) if bends and is_new else None
+        made = self._deformed_parts(node, mesh, parts, skins, world) if bends and is_new else None
         if len(self._description.instances) + len(parts) > MAX_INSTANCES:
             raise SceneError(
                 Sentence(
@@ -196,7 +196,9 @@ class _Reader:
             restless = (moves and not skins) or self._description.meshes[number].deforms
             self._description.instances.append(Instance(number, place, own, name, restless))
 
-    def _bent(self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]) -> list[Mesh]:
+    def _deformed_parts(
+        self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]
+    ) -> list[Mesh]:
         """Returns the parts of a mesh deformed by its blend shapes and its skin; in world space if it has a skin."""
         rest = array(mesh.vertices, np.float64, 3)
         points, added = blended(mesh)
@@ -212,7 +214,7 @@ class _Reader:
             if skin is None:
                 made.append(_mesh(text(mesh.name), part, exact(points[part.point]), normals))
                 continue
-            placed, turned = skin.carried(part, points, normals, places)
+            placed, turned = skin.deformed(part, points, normals, places)
             made.append(_mesh(text(mesh.name), part, placed, turned))
             if np.linalg.det(world[:3, :3]) < 0:
                 made[-1].triangles = np.ascontiguousarray(made[-1].triangles[:, ::-1])
@@ -367,7 +369,7 @@ class _Reader:
                 )
             )
         for notice in notices[:_NOTICES]:
-            said = times(text(notice.description)[:160], notice.count)
+            said = with_count(text(notice.description)[:160], notice.count)
             self._shelf.warn(Sentence("fbx-importer-message", "{file}: {text}.", file=self._main, text=said))
 
 

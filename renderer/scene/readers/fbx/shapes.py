@@ -90,7 +90,7 @@ class Skin:
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 
-    def carried(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
+    def deformed(self, part: Part, points: F64, normals: F32 | None, places: F64) -> tuple[npt.NDArray[Any], F32 | None]:
         """Returns a part's positions and normals in world space."""
         none = np.zeros((0, 3), np.float32)
         old = none if normals is None else normals

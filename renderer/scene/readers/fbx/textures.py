@@ -83,7 +83,7 @@ class Pictures:
         for name in named:
             tiles = tiles_of(name, lambda each: self._files.find(each, self._main)) if is_tiled(name) else None
             if tiles or (tiles is None and self._files.find(name, self._main) is not None):
-                return self._shelf.found(name, self._main, user, srgb)
+                return self._shelf.image_and_transform(name, self._main, user, srgb)
         self._shelf.missing(named[0] if named else text(picture.name), user)
         return None, UNMOVED
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from renderer.errors import SceneError
-from renderer.sentences import Sentence, listed
+from renderer.sentences import Sentence, first_items
 
 __all__ = ["DamagedError", "Faults"]
 
@@ -99,4 +99,4 @@ class Faults:
 
 
 def _listed(places: dict[str, None]) -> list[str]:
-    return listed(places, _NAMED)
+    return first_items(places, _NAMED)

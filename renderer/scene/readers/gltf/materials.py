@@ -57,14 +57,14 @@ class Materials:
         """Whether the material transmits light, so that it must be known whether a mesh is closed."""
         return index is not None and self._materials[self._first + index].transmission > 0 and not self._filled[index]
 
-    def pane(self, index: int) -> int:
+    def thin_material(self, index: int) -> int:
         """Returns the description's index of the material as a thin sheet, for meshes that are not closed."""
         if index not in self._panes:
             self._materials.append(replace(self._materials[self._first + index], thin=True))
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
 
-    def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
+    def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
         """Returns the description's index of a copy of a material that is invisible to the camera, casts no shadow, or both."""
         key = number, unseen, shadeless
         if key not in self._passed:

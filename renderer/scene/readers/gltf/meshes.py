@@ -15,7 +15,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import morphed, skinned
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.materials import Materials
-from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
 from renderer.scene.readers.gltf.variants import Variants
@@ -40,7 +40,7 @@ class Meshes:
         variants: Variants,
         shelf: TextureShelf,
         meshes: list[Mesh],
-        moving: Moving,
+        moving: AnimatedParts,
         thickness: float | None = None,
     ) -> None:
         self._thickness = thickness
@@ -99,9 +99,9 @@ class Meshes:
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
-    def passed_by(self, number: int, unseen: bool, shadeless: bool) -> int:
+    def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
         """Returns the index of a mesh's material as one that is invisible to the camera, casts no shadow, or both."""
-        return self._materials.passed_by(self._meshes[number].material, unseen, shadeless)
+        return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:
         """Whether a part of a mesh transmits light, so that it matters whether its shape is closed."""
@@ -157,7 +157,7 @@ class Meshes:
             return
         for mesh, material in transparent:
             if len(primitives) == 1 or not is_closed(mesh.positions, mesh.triangles):
-                mesh.material = self._materials.pane(material)
+                mesh.material = self._materials.thin_material(material)
 
 
 def _bound_a_volume(meshes: list[Mesh]) -> bool:

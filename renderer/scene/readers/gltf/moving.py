@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.replaced_values import Path
 
-__all__ = ["Moving"]
+__all__ = ["AnimatedParts"]
 
 _PLACE = ("translation", "rotation", "scale")
 _SURFACE = ("emissiveFactor", "emissiveStrength", "anisotropyStrength")  # properties that affect how geometry is compiled
 
 
-class Moving:
+class AnimatedParts:
     """The animated nodes, materials and meshes, by the animated paths in the file's JSON.
 
     Nodes inherit motion from their parents.
@@ -45,7 +45,7 @@ class Moving:
             elif family == "materials" and path[-1] in _SURFACE:
                 self.surfaces.add(number)
 
-    def inherit(self, parents: Mapping[int, int | None]) -> None:
+    def extend_to_children(self, parents: Mapping[int, int | None]) -> None:
         """Extends motion to the children of moving nodes. parents: of the scene's nodes, each after its parent."""
         for index, parent in parents.items():
             if parent in self._appearing:

@@ -16,7 +16,7 @@ from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.faults import DamagedError
 from renderer.scene.readers.gltf.meshes import Meshes
-from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.profiles import Profiles
 from renderer.scene.readers.gltf.transforms import Matrix, local
 from renderer.scene.textures import TextureShelf
@@ -40,7 +40,7 @@ class Nodes:
         meshes: Meshes,
         shelf: TextureShelf,
         description: SceneDescription,
-        moving: Moving,
+        moving: AnimatedParts,
         profiles: Profiles,
     ) -> None:
         self._root, self._accessors, self._meshes, self._moving = root, accessors, meshes, moving
@@ -77,7 +77,7 @@ class Nodes:
                 )
             )
         self._parents, shown_nodes = self._tree()
-        self._moving.inherit(self._parents)
+        self._moving.extend_to_children(self._parents)
         self._worlds = self._in_world(list(self._parents), {})
         for index in self._parents:
             self._add_camera(index)
@@ -305,7 +305,7 @@ class Nodes:
         if rays is None:
             return None
         flags = rays.value.get("camera") is False, rays.value.get("shadow") is False
-        return self._meshes.passed_by(mesh, *flags) if any(flags) else None
+        return self._meshes.with_ray_visibility(mesh, *flags) if any(flags) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
         """Returns a skin's joint nodes, and whether any of them is animated."""
@@ -319,10 +319,10 @@ class Nodes:
         ignored.
         """
         if number not in self._carrying:
-            self._carrying[number] = self._carried(self._skins[number], self._joints_of(number)[0])
+            self._carrying[number] = self._skin_matrices(self._skins[number], self._joints_of(number)[0])
         return self._carrying[number]
 
-    def _carried(self, skin: Json, joints: list[int]) -> Matrix:
+    def _skin_matrices(self, skin: Json, joints: list[int]) -> Matrix:
         if not joints or not all(j in self._worlds for j in joints):
             raise skin.wrong("joints", Sentence("gltf-skeleton-node-missing", "has none, or one outside of the scene"))
         with np.errstate(over="ignore", invalid="ignore"):

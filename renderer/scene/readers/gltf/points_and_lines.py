@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32, Mesh
-from renderer.scene.readers.points import MOST_POINTS, balls
+from renderer.scene.readers.points import MOST_POINTS, sphere_mesh
 from renderer.scene.readers.tubes import tubes
 
 __all__ = ["thickened"]
@@ -27,7 +27,7 @@ def thickened(
         chosen = indices[:: -(-len(indices) // MOST_POINTS) or 1]
         if not len(chosen):
             return None
-        mesh, _ = balls(name, positions[chosen], None, radius)
+        mesh, _ = sphere_mesh(name, positions[chosen], None, radius)
         if colors is not None:
             mesh.colors = np.repeat(colors[chosen], len(mesh.positions) // len(chosen), axis=0)
         return mesh

@@ -13,7 +13,7 @@ from renderer.scene.readers.ies import Photometry, read_ies
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, photometry_of
 from renderer.scene.readers.number_ranges import clamped, unit_color
 from renderer.scene.textures import TextureShelf
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 
 __all__ = ["EXTENSION", "Profiles"]
 
@@ -42,7 +42,7 @@ class Profiles:
             self._shelf.warn(Sentence("gltf-light-left-out", "{error}; the light {name} is left out.", error=error, name=name))
             return None
         for note in photometry.notes:
-            self._shelf.warn(stopped(note))
+            self._shelf.warn(with_full_stop(note))
         scale = clamped(source.number("multiplier", 1.0), 0.0, _MOST) / LUMENS_PER_WATT
         r, g, b = (c * scale for c in unit_color(source.vector("color", (1.0, 1.0, 1.0))))
         # Vertical angles are in the XZ plane; horizontal ones go from X to Y, clockwise for types A and B.

@@ -21,7 +21,7 @@ from renderer.scene.readers.gltf import (
 from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json, parse
 from renderer.scene.readers.gltf.meshes import Meshes
-from renderer.scene.readers.gltf.moving import Moving
+from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.reevaluate import Reevaluation
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -77,7 +77,7 @@ def read(
     surfaces = materials.Materials(root, textures.Textures(root, accessors, files, shelf), shelf, description.materials)
     chosen = variants.Variants(root, variant)
     description.variants = chosen.names
-    restless = Moving(root, moving.moving)
+    restless = AnimatedParts(root, moving.moving)
     meshes = Meshes(root, accessors, files, surfaces, chosen, shelf, description.meshes, restless, thickness)
     shaping = profiles.Profiles(root, accessors, files, shelf)
     walked = nodes.Nodes(root, accessors, meshes, shelf, description, restless, shaping)

@@ -19,7 +19,7 @@ from renderer.scene.readers.mitsuba import values
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.scene.readers.xml import refuse_entities
 from renderer.scene.warning_list import WarningList
-from renderer.sentences import Sentence, times
+from renderer.sentences import Sentence, with_count
 
 __all__ = ["Document", "Element"]
 
@@ -178,7 +178,7 @@ class Document:
     def say_ignored(self) -> None:
         """Adds a warning for each kind of unsupported content, with its count."""
         for what, count in self._ignored.items():
-            self.warn(times(what, count))
+            self.warn(with_count(what, count))
 
     def _parsed(self, name: str) -> ElementTree.Element:
         data = self.files.read(name)

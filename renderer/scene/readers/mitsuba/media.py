@@ -9,7 +9,7 @@ from renderer.scene.readers.camera_medium import fill_world
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.textures import constant_of
 from renderer.scene.readers.mitsuba.values import rgb
-from renderer.scene.readers.scattering import filled_with, medium
+from renderer.scene.readers.scattering import interior_fields, medium
 from renderer.scene.readers.substances import substance
 from renderer.sentences import Sentence
 
@@ -54,7 +54,7 @@ class Media:
             self._unsaid |= made.kind == "glass" and not made.thin
             return made
         if lets_through and not made.thin:
-            return replace(made, **filled_with(found))
+            return replace(made, **interior_fields(found))
         if found != NOTHING and (lets_through or made.alpha_mode == "blend"):
             why = "is thin" if lets_through else "has holes"
             self._document.ignore(

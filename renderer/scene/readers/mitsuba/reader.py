@@ -24,7 +24,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     shelf = TextureShelf(description, files)
     media = Media(document)
     shapes = Shapes(document, Bsdfs(document, Textures(document, shelf), media, description), description)
-    shapes.judge()
+    shapes.check_expansion()
     for part in document.scene.children:
         if part.tag == "shape":
             shapes.add(part)

@@ -34,7 +34,7 @@ class Shapes:
         self._balls: dict[tuple[int, bool], int] = {}
         self._meshes: dict[int, list[tuple[int, Matrix]]] = {}  # (mesh index, transform) by shape
 
-    def judge(self) -> None:
+    def check_expansion(self) -> None:
         """Raises SceneError if nested groups expand to too many shapes, before any is added."""
         check_expansion(self._document.scene, _shown, self._document.main)
 

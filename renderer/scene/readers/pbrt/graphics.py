@@ -310,23 +310,23 @@ class Graphics:
     # Before the world
 
     def _on_camera(self, statement: Statement) -> None:
-        source = self._kept(statement, "camera")
+        source = self._deferred_parameters(statement, "camera")
         self._camera, self._camera_medium = (source, self._state.ctm), self._state.medium[1]
         back = [transforms.inverse(each, statement.place) for each in self._state.ctm]
         self._named["camera"] = (back[0], back[0] if self._state.ctm[0] is self._state.ctm[1] else back[1])
 
     def _on_film(self, statement: Statement) -> None:
-        self._film = self._kept(statement, "film")
+        self._film = self._deferred_parameters(statement, "film")
         self._rendered = cameras.set_film(self._film, self._description, self._notes)
 
     def _on_integrator(self, statement: Statement) -> None:
-        cameras.set_integrator(self._kept(statement, "integrator"), self._description, self._notes)
+        cameras.set_integrator(self._deferred_parameters(statement, "integrator"), self._description, self._notes)
 
     def _on_sampler(self, statement: Statement) -> None:
-        cameras.set_sampler(self._kept(statement, "sampler"), self._description, self._notes)
+        cameras.set_sampler(self._deferred_parameters(statement, "sampler"), self._description, self._notes)
 
     def _on_pixel_filter(self, statement: Statement) -> None:
-        cameras.set_filter(self._kept(statement, "filter"), self._description, self._notes)
+        cameras.set_filter(self._deferred_parameters(statement, "filter"), self._description, self._notes)
 
     def _on_accelerator(self, statement: Statement) -> None:
         """Ignored: the BVH is ours."""
@@ -371,7 +371,7 @@ class Graphics:
     # The world
 
     def _on_material(self, statement: Statement) -> None:
-        self._state.material = self._kept(statement, "material")
+        self._state.material = self._deferred_parameters(statement, "material")
 
     def _on_make_named_material(self, statement: Statement) -> None:
         (name,), found = Parameters.of("material", statement, 1, self._state.space)
@@ -432,7 +432,7 @@ class Graphics:
         source.say_unused(self._notes)
 
     def _on_area_light_source(self, statement: Statement) -> None:
-        self._state.area = self._kept(statement, "light")
+        self._state.area = self._deferred_parameters(statement, "light")
 
     def _on_shape(self, statement: Statement) -> None:
         shapes = self._in_world(statement)
@@ -486,7 +486,7 @@ class Graphics:
         found.defaults = self._state.attributes.get(what, {})
         return found
 
-    def _kept(self, statement: Statement, what: str) -> Parameters:
+    def _deferred_parameters(self, statement: Statement, what: str) -> Parameters:
         """Returns parameters that are read later, and whose unused ones are reported at the end."""
         found = self._parameters(statement, what)
         self._all.append((found, 0))

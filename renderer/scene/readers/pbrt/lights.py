@@ -58,7 +58,7 @@ class Lights:
             rgb = self._times(self._color(source, "L"), scale * (illuminance if illuminance > 0 else 1.0))
             self._description.lights.append(Light("directional", rgb, direction=_unit(towards), name="distant"))
         elif source.type in ("goniometric", "projection"):
-            self._thrown(source, world)
+            self._add_mapped_light(source, world)
         elif source.type == "point":
             scale = source.number("scale", 1.0)
             power = source.number("power", -1.0)
@@ -73,7 +73,7 @@ class Lights:
                 place, Sentence("light-type-unsupported", "{what} is no light that is read: it is left out", what=source)
             )
 
-    def shines(self, source: Parameters, areas: np.ndarray) -> Emission:
+    def surface_emission(self, source: Parameters, areas: np.ndarray) -> Emission:
         """Returns the emission of a surface. areas: (n,) of the parts that pbrt treats as lights, to convert a power."""
         if source.type != "diffuse":
             self._notes.add(
@@ -133,7 +133,7 @@ class Lights:
         x, y, z = (float(v) for v in product(world, np.array([*point, 1.0])[:, None])[:3, 0])
         return x, y, z
 
-    def _thrown(self, source: Parameters, world: Matrix) -> None:
+    def _add_mapped_light(self, source: Parameters, world: Matrix) -> None:
         """Adds a light with an image of its emission by direction."""
         is_projection = source.type == "projection"
         name = self._files.find(source.text("filename"), source.place.file)

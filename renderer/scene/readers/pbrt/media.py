@@ -14,7 +14,7 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures
-from renderer.scene.readers.scattering import filled_with, medium, seen_through_a_boundary, within
+from renderer.scene.readers.scattering import dense_medium_surface, interior_fields, medium, seen_through_a_boundary
 from renderer.scene.readers.substances import SUBSTANCES
 from renderer.sentences import Sentence
 
@@ -88,9 +88,9 @@ class Media:
         self._inside.add(inside)
         self._outside.setdefault(outside, place)
         if made.kind == "interface":
-            return replace(made, name=inside or "interface", **filled_with(found))
+            return replace(made, name=inside or "interface", **interior_fields(found))
         if lets_through and not made.thin:
-            return replace(made, **filled_with(found))
+            return replace(made, **interior_fields(found))
         if found != NOTHING and lets_through:
             self._notes.add(place, Sentence("pbrt-thin-shape-with-medium", "{source} is thin: no medium fills it", source=source))
         return made
@@ -184,5 +184,5 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
     found = medium(absorbed, (scattered[0] * (1 - g), scattered[1] * (1 - g), scattered[2] * (1 - g)), 0.0, scale)
     if not any(found.sigma_s):
         return replace(made, base_color=(0.0, 0.0, 0.0), subsurface=0.0)
-    color_seen, radius = within(found.sigma_a, found.sigma_s, ior)
+    color_seen, radius = dense_medium_surface(found.sigma_a, found.sigma_s, ior)
     return replace(made, base_color=color_seen, subsurface_radius=radius)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from renderer.errors import SceneError
 from renderer.scene.description import SceneDescription
-from renderer.sentences import Sentence, times
+from renderer.sentences import Sentence, with_count
 
 __all__ = ["Notes", "Place"]
 
@@ -45,7 +45,9 @@ class Notes:
     def say(self, description: SceneDescription) -> None:
         """Adds one warning per note."""
         for sentence, (place, count) in self._found.items():
-            description.warnings.append(Sentence("fault-at-place", "{place}: {fault}", place=place, fault=times(sentence, count)))
+            description.warnings.append(
+                Sentence("fault-at-place", "{place}: {fault}", place=place, fault=with_count(sentence, count))
+            )
         if self._left:
             description.warnings.append(
                 Sentence("pbrt-omissions-more", "{count} more things of this file are not taken over", count=self._left)

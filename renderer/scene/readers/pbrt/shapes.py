@@ -251,7 +251,7 @@ class Shapes:
                 Sentence("pbrt-instance-lights-ignored", "Shapes of an object that is shown many times do not shine, as in pbrt"),
             )
             return Emission()
-        return self._lights.shines(looks.area, areas)
+        return self._lights.surface_emission(looks.area, areas)
 
     def _is_textured(self, number: int) -> bool:
         made = self._description.materials[number]

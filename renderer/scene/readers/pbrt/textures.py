@@ -386,7 +386,7 @@ class Textures:
                 size=SIZE,
             ),
         )
-        ways = self._ways(definition, {})
+        ways = self._mappings(definition, {})
         mapping = next((way for way in ways if way is not None), None)
         if len(ways) > 1:
             self._notes.add(
@@ -399,12 +399,12 @@ class Textures:
             )
         return Varying(_ONE, self.shelf.texture(image, uv_set=int(mapping is not None)), mapping)
 
-    def _ways(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
+    def _mappings(self, definition: Definition, known: dict[int, set[Mapping | None]]) -> set[Mapping | None]:
         """Returns the mappings of a texture and of those it refers to; None stands for UV mapping."""
         key = id(definition.parameters)
         if key not in known:
             own = {definition.mapping} if definition.parameters.type in _LAID_ON else set()
-            known[key] = own.union(*(self._ways(part, known) for part in definition.parts.values()))
+            known[key] = own.union(*(self._mappings(part, known) for part in definition.parts.values()))
         return known[key]
 
     def _on_grid(self, definition: Definition, at: Grid, depth: int, known: dict[int, np.ndarray]) -> np.ndarray:

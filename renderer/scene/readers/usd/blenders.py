@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["is_blenders"]
+__all__ = ["is_written_by_blender"]
 
 
-def is_blenders(prim: Any) -> bool:
+def is_written_by_blender(prim: Any) -> bool:
     """Whether Blender wrote the stage that contains a prim."""
     return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")

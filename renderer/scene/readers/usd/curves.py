@@ -14,7 +14,7 @@ from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
 
-__all__ = ["PointSpheres", "balls_of", "tubes_of"]
+__all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
@@ -29,7 +29,7 @@ class PointSpheres:
         self.centers, self.radii, self.colors = centers, radii, colors
 
 
-def balls_of(prim: Any, time: Any, notes: Notes) -> PointSpheres:
+def spheres_of_points(prim: Any, time: Any, notes: Notes) -> PointSpheres:
     """Returns the points of a prim as spheres; points without a width have width 1, as in the USD schema."""
     points = UsdGeom.Points(prim)
     centers = primvars.array(points.GetPointsAttr().Get(time), 3)

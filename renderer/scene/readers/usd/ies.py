@@ -15,7 +15,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.ies import Photometry, read_ies
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
-from renderer.sentences import Sentence, stopped
+from renderer.sentences import Sentence, with_full_stop
 
 __all__ = ["Profiles"]
 
@@ -63,7 +63,7 @@ class Profiles:
             self._notes.say(Sentence("usd-ies-profile-invalid", "{error}; lights shine without it.", error=error))
             return None
         for note in found[1]:
-            self._notes.say(stopped(note))
+            self._notes.say(with_full_stop(note))
         return found[0]
 
 

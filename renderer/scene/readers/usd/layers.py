@@ -19,7 +19,7 @@ from renderer.errors import SceneError
 from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.usd import mtlx
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.prim_count import judge_composition
+from renderer.scene.readers.usd.prim_count import check_composition
 from renderer.scene.readers.usd.sources import LAYER_SUFFIXES, Sources
 from renderer.sentences import Sentence
 
@@ -44,7 +44,7 @@ class Stage:
     @cached_property
     def span(self) -> tuple[float, float] | None:
         """First and last time code with authored values; None if nothing is animated."""
-        times = [time for layer in self._layers for time in (*_ends(layer), *_knots(layer))]
+        times = [time for layer in self._layers for time in (*_time_samples(layer), *_knots(layer))]
         if times and any(
             _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
         ):
@@ -84,7 +84,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
     notes = Notes()
     opener = _Opener(sources, notes)
     root = opener.open(sources.root_of(main))
-    judge_composition({layer.identifier: layer for layer in opener.opened.values()}, root, main)
+    check_composition({layer.identifier: layer for layer in opener.opened.values()}, root, main)
     stage = Usd.Stage.Open(root, load=Usd.Stage.LoadAll)
     names = _variants(stage)
     if variant is not None:
@@ -278,7 +278,7 @@ def _composed_times(stage: Any) -> Iterator[float]:
                 yield from (float(times[0]), float(times[-1]))
 
 
-def _ends(layer: Any) -> list[float]:
+def _time_samples(layer: Any) -> list[float]:
     times = layer.ListAllTimeSamples()
     return [float(times[0]), float(times[-1])] if times else []
 

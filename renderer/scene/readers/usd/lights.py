@@ -13,7 +13,7 @@ from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.number_ranges import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
-from renderer.scene.readers.usd.blenders import is_blenders
+from renderer.scene.readers.usd.blenders import is_written_by_blender
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -83,7 +83,7 @@ def read_light_prim(
     metres whatever the stage's scale; profiles: reads IES profiles. All rays pass through a light that is invisible to the
     camera, as in Cycles.
     """
-    unit = 1.0 if is_blenders(prim) else unit
+    unit = 1.0 if is_written_by_blender(prim) else unit
     found = None
     if profiles is not None and (file := profiles.named(prim)) is not None:
         found = _with_profile(prim, world, name, unit, time, notes, profiles, file)
@@ -92,7 +92,7 @@ def read_light_prim(
     if found is not None and found.material is not None:
         found.material.lamp = found.material.unseen = _is_unseen(prim, time)
     spot = found.light if found is not None and found.light is not None and found.light.kind == "spot" else None
-    if spot is not None and is_blenders(prim):  # Blender's softness is its own blend, in the cosine
+    if spot is not None and is_written_by_blender(prim):  # Blender's softness is its own blend, in the cosine
         spot.inner_cone, spot.falloff = blended_cone(spot.outer_cone, 1 - spot.inner_cone / spot.outer_cone), "smooth"
     return found
 
@@ -104,7 +104,7 @@ def _is_unseen(prim: Any, time: Any) -> bool:
     """
     told = prim.GetAttribute("inputs:visibleInPrimaryRay") or prim.GetAttribute("visibleInPrimaryRay")
     value = told.Get(time) if told else None
-    return is_blenders(prim) if value is None else not value
+    return is_written_by_blender(prim) if value is None else not value
 
 
 def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: Notes) -> Lamp | None:
@@ -116,14 +116,16 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         angle = min(max(_number(UsdLux.DistantLight(prim).GetAngleAttr(), time), 0.0), 180.0)
         cone = math.pi * math.sin(math.radians(angle / 2)) ** 2
         irradiance = radiance_of(light, time, cone) if cone > 0 else radiance_of(light, time)
-        scale, wider = (_BLENDERS_SUN, _BLENDERS_ANGLE) if is_blenders(prim) else (1.0, 1.0)
+        scale, wider = (_BLENDERS_SUN, _BLENDERS_ANGLE) if is_written_by_blender(prim) else (1.0, 1.0)
         r, g, b = (c * (cone or 1.0) * scale for c in irradiance)
         return Lamp(Light("directional", (r, g, b), direction=forward, angle=min(angle * wider, 180.0), name=name))
     lengths = np.linalg.norm(world[:3, :3], axis=0) / unit
     x, y, z = (float(length) for length in lengths)
     if prim.IsA(UsdLux.SphereLight):
         sphere = UsdLux.SphereLight(prim)
-        size = 1.0 if is_blenders(prim) else (x * y * z) ** (1 / 3)  # the scale of a parent does not enlarge Blender's lights
+        size = (
+            1.0 if is_written_by_blender(prim) else (x * y * z) ** (1 / 3)
+        )  # the scale of a parent does not enlarge Blender's lights
         radius = _number(sphere.GetRadiusAttr(), time) * size
         area = 4 * math.pi * (radius or 1.0) ** 2
         found = _cone(prim, time, notes, True)

@@ -15,7 +15,7 @@ from renderer.scene.description import F32, Mesh
 from renderer.scene.normals import face_normals, smoothed_together
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, cut, joined
+from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, joined, triangles_of
 from renderer.scene.readers.usd.refining import of_boundary, refine
 from renderer.sentences import Sentence
 
@@ -60,7 +60,10 @@ def area_of(prim: Any, place: npt.NDArray[np.float64], time: Any) -> float:
     faces, _ = Faces(counts, corners).kept(counts >= 3)
     placed = (points @ place[:3, :3].T).astype(np.float32)
     return (
-        float(np.linalg.norm(face_normals(placed, faces.corners[cut(faces, placed, False)].astype(np.int32)), axis=1).sum()) / 2
+        float(
+            np.linalg.norm(face_normals(placed, faces.corners[triangles_of(faces, placed, False)].astype(np.int32)), axis=1).sum()
+        )
+        / 2
     )
 
 
@@ -203,7 +206,7 @@ def _part(
     if len(faces.counts) == 0:
         return None
     used = {key: attributes[key] for key in ("", *wanted.uvs, wanted.color, wanted.opacity) if key in attributes}
-    triangles = cut(faces, points, mirrored)
+    triangles = triangles_of(faces, points, mirrored)
     if all(values.by_point for values in used.values()) and is_all:
         first, vertex, point = None, faces.corners.astype(np.int32), np.arange(len(points))
         corner = np.zeros(len(points), np.int64)

@@ -33,7 +33,7 @@ _REPEAT = ("repeat", "repeat")
 def read_omni_pbr(shader: Any, read: Read) -> None:
     """Fills the material from an OmniPBR."""
     network, material = read.network, read.material
-    said = _Said(shader, network)
+    said = _ShaderInputs(shader, network)
     base = said.texture("diffuse_texture", srgb=True)
     tint = said.value("diffuse_tint").color((1.0, 1.0, 1.0))
     color = Input(said.value("diffuse_color_constant").color((0.2, 0.2, 0.2)))
@@ -66,7 +66,7 @@ def read_omni_pbr(shader: Any, read: Read) -> None:
         fill_opacity(read, opacity, said.number("opacity_threshold", 0.0), color.taken)
 
 
-class _Said:
+class _ShaderInputs:
     """The inputs of a shader by name; all its textures share a UV transform."""
 
     def __init__(self, shader: Any, network: Network) -> None:

@@ -17,7 +17,7 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.cameras import read_camera, shutter_of
-from renderer.scene.readers.usd.curves import balls_of, tubes_of
+from renderer.scene.readers.usd.curves import spheres_of_points, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
@@ -275,7 +275,7 @@ class DescriptionBuilder:
     def _points(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
-        balls = balls_of(prim, self._time, self._notes)
+        balls = spheres_of_points(prim, self._time, self._notes)
         if len(balls.centers) * len(each.places) > MAX_INSTANCES:
             self._notes.add(
                 Sentence(

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.scene.description import F32, I32
 from renderer.scene.polygons import triangulate
 
-__all__ = ["AtCorners", "Faces", "cut", "joined"]
+__all__ = ["AtCorners", "Faces", "joined", "triangles_of"]
 
 Codes = npt.NDArray[np.int64]
 
@@ -64,7 +64,7 @@ class AtCorners:
         return self.values[self.code]
 
 
-def cut(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
+def triangles_of(faces: Faces, points: F32, mirrored: bool) -> npt.NDArray[np.int64]:
     """Returns (T, 3) corner indices of triangles that cover the faces, counter-clockwise unless mirrored."""
     cuts = triangulate(faces.counts, faces.corners, points).triangles
     return cuts[:, ::-1] if mirrored else cuts

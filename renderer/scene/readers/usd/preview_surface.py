@@ -10,7 +10,7 @@ from renderer.scene.material import Material
 from renderer.scene.readers.linear_images import most
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
-from renderer.scene.readers.usd.blenders import is_blenders
+from renderer.scene.readers.usd.blenders import is_written_by_blender
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.textures import TextureInput, colored, grey, normals
@@ -59,7 +59,7 @@ def read_preview_surface(shader: Any, read: Read) -> None:
     fill_emission(read, network.input(shader, "emissiveColor", srgb=True), 1.0)
     opacity = network.input(shader, "opacity")
     threshold = network.input(shader, "opacityThreshold").number(0.0)
-    by_blender = is_blenders(shader.GetPrim())
+    by_blender = is_written_by_blender(shader.GetPrim())
     if by_blender and not is_specular:  # Blender's own input: 0.5 is a reflectance of 4 %
         material.specular = unit(2 * network.input(shader, "specular").number(0.5))
     is_presence = by_blender or str(network.input(shader, "opacityMode").value or "transparent") == "presence"

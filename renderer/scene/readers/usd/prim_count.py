@@ -12,14 +12,14 @@ from pxr import Sdf
 
 from renderer.scene.readers.expansion_limits import check_expansion
 
-__all__ = ["MAX_COMPOSED", "judge_composition"]
+__all__ = ["MAX_COMPOSED", "check_composition"]
 
 MAX_COMPOSED = 4_000_000
 
 Key = tuple[str, str]  # a layer's identifier, and a prim's path
 
 
-def judge_composition(layers: dict[str, Any], root: Any, file: str) -> None:
+def check_composition(layers: dict[str, Any], root: Any, file: str) -> None:
     """Checks the size of the composed stage; layers: by identifier.
 
     Raises SceneError if there are too many prims, or they are nested too deeply.

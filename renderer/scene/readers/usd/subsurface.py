@@ -10,7 +10,7 @@ from typing import NamedTuple
 from renderer.scene.description import Vec3
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
-from renderer.scene.readers.scattering import attenuating, filled_with
+from renderer.scene.readers.scattering import attenuating, interior_fields
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.scene.readers.usd.surface_inputs import SurfaceInputs
@@ -93,7 +93,7 @@ def fill_glass(said: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> Non
         material.attenuation_color, material.attenuation_distance = unit_color(tint), depth * read.network.unit
         return
     found = attenuating(tint, depth * read.network.unit, scatter, said.number("transmission_scatter_anisotropy", 0.0))
-    for name, value in filled_with(found).items():
+    for name, value in interior_fields(found).items():
         setattr(material, name, value)
 
 

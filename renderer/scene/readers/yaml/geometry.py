@@ -64,14 +64,14 @@ class Shapes:
     def _has_animated_surface(self, material: str) -> bool:
         """Whether a material's emission or anisotropy may be animated."""
         path = ("materials", material)
-        return self._moving.holds(path) or not self._moving.within(path).isdisjoint(("emission", "anisotropy"))
+        return self._moving.is_animated(path) or not self._moving.animated_fields(path).isdisjoint(("emission", "anisotropy"))
 
     def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
         """Adds the shape at a path: each of its instances, at each transform in `parents`.
 
         moves: whether the parent is animated.
         """
-        whole, fields = self._moving.holds(path), self._moving.within(path)
+        whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
         deforms = whole or not fields <= _OF_PLACES
         name = source.get("name", f"{source['type']} {path[-1]}")

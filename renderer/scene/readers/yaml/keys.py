@@ -37,11 +37,11 @@ class AnimatedPaths(NamedTuple):
     paths: set[Path]
     below: dict[Path, set[str | int]]
 
-    def within(self, path: Path) -> set[str | int]:
+    def animated_fields(self, path: Path) -> set[str | int]:
         """Returns the fields of the value at a path that are animated, wholly or in part."""
         return self.below.get(path, set())
 
-    def holds(self, path: Path) -> bool:
+    def is_animated(self, path: Path) -> bool:
         """Whether the value at a path, or a value that contains it, is animated as a whole."""
         return any(path[:k] in self.paths for k in range(1, len(path) + 1))
 

@@ -164,8 +164,8 @@ def _part_of(data: dict[str, Any], moving: AnimatedPaths) -> tuple[dict[str, Any
     part: dict[str, Any] = {}
     places: dict[str, list[int]] = {}
     for name, value in data.items():
-        steps = moving.within((name,))
-        if not value or moving.holds((name,)):
+        steps = moving.animated_fields((name,))
+        if not value or moving.is_animated((name,)):
             part[name] = value
         elif isinstance(value, list):
             places[name] = sorted(step for step in steps if isinstance(step, int)) or [0]

@@ -64,7 +64,7 @@ class World(FakeClock):
     def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, LossVerdict]:
         self.now += seconds
         self.roster = WorkerSnapshot(dict(self.reports), sites=self.sites)
-        return {lease.id: fate for lease, fate in self.missing.look(self.jobs, self, travel_s)}
+        return {lease.id: fate for lease, fate in self.missing.find_lost(self.jobs, self, travel_s)}
 
 
 @pytest.fixture

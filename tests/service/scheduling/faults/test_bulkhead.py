@@ -12,7 +12,7 @@ from sqlalchemy import exc
 from renderer.errors import SettingsError
 from service.errors import FilmLost, FilmWaits, NoRoom, QueueError, Unavailable
 from service.scheduling.faults.bulkhead import Bulkheads, Step
-from service.store.disk_space import no_room
+from service.store.disk_space import disk_full_error
 from tests.service.scheduling.fake_clock import FakeClock
 
 FULL = NoRoom("The disk is full.")
@@ -72,7 +72,7 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
-        (no_room(), "The service's disk is full. Delete scenes or jobs that are no longer needed."),
+        (disk_full_error(), "The service's disk is full. Delete scenes or jobs that are no longer needed."),
         (Unavailable("The database is locked.", advice="Try again."), "The database is locked."),
         (MALFORMED, "The database cannot be used (database disk image is malformed)."),
     ],

@@ -73,7 +73,7 @@ def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
     assert job.is_late
     look(deadlines, job, 15)
     assert (records.lates[1:], job.urgency) == ([("job", None)], math.inf)
-    assert [call.args[0] for call in job.history.happened.call_args_list] == ["late", "in-time"]
+    assert [call.args[0] for call in job.history.add_event.call_args_list] == ["late", "in-time"]
     look(deadlines, job, 101)
     assert job.is_late, "its deadline has passed, whatever the forecast says"
 

@@ -162,7 +162,7 @@ def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str,
                 break
             turn += 1
             job.served = turn
-            queue.gave(job, 1, step)
+            queue.record_served(job, 1, step)
             left[job.id] -= step
         now += step
         for id in [id for id, work in left.items() if work <= 0]:

@@ -34,7 +34,7 @@ class Frame:
         self.noise = self.grain / math.sqrt(self.ceiling)
         return self.noise
 
-    def rise_to(self, ceiling: int) -> None:
+    def raise_ceiling(self, ceiling: int) -> None:
         self.ceiling = ceiling
         self.on_change(self.key)
 

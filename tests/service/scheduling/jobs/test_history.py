@@ -15,8 +15,8 @@ from tests.service.peer_worker import PeerWorker
 def test_it_stays_small_and_keeps_its_ends() -> None:
     history = History()
     for i in range(1, 100_000, 7):
-        history.measured(i / 10, i, 1 / i**0.5)
-        history.happened("lost", str(i))
+        history.add_point(i / 10, i, 1 / i**0.5)
+        history.add_event("lost", str(i))
     assert len(history.points) <= MOST_POINTS and len(history.events) == MOST_EVENTS
     assert history.points[0][1] == 1 and (history.points[-1][1] or 0) > 90_000
     assert history.events[0][2] == "1" and history.events[-1][2] == "99996"
@@ -27,11 +27,11 @@ def test_it_stays_small_and_keeps_its_ends() -> None:
 
 def test_the_end_is_a_point_though_it_is_no_step_further() -> None:
     history = History()
-    history.measured(1.0, 1000, 0.1)
-    history.measured(1.1, 1001, 0.1)
+    history.add_point(1.0, 1000, 0.1)
+    history.add_point(1.1, 1001, 0.1)
     assert [samples for _, samples, _ in history.points] == [1000]
     for _ in range(2):
-        history.measured(1.1, 1001, 0.1, is_end=True)
+        history.add_point(1.1, 1001, 0.1, is_end=True)
     assert [samples for _, samples, _ in history.points] == [1000, 1001]
 
 
@@ -40,7 +40,7 @@ def test_workers_come_and_go_once_each() -> None:
     for _ in range(3):
         history.rendered_by("a")
         history.rendered_by("b")
-    history.left({"b"})
+    history.note_departed({"b"})
     again = History.of(history.to_json())
     again.rendered_by("b")
     again.rendered_by("a")

@@ -15,11 +15,11 @@ from tests.service.peer_worker import PeerWorker
 def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path / "logs")
     log = logs.of("job")
-    log.given(2)
-    log.back("a", 4096, 0.25)
-    log.back("a", 4096, 0.25)
-    log.say("an error", "first\nsecond")
-    log.given(1)
+    log.count_given(2)
+    log.count_returned("a", 4096, 0.25)
+    log.count_returned("a", 4096, 0.25)
+    log.add_line("an error", "first\nsecond")
+    log.count_given(1)
     logs.flush()
     lines = logs.text("job").decode().splitlines()
     assert all(line[10] == "T" and line[23] == "Z" for line in lines)
@@ -36,7 +36,7 @@ def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Pat
 def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path)
     for number in range(20_000):
-        logs.of("job").say(f"line {number} {'x' * 40}")
+        logs.of("job").add_line(f"line {number} {'x' * 40}")
         if number % 500 == 0:
             logs.flush()
     logs.flush()
@@ -50,11 +50,11 @@ def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
 def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     logs = JobLogs(tmp_path / "file")  # where no folder can be
-    logs.of("job").say("here")
+    logs.of("job").add_line("here")
     logs.flush()
     assert logs.text("job") == b""
     logs = JobLogs(tmp_path)
-    logs.of("job").say("one\x1b[31m\nline" + "x" * 5000)
+    logs.of("job").add_line("one\x1b[31m\nline" + "x" * 5000)
     logs.flush()
     assert logs.text("job").count(b"\n") == 1 and b"\x1b" not in logs.text("job") and len(logs.text("job")) < 1100
 
@@ -154,9 +154,9 @@ def test_the_services_log_has_a_jobs_counts_once_a_minute(tmp_path: Path, caplog
     logs = JobLogs(tmp_path)
     with caplog.at_level(logging.INFO):
         for _ in range(5):
-            logs.of("job").given(2)
+            logs.of("job").count_given(2)
             logs.flush()
-        logs.of("job").say("something happened")
+        logs.of("job").add_line("something happened")
         logs.flush()
     assert [record.getMessage() for record in caplog.records] == ["handed out: 2 batches", "something happened"]
     assert logs.text("job").count(b"handed out: 2 batches") == 5, "the job's own log has all"

@@ -15,8 +15,8 @@ def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> Non
 
     def take(look_s: float) -> int:
         taken = 0
-        while of.may():
-            with of.one():
+        while of.has_time():
+            with of.charged():
                 clock.now += look_s
             taken += 1
         return taken
@@ -25,4 +25,4 @@ def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> Non
     clock.now += 10.0
     assert take(0.01) == pytest.approx(10.0 * SHARE / 0.01, rel=0.2)
     clock.now += 0.001
-    assert not of.may()
+    assert not of.has_time()

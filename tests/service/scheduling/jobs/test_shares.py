@@ -80,7 +80,7 @@ class Farm:
             heapq.heappush(self._running, (begins + job.batch_s, job.served, job))
             self.held[job.id] += 1
             self.order.append(job.id)
-            line.gave(job, 1, self._guess(job))
+            line.record_served(job, 1, self._guess(job))
             room -= 1
             shares = Counter({EVERYBODY: 0})
             for each in self.jobs:
@@ -162,7 +162,7 @@ def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
             job = line.next()
             assert job is not None
             job.served = turn + 1
-            line.gave(job, 1, 0.5)
+            line.record_served(job, 1, 0.5)
         each = min(each, time.process_time() - begun)
     assert each < 0.2, "a hundred handed out; some 20 ms where nothing else runs"
 
