@@ -89,8 +89,17 @@ class Parameter:
             return Sentence("numbers-count-wrong", "has {found} numbers; it takes {count}", found=len(numbers), count=count)
         for number in numbers:
             if not self.low <= number <= self.high or (self.above and number == self.low):
-                bound = f"above {self.low:g}" if self.above else f"from {self.low:g} to {self.high:g}"
-                return Sentence("number-out-of-range", "is {number}; it takes numbers {bound}", number=f"{number:g}", bound=bound)
+                if self.above:
+                    return Sentence(
+                        "number-too-small", "is {number}; it takes numbers above {low}", number=f"{number:g}", low=f"{self.low:g}"
+                    )
+                return Sentence(
+                    "number-out-of-range",
+                    "is {number}; it takes numbers from {low} to {high}",
+                    number=f"{number:g}",
+                    low=f"{self.low:g}",
+                    high=f"{self.high:g}",
+                )
         return None
 
 

@@ -143,12 +143,10 @@ class Graphics:
         numbers = np.concatenate(found) if found else np.zeros(0)
         if len(found) != len(statement.arguments) or len(numbers) != count:
             raise statement.place.wrong(
-                Sentence(
-                    "pbrt-directive-number-count",
-                    "{directive} takes {count} number{value}",
-                    directive=statement.directive,
-                    count=count,
-                    value="s" if count > 1 else "",
+                Sentence("pbrt-directive-one-number", "{directive} takes 1 number", directive=statement.directive)
+                if count == 1
+                else Sentence(
+                    "pbrt-directive-number-count", "{directive} takes {count} numbers", directive=statement.directive, count=count
                 )
             )
         return numbers

@@ -303,11 +303,17 @@ class Materials:
         if len(parts) != 2 or None in parts:
             missing = [name for name, part in zip(names, parts, strict=True) if part is None]
             raise source.place.wrong(
-                f"{source} takes the names of two materials that stand before"
-                + (
-                    Sentence("pbrt-nested-material-missing", "; there is no {missing}", missing=repr(missing[0][:60]))
-                    if missing
-                    else ""
+                Sentence(
+                    "pbrt-mix-material-missing",
+                    "{material} takes the names of two materials that stand before; there is no {missing}",
+                    material=str(source),
+                    missing=repr(missing[0][:60]),
+                )
+                if missing
+                else Sentence(
+                    "pbrt-mix-material-count",
+                    "{material} takes the names of two materials that stand before",
+                    material=str(source),
                 )
             )
         amount = min(max(self._textures.one_number(source, "amount", 0.5), 0.0), 1.0)

@@ -57,11 +57,14 @@ class Parameters:
         if len(first) < names or not all(isinstance(each, str | tuple) for each in first):
             raise place.wrong(
                 Sentence(
+                    "pbrt-directive-name-count", '{directive} takes 1 name in quotes, as "diffuse"', directive=statement.directive
+                )
+                if names == 1
+                else Sentence(
                     "pbrt-directive-names-expected",
-                    '{directive} takes {count} name{value} in quotes, as "diffuse"',
+                    '{directive} takes {count} names in quotes, as "diffuse"',
                     directive=statement.directive,
                     count=names,
-                    value="s" if names > 1 else "",
                 )
             )
         called = [each if isinstance(each, str) else str(each[0]) if len(each) else "" for each in first]
