@@ -59,7 +59,7 @@ function translated({ code, params }, depth) {
 
 /** @param {Param} value @param {string} following what the template goes on with @param {number} depth @returns {string} */
 function inPlace(value, following, depth) {
-  if (Array.isArray(value)) return value.map((each) => inPlace(each, ",", depth)).join(", ");
+  if (Array.isArray(value)) return value.map((each) => inPlace(each, ",", depth)).join(language === "zh" ? "、" : ", ");
   if (value === null || typeof value !== "object") return String(value);
   const text = translated(value, depth + 1) ?? value.text;
   return CLOSING.test(following) ? text.replace(STOP, "") : text;
