@@ -8,6 +8,7 @@ import time
 from renderer.arrays.scene_features import EDITIONS
 from renderer.cuda.artefacts import path_of, ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED
+from renderer.printable import printable
 
 __all__ = ["main"]
 
@@ -24,7 +25,7 @@ def main() -> None:
     for variant in wanted:
         begin = time.perf_counter()
         size = len(ptx_of(variant))
-        print(f"{variant}: {size / 1e6:.1f} MB, {time.perf_counter() - begin:.1f} s, {path_of(variant)}", flush=True)
+        print(printable(f"{variant}: {size / 1e6:.1f} MB, {time.perf_counter() - begin:.1f} s, {path_of(variant)}"), flush=True)
 
 
 if __name__ == "__main__":

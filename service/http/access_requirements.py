@@ -88,6 +88,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/scenes/{id}"): VIEW,
     ("DELETE", "/api/scenes/{id}"): SUBMIT,
     ("GET", "/api/scenes/{id}/thumbnail.png"): VIEW,
+    ("GET", "/api/scenes/{id}/preview"): VIEW,
     ("WS", "/api/scenes/{id}/viewport"): VIEW,
     ("GET", "/api/environments"): VIEW,
     ("POST", "/api/environments"): SUBMIT,

@@ -307,7 +307,8 @@ def test_a_log_is_bounded_while_it_is_written(
     assert part.process is first and part.running
     if not is_full:
         assert old.stat().st_size == 200_000
-        assert old.read_text().splitlines()[-2].startswith("line ")
+        lines = old.read_text().splitlines()  # two processes write blocks, which may divide a line of the other
+        assert sum(line.startswith("line ") for line in lines) > len(lines) / 2
     part.log.write_bytes(b"")
     wait_until(lambda: part.log.stat().st_size > 0, 60, "the part goes on writing")
     assert part.log.read_bytes()[:5] != b"\0" * 5, "no hole at its begin"
