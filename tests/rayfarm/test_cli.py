@@ -217,7 +217,6 @@ def test_info_is_for_people_and_programs() -> None:
         (["render", str(CORNELL), "-o", "out.exr", "--aov", "mood"], 1, "aov 'mood' is not known"),
         (["render", str(CORNELL), "-o", "out.png", "--size=8x8", "--tile=4,4,8,8"], 1, "--tile reaches out"),
         (["render", str(CORNELL), "-o", "out.png", "--env", "sky.exr"], 1, "no such file"),
-        (["render", str(CORNELL)], 2, "--output"),
         (["render", str(CORNELL), "-o", "out.png", "--spp", "0"], 2, "--spp"),
         (["gc", "--films-above", "inf"], 2, "inf is not a finite number"),
         (["watch", "--frame", "nan"], 2, "nan is not a finite number"),

@@ -46,7 +46,7 @@ def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> 
         write(service, "jobs", bad, column, value)
         listed = {job["id"]: job for job in service.http.get("/api/jobs").raise_for_status().json()}
         assert listed[good]["state"] == "finished" and listed[good]["error"] is None
-        assert listed[bad] == service.job(bad)
+        assert {**listed[bad], "as_of": 0} == {**service.job(bad), "as_of": 0}
         if value not in ("[1, 2]", "{broken"):  # what is asked for and what came of it stand for each other
             assert "another release" in listed[bad]["error"], value
             assert listed[bad]["samples"] == listed[good]["samples"]
