@@ -150,7 +150,7 @@ def state():
 
 
 def usable(python):
-    """Whether .venv works, has a supported Python, and was created at this path: environments cannot be moved."""
+    """Returns True if .venv works, has a supported Python, and was created at this path: environments cannot be moved."""
     config = VENV / "pyvenv.cfg"
     if not config.is_file() or str(VENV) not in config.read_text() or not python.exists():
         return False
@@ -203,7 +203,7 @@ def pip(python, arguments):
 
 
 def may_install():
-    """Whether Debian packages can be installed here."""
+    """Returns True if Debian packages can be installed here."""
     return hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get") is not None
 
 
@@ -327,7 +327,7 @@ def install_embree():
 
 
 def imports(folder, module):
-    """Whether the environment in a folder works and has a module."""
+    """Returns True if the environment in a folder works and has a module."""
     python = folder / "bin" / "python"
     return python.exists() and subprocess.call([str(python), "-c", "import " + module], stdout=subprocess.DEVNULL) == 0
 

@@ -25,7 +25,7 @@ WAITS = Sentence(
 
 
 def is_blend(main: str) -> bool:
-    """Whether Blender has to open a scene's main file."""
+    """Returns True if Blender has to open a scene's main file."""
     return PurePosixPath(main).suffix.lower() in BY_BLENDER
 
 

@@ -94,11 +94,11 @@ class Picture:
             typed(options_of, self.given)
 
     def has_view(self) -> bool:
-        """Whether options change the view, beyond choosing one of the scene's cameras."""
+        """Returns True if options change the view, beyond choosing one of the scene's cameras."""
         return any(value is not None for value in self._view().values())
 
     def is_partly_a_view(self) -> bool:
-        """Whether options change the view without defining both its position and its target."""
+        """Returns True if options change the view without defining both its position and its target."""
         return self.has_view() and (self.given.get("eye") is None or self.given.get("target") is None)
 
     def view(self, cameras: list[dict[str, Any]]) -> View:

@@ -39,7 +39,7 @@ MAX_UNPACKED = 8 << 30
 
 
 def is_numbered(scene: Path) -> bool:
-    """Whether the path is a pattern with one file per frame, such as smoke.####.obj."""
+    """Returns True if the path is a pattern with one file per frame, such as smoke.####.obj."""
     return "#" in scene.name and not scene.exists() and scene.parent.is_dir() and scene.suffix.lower() in SCENE_SUFFIXES
 
 

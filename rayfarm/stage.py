@@ -112,7 +112,7 @@ class Stage:
         return _Built(read, described, compiled, summarise(described, compiled))
 
     def _is_auto(self, description: SceneDescription) -> bool:
-        """Whether the camera in use is the automatic one."""
+        """Returns True if the camera in use is the automatic one."""
         from rayfarm.options import find_camera
         from renderer.scene.compile import camera_names
 

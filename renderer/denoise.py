@@ -20,7 +20,7 @@ _RANGE = np.float32(1e6)  # clamps radiance to half precision's range; infinitie
 
 
 def is_available() -> bool:
-    """Whether the package pyoidn is installed. Loads no library, so it is safe before a fork."""
+    """Returns True if the package pyoidn is installed. Loads no library, so it is safe before a fork."""
     return importlib.util.find_spec("pyoidn") is not None
 
 

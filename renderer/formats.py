@@ -98,7 +98,7 @@ _INCLUDED = ("geometry", "materials", "material", "mats", "textures", "lights", 
 
 
 def is_junk(name: str) -> bool:
-    """Whether a file name is one that operating systems add to archives: __MACOSX, .DS_Store, Thumbs.db, dot files."""
+    """Returns True if a file name is one that operating systems add to archives: __MACOSX, .DS_Store, Thumbs.db, dot files."""
     parts = PurePosixPath(name).parts
     return any(part.startswith(".") or part in ("__MACOSX", "Thumbs.db", "desktop.ini") for part in parts)
 

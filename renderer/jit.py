@@ -192,12 +192,12 @@ _ready: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Whether this process, or the one that it was forked from, has run `compiling` for a kernel of that name."""
+    """Returns True if this process, or the one that it was forked from, has run `compiling` for a kernel of that name."""
     return name in _ready
 
 
 def is_cached(name: str) -> bool:
-    """Whether this machine has compiled or fetched a kernel of that name."""
+    """Returns True if this machine has compiled or fetched a kernel of that name."""
     return (cache_folder() / f"{name}.done").exists()
 
 

@@ -67,7 +67,7 @@ def pack(folder: Path, kernel: str, key: str, out: IO[bytes]) -> None:
 
 
 def is_signed(file: IO[bytes], key: str) -> bool:
-    """Whether an artefact was signed with this key. Reads the file from its beginning."""
+    """Returns True if an artefact was signed with this key. Reads the file from its beginning."""
     expected = file.read(_SIGNATURE)
     file.seek(0)
     return hmac.compare_digest(expected, _signature(file, key))

@@ -40,7 +40,7 @@ class _LanesModel(models.PrimitiveModel):
 
 
 def is_wide(kind: types.Type) -> bool:
-    """Whether a type is one of eight lanes."""
+    """Returns True if a type is one of eight lanes."""
     return isinstance(kind, Lanes)
 
 

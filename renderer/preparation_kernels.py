@@ -42,5 +42,5 @@ def prepare() -> None:
 
 
 def is_prepared() -> bool:
-    """Whether `prepare_first` has run in this process."""
+    """Returns True if `prepare_first` has run in this process."""
     return prepare_first.cache_info().currsize > 0

@@ -275,7 +275,7 @@ def kernel_name(settings: RenderSettings | None = None, edition: str = PLAIN) ->
 
 
 def is_warm(settings: RenderSettings, edition: str) -> bool:
-    """Whether `warm_up` has run; otherwise the first batch compiles the kernel, which takes half a minute to a minute."""
+    """Returns True if `warm_up` has run; otherwise the first batch compiles the kernel, which takes half a minute to a minute."""
     return jit.is_ready(kernel_name(settings, edition))
 
 

@@ -141,7 +141,7 @@ def _write(node: object, say: Callable[[str], None]) -> None:
 
 
 def _is_text(statement: object) -> bool:
-    """Whether a statement is only a string: the documentation of its scope or of the attribute before it."""
+    """Returns True if a statement is only a string: the documentation of its scope or of the attribute before it."""
     return (
         isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant) and isinstance(statement.value.value, str)
     )

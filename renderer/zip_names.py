@@ -108,7 +108,7 @@ def _decoded(names: list[bytes], encoding: str) -> list[str] | None:
 
 
 def _are_words(names: list[str], encoding: str) -> bool:
-    """Whether all letters are ones commonly used in file names by users of this encoding."""
+    """Returns True if all letters are ones commonly used in file names by users of this encoding."""
     letters = [letter for name in names for letter in name if not letter.isascii()]
     if encoding in ("gb2312", "cp932", "gb18030", "big5", "cp949"):
         return all(letter.isalpha() and ord(letter) >= _FIRST_OF_EAST_ASIA for letter in letters)

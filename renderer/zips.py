@@ -25,5 +25,5 @@ def most_unpacked(packed: int) -> int:
 
 
 def is_bomb(unpacked: int, packed: int) -> bool:
-    """Whether an archive's unpacked size in bytes exceeds what scenes of this packed size may have."""
+    """Returns True if an archive's unpacked size in bytes exceeds what scenes of this packed size may have."""
     return unpacked > most_unpacked(packed)

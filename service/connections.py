@@ -154,7 +154,7 @@ class Connection(HttpToolsProtocol):
 
 
 def _is_short(cycle: RequestResponseCycle) -> bool:
-    """Whether a request announces a short body, and does not wait for `100 Continue` before sending it."""
+    """Returns True if a request announces a short body, and does not wait for `100 Continue` before sending it."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
     return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= SHORT_BODY
 

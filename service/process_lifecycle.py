@@ -73,12 +73,12 @@ class Life:
 
     @property
     def stands_by(self) -> bool:
-        """Whether another service owns the farm now, as far as is known."""
+        """True if another service owns the farm now, as far as is known."""
         return self._farm is None or self._farm.owning.is_lost
 
     @property
     def is_alive(self) -> bool:
-        """Whether the background task runs and, if this service owns the farm, its engine."""
+        """True if the background task runs and, if this service owns the farm, its engine."""
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 

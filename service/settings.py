@@ -211,7 +211,7 @@ class Settings(BaseSettings):
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only this machine can reach the service."""
+        """True if only this machine can reach the service."""
         return self.host in LOOPBACK
 
     @property
@@ -236,7 +236,7 @@ class Settings(BaseSettings):
 
     @property
     def needs_login(self) -> bool:
-        """Whether all requests need a login."""
+        """True if all requests need a login."""
         if self.login == "auto":
             named = self.published_names or [self.host]
             return bool(self.trusted_proxies.split()) or any(name not in LOOPBACK for name in named)

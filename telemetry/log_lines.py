@@ -63,7 +63,7 @@ def ids(**names: Any) -> dict[str, Any]:
 
 
 def by_json() -> bool:
-    """Whether lines are JSON objects."""
+    """Returns True if lines are JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
 

@@ -53,7 +53,7 @@ hypothesis.settings.load_profile("long")
 
 
 def is_ordinary(config: pytest.Config) -> bool:
-    """Whether tests marked `long` are excluded."""
+    """Returns True if tests marked `long` are excluded."""
     return bool(config.option.markexpr == "not long")
 
 

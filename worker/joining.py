@@ -172,7 +172,7 @@ def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
 
 
 def _is_dead(report: WorkerReport, host: str) -> bool:
-    """Whether a report comes from a process of this host that has ended."""
+    """Returns True if a report comes from a process of this host that has ended."""
     if report.host != host or report.pid <= 0:
         return False
     try:

@@ -206,7 +206,7 @@ class LocalFarm:
         return False
 
     def service_answers(self) -> bool:
-        """Whether the service takes requests."""
+        """Returns True if the service takes requests."""
         if not self._service_listens():
             return False
         try:
@@ -223,12 +223,12 @@ class LocalFarm:
             return link_of(url, client.call("POST", "/api/links", user=OWNER)["code"])
 
     def worker_ready(self) -> bool:
-        """Whether this farm's worker has its kernels and takes batches."""
+        """Returns True if this farm's worker has its kernels and takes batches."""
         report = self._worker_report()
         return report is not None and report.state == "ready"
 
     def _worker_rests(self) -> bool:
-        """Whether this farm's worker could work, and has nothing to do."""
+        """Returns True if this farm's worker could work, and has nothing to do."""
         report = self._worker_report()
         return report is not None and report.state == "ready" and not any(report.current)
 
@@ -246,7 +246,7 @@ class LocalFarm:
         return None
 
     def _service_listens(self) -> bool:
-        """Whether the service listens on its port, which it does once its startup is complete."""
+        """Returns True if the service listens on its port, which it does once its startup is complete."""
         try:
             socket.create_connection((urlsplit(self.url).hostname or "", self.port), timeout=0.2).close()
         except OSError:

@@ -71,7 +71,7 @@ class Part:
 
     @property
     def running(self) -> bool:
-        """Whether its process is alive."""
+        """True if its process is alive."""
         return self.process is not None and self.process.poll() is None
 
     def last_words(self, lines: int = 12) -> str:

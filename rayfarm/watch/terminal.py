@@ -79,7 +79,7 @@ class Terminal:
 
     @staticmethod
     def is_there() -> bool:
-        """Whether standard input and output are a terminal."""
+        """Returns True if standard input and output are a terminal."""
         return sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
     def __enter__(self) -> Terminal:

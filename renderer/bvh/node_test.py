@@ -52,7 +52,7 @@ def tie_of(instance, primitive):
 
 @device
 def is_nearer(distance, primitive, best, tie):
-    """Whether a hit comes before the one at distance `best`: hits are ordered by (distance, instance, primitive).
+    """Returns True if a hit comes before the one at distance `best`: hits are ordered by (distance, instance, primitive).
 
     tie: from `tie_of`. False for a distance of NaN.
     """

@@ -157,7 +157,7 @@ def place_at(bvh, leaf, stack, time):
 
 @device
 def _blocks(place, leaf, o, d, constants, t_max):
-    """Whether a leaf's packet, at that address, occludes a shadow ray. constants: of `_prepared`."""
+    """Returns True if a leaf's packet, at that address, occludes a shadow ray. constants: of `_prepared`."""
     axes, shear, permuted, _ = constants
     if leaf & SPHERES:
         return bits(intersect_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
@@ -335,7 +335,7 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
 
 @subroutine
 def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
-    """Whether a ray hits anything in an instance's tree; as `any_hit`."""
+    """Returns True if a ray hits anything in an instance's tree; as `any_hit`."""
     never_inline()
     o, d = into(bvh, number, o, d, time)
     slabs, constants, _ = _prepared(o, d, None, None)
@@ -360,7 +360,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
 
 @device
 def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
-    """Whether anything is hit along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
+    """Returns True if anything is hit along o + t d with 0 < t < t_max. stack, time, root: as of `closest_hit`."""
     slabs, constants, _ = _prepared(o, d, None, None)
     top = np.uintp(0)
     child = np.int32(root)

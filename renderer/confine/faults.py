@@ -15,7 +15,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: BaseException) -> bool:
-    """Whether a library's error is the machine's fault."""
+    """Returns True if a library's error is the machine's fault."""
     if isinstance(error, OSError):
         return error.errno in _OF_MACHINE
     return isinstance(error, RuntimeError) and "start new thread" in str(error)

@@ -50,7 +50,7 @@ def _made(prefix: str, where: Path | None) -> Path:
 
 
 def _has_room(folder: Path) -> bool:
-    """Whether /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
+    """Returns True if /dev/shm can hold half of the available memory: a container's default of 64 MiB cannot."""
     try:
         found = os.statvfs(folder)
     except OSError:

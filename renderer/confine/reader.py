@@ -49,7 +49,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Whether an error is the fault of this machine, not of the file."""
+    """Returns True if an error is the fault of this machine, not of the file."""
     return error.errno in _OF_MACHINE
 
 
@@ -141,7 +141,7 @@ def call(name: str, /, **arguments: Any) -> Any:
 
 
 def is_reader() -> bool:
-    """Whether this process is a reader."""
+    """Returns True if this process is a reader."""
     return _link is not None
 
 

@@ -56,7 +56,7 @@ class CardRenderer:
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
 
     def has(self, variant: str) -> bool:
-        """Whether a variant's kernel is loaded."""
+        """Returns True if a variant's kernel is loaded."""
         return variant in self._kernels
 
     def load(self, variant: str, fetch: Callable[[str], None] | None = None) -> None:

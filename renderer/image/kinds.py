@@ -61,7 +61,7 @@ def suffix_of(data: bytes) -> str | None:
 
 
 def _is_targa(data: bytes) -> bool:
-    """Whether the header can be that of a TGA file, which has no magic number."""
+    """Returns True if the header can be that of a TGA file, which has no magic number."""
     if len(data) < 18:
         return False
     mapped, kind, _, _, map_depth = struct.unpack_from("<xBBHHB", data)
@@ -75,7 +75,7 @@ def _is_targa(data: bytes) -> bool:
 
 
 def is_deep_png(data: bytes) -> bool:
-    """Whether a PNG has 16 bits per channel, by its IHDR chunk."""
+    """Returns True if a PNG has 16 bits per channel, by its IHDR chunk."""
     return data[12:16] == b"IHDR" and data[24:25] == b"\x10"
 
 

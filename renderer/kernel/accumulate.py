@@ -103,7 +103,7 @@ def _render_ao(scene, stack, camera, options, batch, output):
 
 
 def has_editions(settings: RenderSettings) -> bool:
-    """Whether the kernel for these settings has editions with fewer features: only the pool path tracer does.
+    """Returns True if the kernel for these settings has editions with fewer features: only the pool path tracer does.
 
     The other kernels are compiled with all features, so that each compiles only once.
     """

@@ -29,7 +29,7 @@ def fixed(value, scale):
 
 @device
 def in_half(sample):
-    """Whether a sample belongs to the half buffer, as renderer.film.in_half: tests the second highest bit of the number.
+    """Returns True if a sample belongs to the half buffer, as renderer.film.in_half: tests the second highest bit of the number.
 
     The bit is the top bit of the float32's mantissa.
     """

@@ -108,7 +108,7 @@ def luminance(c):
 
 @device
 def is_finite(a):
-    """Whether no component is NaN or infinite."""
+    """Returns True if no component is NaN or infinite."""
     s = a[0] * _ZERO + a[1] * _ZERO + a[2] * _ZERO
     return s == _ZERO
 

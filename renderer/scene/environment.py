@@ -203,7 +203,7 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
 
 
 def are_accents(lights_power: float, bounds: F32) -> bool:
-    """Whether the lights contribute less than a twentieth of what a sky of radiance 1 would."""
+    """Returns True if the lights contribute less than a twentieth of what a sky of radiance 1 would."""
     return lights_power < 0.05 * _sky_power(bounds)
 
 

@@ -189,7 +189,7 @@ class SceneFiles:
         return self._search(parts[-1]) if parts else None
 
     def is_outside(self, reference: str, beside: str) -> bool:
-        """Whether a relative reference of a scene file leads out of the folder."""
+        """Returns True if a relative reference of a scene file leads out of the folder."""
         parts = [part for part in reference.replace("\\", "/").split("/") if part not in ("", ".")]
         return _joined(PurePosixPath(beside).parent, parts) is None
 

@@ -73,7 +73,7 @@ class ShotCache:
         return made
 
     def is_unchanged(self, what: str, heads: tuple[object, ...]) -> bool:
-        """Whether `heads` (cached objects and numbers) are the same as in the last call for `what`; stores them."""
+        """Returns True if `heads` (cached objects and numbers) are the same as in the last call for `what`; stores them."""
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _are(known, heads)
 
@@ -90,7 +90,7 @@ class ShotCache:
 
 
 def _are(known: tuple[object, ...], wanted: tuple[object, ...]) -> bool:
-    """Whether both hold the same objects (by identity) and equal numbers."""
+    """Returns True if both hold the same objects (by identity) and equal numbers."""
     return len(known) == len(wanted) and all(
         a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(known, wanted, strict=True)
     )

@@ -218,7 +218,7 @@ def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequ
 
 
 def _is_small(description: SceneDescription, number: int) -> bool:
-    """Whether an instance is small enough to be placed in a batch; see `placed_together`."""
+    """Returns True if an instance is small enough to be placed in a batch; see `placed_together`."""
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = description.materials[mesh.material if instance.material is None else instance.material]

@@ -106,7 +106,7 @@ def _key(row: np.ndarray) -> bytes:
 
 
 def _has_inside(m: Material) -> bool:
-    """Whether a surface bounds an interior, which transmitted light enters."""
+    """Returns True if a surface bounds an interior, which transmitted light enters."""
     if m.kind == "interface":
         return True
     if m.thin or m.kind not in ("glass", "metallic_roughness"):

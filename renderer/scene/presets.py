@@ -36,7 +36,7 @@ _STRIPS: tuple[_Lamp, ...] = (
 
 
 def is_named(name: str) -> bool:
-    """Whether an environment name needs no file."""
+    """Returns True if an environment name needs no file."""
     return name.startswith(PREFIX) or name in PRESETS
 
 

@@ -85,7 +85,7 @@ def _kind(light: Light) -> int:
 
 
 def is_emitting(light: Light) -> bool:
-    """Whether a light emits at any time of the shutter. Raises SceneError for an invalid number."""
+    """Returns True if a light emits at any time of the shutter. Raises SceneError for an invalid number."""
     return max([max(each.intensity) for each in (light, *light.keys) if _check(each)]) > 0
 
 

@@ -26,7 +26,7 @@ _ASIDE = {
 
 
 def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
-    """Whether two descriptions have equal geometry, materials and lights; cameras and texts may differ.
+    """Returns True if two descriptions have equal geometry, materials and lights; cameras and texts may differ.
 
     Neither may be compiled yet.
     """
@@ -36,7 +36,7 @@ def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
 
 
 def are_equal(a: Any, b: Any) -> bool:
-    """Whether two values of types used in descriptions are equal, including arrays and nested values."""
+    """Returns True if two values of types used in descriptions are equal, including arrays and nested values."""
     if a is b:
         return True
     if type(a) is not type(b):

@@ -211,7 +211,7 @@ def _name(thing: Sphere | Light | Camera) -> str:
 
 
 def _is_fine(moving: SceneDescription) -> bool:
-    """Whether rotations between keys are small enough to be unambiguous and to be interpolated without visible error."""
+    """Returns True if rotations between keys are small enough to be unambiguous and to be interpolated without visible error."""
     free: list[list[np.ndarray]] = []
     straight: list[list[np.ndarray]] = []
     for instance in moving.instances:

@@ -96,7 +96,7 @@ class Texels:
         return self._means[row]
 
     def looks_at_second_uvs(self, row: int) -> bool:
-        """Whether the row's texture, or a layer of it, uses the second UV set."""
+        """Returns True if the row's texture, or a layer of it, uses the second UV set."""
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
     def _append(self, texture: Texture, light: bool) -> float:

@@ -68,7 +68,7 @@ def title(encoding: str) -> str:
 
 
 def is_readable(text: str) -> bool:
-    """Whether a string has no lone surrogates, that is, was valid UTF-8."""
+    """Returns True if a string has no lone surrogates, that is, was valid UTF-8."""
     return text.isascii() or not any("\udc80" <= letter <= "\udcff" for letter in text)
 
 

@@ -20,7 +20,7 @@ _FIRST, _LAST = 1001, 1100
 
 
 def is_tiled(reference: str) -> bool:
-    """Whether a name is a tile pattern: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which becomes u1_v1 and so on."""
+    """Returns True if a name is a tile pattern: paint.<UDIM>.png, or Mari's paint.<UVTILE>.png, which becomes u1_v1 and so on."""
     return _MARK.search(reference) is not None
 
 

@@ -11,7 +11,7 @@ __all__ = ["is_closed"]
 
 
 def is_closed(positions: F32, triangles: I32) -> bool:
-    """Whether every edge is used equally often in both directions, with vertices at equal positions merged.
+    """Returns True if every edge is used equally often in both directions, with vertices at equal positions merged.
 
     positions (V, 3), triangles (T, 3). Such a surface, wound consistently, divides space into an inside and an outside.
     """

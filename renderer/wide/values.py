@@ -62,7 +62,7 @@ def where3(mask, a, b):
 
 @intrinsic
 def any_of(typingctx, mask):
-    """Whether the mask is set in any lane: a bool, to branch on."""
+    """Returns True if the mask is set in any lane: a bool, to branch on."""
 
     def codegen(context, builder, sig, args):
         if not is_wide(sig.args[0]):

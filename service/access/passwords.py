@@ -69,7 +69,7 @@ def hashed(password: str) -> str:
 
 
 def is_right(password: str, kept: str | None) -> bool:
-    """Whether the password matches the hash `kept`; None, for no password, takes as long to check."""
+    """Returns True if the password matches the hash `kept`; None, for no password, takes as long to check."""
     from argon2.exceptions import InvalidHashError, VerificationError
 
     with AT_ONCE:

@@ -52,11 +52,11 @@ class ProjectVisibility:
     looks: frozenset[str] = frozenset()
 
     def sees(self, project: str | None) -> bool:
-        """Whether content of this project is visible. None: it does not exist, which may be reported to anyone."""
+        """Returns True if content of this project is visible. None: it does not exist, which may be reported to anyone."""
         return self.everything or not project or project in self.projects
 
     def changes(self, project: str | None) -> bool:
-        """Whether the caller may change this project's content, if the caller's own role permits changes."""
+        """Returns True if the caller may change this project's content, if the caller's own role permits changes."""
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:

@@ -44,7 +44,7 @@ AT_ONCE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
-    """Whether Redis rejects commands because a script or function blocks it."""
+    """Returns True if Redis rejects commands because a script or function blocks it."""
     return isinstance(error, redis.ResponseError) and str(error).startswith("BUSY")
 
 

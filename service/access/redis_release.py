@@ -30,7 +30,7 @@ class RedisRelease:
 
     @property
     def is_too_old(self) -> bool:
-        """Whether the release lacks commands that a farm needs."""
+        """True if the release lacks commands that a farm needs."""
         return self.name == "Redis" and self.numbers[:2] < OLDEST
 
     @property

@@ -47,17 +47,17 @@ class Caller:
 
     @property
     def is_worker(self) -> bool:
-        """Whether the caller used a worker's token."""
+        """True if the caller used a worker's token."""
         return self.kind == "worker"
 
     @property
     def sees_everything(self) -> bool:
-        """Whether the caller sees all projects: administrators can read the data folder anyway."""
+        """True if the caller sees all projects: administrators can read the data folder anyway."""
         return self.role >= Role.ADMIN
 
     @property
     def is_known(self) -> bool:
-        """Whether the caller is authenticated, and not only admitted because the service is open to this machine."""
+        """True if the caller is authenticated, and not only admitted because the service is open to this machine."""
         return self.kind != "open"
 
 

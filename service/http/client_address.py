@@ -93,7 +93,7 @@ class ClientAddress:
 
 
 def is_from_proxy(scope: Scope) -> bool:
-    """Whether a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
+    """Returns True if a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
 
     By default nginx uses HTTP/1.0 to its upstream, with the upstream's own address as Host, and adds no field.
     """

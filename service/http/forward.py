@@ -55,7 +55,7 @@ class OwnerClient:
             self._http = None
 
     async def is_ready(self, url: str, over: asyncio.Event) -> bool:
-        """Whether the service at this address is ready; False if `over` is set first."""
+        """Returns True if the service at this address is ready; False if `over` is set first."""
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
             answer = await _until(over, asking)

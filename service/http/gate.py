@@ -137,7 +137,7 @@ def _secret_of(headers: Headers, cookie: str) -> str:
 
 
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
-    """Whether this request needs a login.
+    """Returns True if this request needs a login.
 
     On a farm that is open to its own machine, these do: requests from another machine, through a proxy, or by a name other than
     loopback's. In a container every client has another address, so only the proxy counts there.
@@ -174,7 +174,7 @@ async def _visible_projects(access: Access, caller: Caller | None, needs_login: 
 
 
 async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
-    """Whether a caller may see a resource; False for a missing one too, so that both look the same."""
+    """Returns True if a caller may see a resource; False for a missing one too, so that both look the same."""
     if sight.everything:
         return True
     project = access.projects.cached_project(*thing)

@@ -19,7 +19,7 @@ def as_get(scope: Scope) -> Scope:
 
 
 def is_head(request: Request) -> bool:
-    """Whether the request was a HEAD request."""
+    """Returns True if the request was a HEAD request."""
     return HEAD in request.scope
 
 

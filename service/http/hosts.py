@@ -31,7 +31,7 @@ def name_of(host: str) -> str | None:
 
 
 def is_here(address: str) -> bool:
-    """Whether a client's address belongs to this machine. A Unix socket has no address and counts as local."""
+    """Returns True if a client's address belongs to this machine. A Unix socket has no address and counts as local."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -53,7 +53,7 @@ class Hosts:
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def is_accepted(self, name: str) -> bool:
-        """Whether the service accepts this host name or address."""
+        """Returns True if the service accepts this host name or address."""
         return name in self._names or (self._takes_addresses and is_address(name))
 
     def _ask_for_full_name(self) -> None:

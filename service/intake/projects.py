@@ -35,7 +35,7 @@ def id_in(project: str, id: str) -> str:
 
 
 def may_be_used_in(thing: str, project: str) -> bool:
-    """Whether content of one project may be used in another: its own, and content of no project (empty)."""
+    """Returns True if content of one project may be used in another: its own, and content of no project (empty)."""
     return thing in ("", project)
 
 

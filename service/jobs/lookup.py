@@ -48,7 +48,7 @@ def find_scene(id: str, farm: Farm) -> Scene:
 
 
 def is_lit(id: str, session: Session) -> bool:
-    """Whether a scene is not an upload, but derived from one for a request's environment."""
+    """Returns True if a scene is not an upload, but derived from one for a request's environment."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
 

@@ -58,7 +58,7 @@ class ShotChange:
         return cls(before, _columns(job), steps, added_samples(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
-        """Whether the job is unchanged since, and no change of its frames is pending."""
+        """Returns True if the job is unchanged since, and no change of its frames is pending."""
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
     def give(self, job: Job, session: Session) -> bool:

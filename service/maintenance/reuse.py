@@ -150,7 +150,7 @@ class SampleReuse:
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_as_it_was(self, source: _Source) -> bool:
-        """Whether a job exists and its goals are unchanged."""
+        """Returns True if a job exists and its goals are unchanged."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
         return job is not None and _Source(job, {}).end == source.end
@@ -194,7 +194,7 @@ class SampleReuse:
 
 
 def _is_part(source: Job, job: Job) -> bool:
-    """Whether the samples that `source` has rendered are a subset of those that `job` requires."""
+    """Returns True if the samples that `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
         return False  # decided without reading its film
     if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK:

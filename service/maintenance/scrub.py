@@ -215,6 +215,6 @@ class Scrubber:
 
 
 def _is_at_rest(job: Job) -> bool:
-    """Whether a job is finished, or failed because its film was found damaged."""
+    """Returns True if a job is finished, or failed because its film was found damaged."""
     is_over = job.state == "finished" or (job.state == "failed" and FILM in (job.error or ""))
     return is_over and job.settings is not None and job.tile_size is not None

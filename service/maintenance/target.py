@@ -29,7 +29,7 @@ class Target(Protocol):
         """Returns the manifest of a previous backup; None if there is none."""
 
     def has(self, name: str, size: int) -> bool:
-        """Whether a file with this size exists."""
+        """Returns True if a file with this size exists."""
 
     def put(self, name: str, path: Path) -> None:
         """Stores a copy of a file."""

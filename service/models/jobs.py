@@ -189,7 +189,7 @@ class JobIn(QueueIn):
 
     @property
     def is_shot(self) -> bool:
-        """Whether the request is for more than a still of the scene's beginning."""
+        """True if the request is for more than a still of the scene's beginning."""
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
@@ -223,7 +223,7 @@ class JobPatch(QueuePatch):
 
     @property
     def is_of_frames(self) -> bool:
-        """Whether the change has a field that only shots have."""
+        """True if the change has a field that only shots have."""
         return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
 
     @field_validator("name", "note")

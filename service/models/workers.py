@@ -110,5 +110,5 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
 
 
 def _counts(doing: dict[str, Any]) -> bool:
-    """Whether a slot's work names a frame (frame keys count in halves)."""
+    """Returns True if a slot's work names a frame (frame keys count in halves)."""
     return isinstance(doing.get("frame"), int)

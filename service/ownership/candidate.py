@@ -88,7 +88,7 @@ class Candidate:
         self._engine.dispose()
 
     def _may_be_dead(self) -> bool:
-        """Whether holding the folder's lock shows that the owner is dead; True before the row was first read."""
+        """Returns True if holding the folder's lock shows that the owner is dead; True before the row was first read."""
         return self.known is None or self.known.locked
 
     def _asked_for_epoch(self, has_lock: bool) -> int | None:
@@ -146,7 +146,7 @@ class Candidate:
 
 
 def _is_damage(error: DatabaseError) -> bool:
-    """Whether the database file is corrupt; other errors are bugs."""
+    """Returns True if the database file is corrupt; other errors are bugs."""
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 

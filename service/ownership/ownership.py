@@ -92,12 +92,12 @@ class Ownership:
 
     @property
     def is_lost(self) -> bool:
-        """Whether another service has taken over."""
+        """True if another service has taken over."""
         return self._lost.is_set()
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether another service may have taken over since the last check."""
+        """True if another service may have taken over since the last check."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
     def fence(self, session: Session) -> None:

@@ -26,12 +26,12 @@ def this_process() -> dict[str, Any] | None:
 
 
 def is_gone(known: dict[str, Any] | None) -> bool:
-    """Whether a process has certainly ended. known: the result of its `this_process`."""
+    """Returns True if a process has certainly ended. known: the result of its `this_process`."""
     return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
 
 
 def is_stopped(known: dict[str, Any] | None) -> bool:
-    """Whether a process is stopped (SIGSTOP, or by a debugger). known: the result of its `this_process`."""
+    """Returns True if a process is stopped (SIGSTOP, or by a debugger). known: the result of its `this_process`."""
     return known is not None and _is_here(known) and _state(known) in ("T", "t")
 
 

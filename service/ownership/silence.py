@@ -29,11 +29,11 @@ class OwnerTimeout:
         self._since, self._looks = self._clock(), 0
 
     def has_answered(self, row: Owner) -> bool:
-        """Whether the owner has answered the recorded request."""
+        """Returns True if the owner has answered the recorded request."""
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
     def is_broken(self, row: Owner) -> bool:
-        """Whether a new request is due: the owner has answered, or is a new one. Must be called once per check."""
+        """Returns True if a new request is due: the owner has answered, or is a new one. Must be called once per check."""
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True
         self._looks += 1
@@ -41,5 +41,5 @@ class OwnerTimeout:
 
     @property
     def is_too_long(self) -> bool:
-        """Whether the owner counts as dead, so that the farm may be taken over."""
+        """True if the owner counts as dead, so that the farm may be taken over."""
         return self._looks >= LEAST_LOOKS and self._clock() - self._since > self._lease_s

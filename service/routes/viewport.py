@@ -194,7 +194,7 @@ class _Viewer:
         return True
 
     def _is_unprepared(self) -> bool:
-        """Whether to resolve the view again, as the scene may have been compiled meanwhile for the connected workers."""
+        """Returns True if to resolve the view again, as the scene may have been compiled meanwhile for the connected workers."""
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:

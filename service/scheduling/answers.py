@@ -199,7 +199,7 @@ class Answers:
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
-        """Whether storing the kept messages of an owner requires the database."""
+        """Returns True if storing the kept messages of an owner requires the database."""
         return any(isinstance(answer.message, PrepareDone | PrepareFailed) for answer in self._kept[owner])
 
     def _store(self, owner: str) -> None:

@@ -45,11 +45,11 @@ class Changes:
 
     @property
     def is_behind(self) -> bool:
-        """Whether low-priority changes of a previous run are still unprocessed."""
+        """True if low-priority changes of a previous run are still unprocessed."""
         return bool(self._later)
 
     def is_open(self, change: Change) -> bool:
-        """Whether a change is pending, current or low-priority."""
+        """Returns True if a change is pending, current or low-priority."""
         return change in self._open or change in self._later
 
     def close(self, change: Change) -> None:

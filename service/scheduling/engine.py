@@ -149,11 +149,11 @@ class Engine:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the thread is running."""
+        """True if the thread is running."""
         return self._thread.is_alive()
 
     def moves(self) -> bool:
-        """Whether the thread completes its rounds. True during start-up, which may take long after a previous run."""
+        """Returns True if the thread completes its rounds. True during start-up, which may take long after a previous run."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
 
     @property

@@ -94,15 +94,15 @@ class Lifecycle:
 
     @property
     def is_loading(self) -> bool:
-        """Whether jobs remain to be loaded in a later round."""
+        """True if jobs remain to be loaded in a later round."""
         return self._loading.is_under_way or self._changes.is_behind
 
     def may_apply(self, what: str, id: str) -> bool:
-        """Whether a change can be applied in this round: loading a job requires time left in it."""
+        """Returns True if a change can be applied in this round: loading a job requires time left in it."""
         return what != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
-        """Whether a job will be loaded as soon as its film and the database can be read."""
+        """Returns True if a job will be loaded as soon as its film and the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
     def _apply_job(self, id: str) -> bool:
@@ -187,7 +187,7 @@ class Lifecycle:
         self._changes.note("job", job.id)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
-        """Whether workers of this kind can render the job now; if so, the job's kind is set."""
+        """Returns True if workers of this kind can render the job now; if so, the job's kind is set."""
         if kind not in job.compiled:
             self._errands.preparing.want(job.scene, kind)
             return False

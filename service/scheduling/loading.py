@@ -62,12 +62,12 @@ class Loading:
 
     @property
     def has_time(self) -> bool:
-        """Whether the round has time to load another job. There is always time for one step, also on a stalled machine."""
+        """True if the round has time to load another job. There is always time for one step, also on a stalled machine."""
         return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
     def is_under_way(self) -> bool:
-        """Whether a job is partly loaded."""
+        """True if a job is partly loaded."""
         return bool(self._under_way)
 
     def go_on(self, pending: PendingJob) -> bool:

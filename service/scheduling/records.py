@@ -126,7 +126,7 @@ class Records:
             return found.samples if found is not None else 0
 
     def has_frame(self, job: str, frame: int) -> bool:
-        """Whether a job has a frame with this key."""
+        """Returns True if a job has a frame with this key."""
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
@@ -224,7 +224,7 @@ class Records:
         return RenderSettings.from_json(found)
 
     def is_to_be_opened(self, scene: Scene) -> bool:
-        """Whether Blender has to open a scene's file before the scene can be prepared."""
+        """Returns True if Blender has to open a scene's file before the scene can be prepared."""
         with self._sessions() as session:
             return is_to_be_opened(session, scene)
 

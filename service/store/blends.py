@@ -35,7 +35,7 @@ def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
 
 
 def is_to_be_opened(session: Session, scene: Scene) -> bool:
-    """Whether Blender must export the scene's files before it can be compiled."""
+    """Returns True if Blender must export the scene's files before it can be compiled."""
     return is_blend(scene.main) and blend_of(session, scene) is None
 
 

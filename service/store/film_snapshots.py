@@ -56,7 +56,7 @@ class FilmSnapshots:
 
     @property
     def is_off(self) -> bool:
-        """Whether snapshots are turned off."""
+        """True if snapshots are turned off."""
         return self._max_bytes <= 0
 
     def begin(self, job: str) -> list[int]:

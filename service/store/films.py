@@ -116,7 +116,7 @@ class Film:
 
     @property
     def has_file(self) -> bool:
-        """Whether the film is known to have a file."""
+        """True if the film is known to have a file."""
         return self._is_known
 
     def check(self, recorded: int, frame: int = 0) -> None:
@@ -147,7 +147,7 @@ class Film:
 
     @property
     def is_empty(self) -> bool:
-        """Whether the film has no samples in any frame."""
+        """True if the film has no samples in any frame."""
         with self._lock:
             return self._known().is_empty
 
@@ -214,7 +214,7 @@ class Film:
             self._fold(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Whether all stored samples belong to the given frames."""
+        """Returns True if all stored samples belong to the given frames."""
         return self._known().has_only(frames)
 
     def forget(self, *frames: int) -> None:
@@ -241,7 +241,7 @@ class Film:
             return self._remove(broken)
 
     def has_sent(self, worker: str) -> bool:
-        """Whether the film contains sums from a worker."""
+        """Returns True if the film contains sums from a worker."""
         with self._lock:
             return self._known().has_sent(worker)
 

@@ -16,7 +16,7 @@ FULL = Sentence(
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
-    """Whether another view of this many pixels fits.
+    """Returns True if another view of this many pixels fits.
 
     Paused sessions give up their pictures if that is needed, and start again later.
     """

@@ -58,7 +58,7 @@ class ViewSession:
 
     @property
     def is_ready_for_next(self) -> bool:
-        """Whether the requested view may replace the current one."""
+        """True if the requested view may replace the current one."""
         if self.wanted is None:
             return False
         is_over = self.request is None or self.has_picture or self.error is not None or self.message is not None
@@ -137,7 +137,7 @@ class ViewSession:
 
     @property
     def is_done(self) -> bool:
-        """Whether the whole view has its samples, or its noise target."""
+        """True if the whole view has its samples, or its noise target."""
         with self._lock:
             return bool(self._canvases) and self._canvases[-1].is_complete
 
@@ -147,7 +147,7 @@ class ViewSession:
         return self.request.samples if self.request else 0
 
     def is_due(self) -> bool:
-        """Whether a picture is due."""
+        """Returns True if a picture is due."""
         with self._lock:
             return self._due() is not None
 

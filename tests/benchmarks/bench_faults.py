@@ -144,7 +144,7 @@ class Campaign:
             print(ground.logs()[-6000:])
 
     def _has_failed(self, ground: Ground, job: str) -> bool:
-        """Whether a job has failed. Where it does not go on by itself, what its sentence asks for is done."""
+        """Returns True if a job has failed. Where it does not go on by itself, what its sentence asks for is done."""
         try:
             with ground.client() as client:
                 found = client.job(job)

@@ -95,7 +95,7 @@ def _victim(farm: Farm, name: str, draw: random.Random) -> psutil.Process:
 
 
 def _is_back(farm: Farm, victim: psutil.Process, slots: int) -> bool:
-    """Whether what was killed is gone, there are as many processes as before, and the service is ready."""
+    """Returns True if what was killed is gone, there are as many processes as before, and the service is ready."""
     is_gone = not victim.is_running() or victim.status() == psutil.STATUS_ZOMBIE
     return is_gone and victim.pid not in farm.pids().values() and _number(farm) >= slots and _ready(farm)
 

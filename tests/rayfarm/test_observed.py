@@ -42,7 +42,7 @@ def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, R
 
 
 def is_said_of_a_killed_slot(farm: Farm, job: str) -> bool:
-    """Whether Celery has logged a killed slot; otherwise kills the slot that rendered last."""
+    """Returns True if Celery has logged a killed slot; otherwise kills the slot that rendered last."""
     said = [
         json.loads(line)
         for line in (farm.data / "logs" / "worker.log").read_text().splitlines(keepends=True)

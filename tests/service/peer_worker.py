@@ -255,7 +255,7 @@ class PeerWorker:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _cannot(self, type: str, about: dict[str, Any]) -> bool:
-        """Whether the machine is unfit, which is then reported."""
+        """Returns True if the machine is unfit, which is then reported."""
         if self.unfit is not None:
             self.send({"type": type, **about, "error": self.unfit, "unfit": True})
         return self.unfit is not None

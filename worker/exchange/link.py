@@ -197,7 +197,7 @@ class Link:
         return True
 
     def has_kernels(self, name: str) -> bool:
-        """Whether the farm has the kernels of this name."""
+        """Returns True if the farm has the kernels of this name."""
         try:
             with self._stream("HEAD", f"/api/farm/kernels/{name}"):
                 return True

@@ -63,7 +63,7 @@ class TermsKeeper:
         return min(self.terms.slots or self.slots, self.slots)
 
     def may_work_ahead(self) -> bool:
-        """Whether it may work ahead of requests; not while it spares the machine."""
+        """Returns True if it may work ahead of requests; not while it spares the machine."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 

@@ -82,11 +82,11 @@ class Reducer:
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
-        """Whether a worker of the farm signed this body."""
+        """Returns True if a worker of the farm signed this body."""
         return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, said: str) -> bool:
-        """Whether a worker of the farm signed this announcement of a size."""
+        """Returns True if a worker of the farm signed this announcement of a size."""
         return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
 
     @contextlib.contextmanager
@@ -145,7 +145,7 @@ class _Server(ThreadingHTTPServer):
         self._lock = threading.Lock()
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Whether there is room for a request: each takes a thread, and no client may take all of them."""
+        """Returns True if there is room for a request: each takes a thread, and no client may take all of them."""
         who = str(client_address[0])
         with self._lock:
             here = list(self._here.values())

@@ -167,7 +167,7 @@ class Room:
 
     @staticmethod
     def has(path: Path) -> bool:
-        """Whether `path` is a regular file."""
+        """Returns True if `path` is a regular file."""
         try:
             return stat.S_ISREG(path.lstat().st_mode)
         except OSError:

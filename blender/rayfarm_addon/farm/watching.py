@@ -80,7 +80,7 @@ class Watching:
 
     @property
     def is_settled(self) -> bool:
-        """Whether the newest picture shows the newest scene."""
+        """True if the newest picture shows the newest scene."""
         return self._looks_at is not None and self._looks_at is self._scene
 
     def end(self) -> None:

@@ -89,12 +89,12 @@ PASSES = ("combined", "z", "position", "normal", "object_index", "material_index
 
 
 def takes_time(scene: Any, layer: Any) -> bool:
-    """Whether the shutter is open for more than an instant."""
+    """Returns True if the shutter is open for more than an instant."""
     return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
 
 
 def _is_curved(shutter: Any) -> bool:
-    """Whether the shutter lets less light through while it opens or closes."""
+    """Returns True if the shutter lets less light through while it opens or closes."""
     return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
 
 

@@ -92,7 +92,7 @@ def tell_pictures(tree: Any, warn: Warn) -> None:
 
 
 def has_film(look: Any) -> bool:
-    """Whether its thin film is visible: before Blender 5, not on a metal."""
+    """Returns True if its thin film is visible: before Blender 5, not on a metal."""
     if constant(look.input("Metallic")) != 1.0:
         return True
     try:

@@ -225,7 +225,7 @@ def gather(
 
 
 def beyond(scene: Scene, eye: F64, forward: F64, end: float) -> bool:
-    """Whether a visible object extends beyond the camera's clip end, which is not exported. In Blender's axes."""
+    """Returns True if a visible object extends beyond the camera's clip end, which is not exported. In Blender's axes."""
     seen = [node for node in scene.nodes if not node.unseen]
     if not seen:
         return False

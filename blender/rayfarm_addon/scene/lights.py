@@ -63,13 +63,13 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Whether an object has light or shadow linking."""
+    """Returns True if an object has light or shadow linking."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))
 
 
 def is_stretched(scale: Any) -> bool:
-    """Whether a scale is not the same along X, Y and Z."""
+    """Returns True if a scale is not the same along X, Y and Z."""
     x, y, z = (abs(float(each)) for each in scale)
     return max(abs(x - z), abs(y - z)) > NEAR * max(x, y, z)
 
@@ -81,7 +81,7 @@ def told_bounces(light: Any) -> int | None:
 
 
 def is_of_a_square_metre(light: Any) -> bool:
-    """Whether the lamp's power is per square metre of its area ("Normalize" is off)."""
+    """Returns True if the lamp's power is per square metre of its area ("Normalize" is off)."""
     return not getattr(light, "normalize", True)
 
 

@@ -76,12 +76,12 @@ def filled(tree: Any, lets_in: bool, warn: Warn) -> dict[str, Any] | None:
 
 
 def has_volumes(scene: Scene) -> bool:
-    """Whether the scene has scattering volumes."""
+    """Returns True if the scene has scattering volumes."""
     return bool(scene.world.medium) or any(scatters(each.gltf.get("extensions", {})) for each in scene.materials.values())
 
 
 def scatters(extensions: dict[str, Any]) -> bool:
-    """Whether a material's interior scatters light."""
+    """Returns True if a material's interior scatters light."""
     return max(extensions.get(MEDIUM, {}).get("sigmaS", [0.0])) > 0
 
 

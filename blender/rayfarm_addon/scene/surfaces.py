@@ -100,7 +100,7 @@ class _Reader:
             coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
 
     def _lets_in(self) -> bool:
-        """Whether light enters the material, by transmission or transparency."""
+        """Returns True if light enters the material, by transmission or transparency."""
         return self._more.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0
 
     def _warn(self, what: str) -> None:

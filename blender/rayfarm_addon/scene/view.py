@@ -45,7 +45,7 @@ class Shot:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the whole picture is needed."""
+        """True if the whole picture is needed."""
         return (self.x, self.y, self.w, self.h) == (0, 0, self.width, self.height)
 
     def cut(self, picture: npt.NDArray[Any]) -> npt.NDArray[Any]:

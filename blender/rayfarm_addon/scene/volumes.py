@@ -29,7 +29,7 @@ class Medium:
     g: float = 0.0
 
     def is_nothing(self) -> bool:
-        """Whether the medium has no effect."""
+        """Returns True if the medium has no effect."""
         return max(*self.sigma_a, *self.sigma_s) <= NONE
 
 

@@ -81,7 +81,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
 
 
 def _is_known(scene: Scene, top: Source) -> bool:
-    """Whether the world is supported directly: a colour, or an image with the farm's mapping.
+    """Returns True if the world is supported directly: a colour, or an image with the farm's mapping.
 
     A world that depends on the kind of ray is also accepted, with a warning elsewhere.
     """

@@ -67,7 +67,7 @@ class _Panel:
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Whether the scene's engine is Rayfarm."""
+        """Returns True if the scene's engine is Rayfarm."""
         return context.scene.render.engine in cls.COMPAT_ENGINES
 
 
@@ -143,7 +143,7 @@ class RAYFARM_PT_notes(_Panel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        """Whether there are warnings."""
+        """Returns True if there are warnings."""
         return context.scene.render.engine in cls.COMPAT_ENGINES and bool(connection.notes())
 
     def draw(self, context: Any) -> None:

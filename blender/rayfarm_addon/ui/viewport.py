@@ -47,7 +47,7 @@ class Changes:
         return matters
 
     def touch(self, thing: Any, data: Any) -> bool:
-        """Whether an object's mesh must be exported again."""
+        """Returns True if an object's mesh must be exported again."""
         if self.all or thing.is_from_instancer:
             return self.all or bool(self.names)
         told = {("Object", thing.name_full)}

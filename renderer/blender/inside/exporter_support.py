@@ -16,7 +16,7 @@ OUTPUTS_OF_EACH = {"Position", "Camera", "Window", *OUTPUTS_FROM_ELSEWHERE}
 
 
 def is_followed(node: Any) -> bool:
-    """Whether the exporter supports a node and all nodes that feed it."""
+    """Returns True if the exporter supports a node and all nodes that feed it."""
     seen, left = set(), [node]
     while left:
         each = left.pop()
@@ -37,7 +37,7 @@ def is_followed(node: Any) -> bool:
 
 
 def _is_factor(node: Any) -> bool:
-    """Whether a node only multiplies."""
+    """Returns True if a node only multiplies."""
     if node.type == "MATH":
         return node.operation == "MULTIPLY" and not node.use_clamp
     if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
@@ -47,7 +47,7 @@ def _is_factor(node: Any) -> bool:
 
 
 def lies_by_uv(node: Any) -> bool:
-    """Whether an image node is placed by a UV set, with at most one rotation, scale and translation in its plane."""
+    """Returns True if an image node is placed by a UV set, with at most one rotation, scale and translation in its plane."""
     entry, is_mapped = node.inputs["Vector"], False
     while entry.is_linked:
         link = entry.links[0]
@@ -83,7 +83,7 @@ def sees_from(node: Any, output: str) -> str:
 
 
 def is_of_each(node: Any, output: str) -> bool:
-    """Whether an output differs between objects that share a mesh."""
+    """Returns True if an output differs between objects that share a mesh."""
     return any(each.type == "OBJECT_INFO" or name in OUTPUTS_OF_EACH for each, name in _behind(node, output))
 
 

@@ -48,7 +48,7 @@ def scripted(bpy: Any) -> list[str]:
 
 
 def is_animated(bpy: Any, scene: Any) -> bool:
-    """Whether anything in the file may change with the frame."""
+    """Returns True if anything in the file may change with the frame."""
     for kind in MAY_MOVE:
         for block in getattr(bpy.data, kind, ()):
             data = block.animation_data

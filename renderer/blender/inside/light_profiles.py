@@ -30,7 +30,7 @@ class EmissionImage(NamedTuple):
 
 
 def is_thrown(bpy: Any, data: Any) -> bool:
-    """Whether a light's nodes can be rendered to an image. Only for lights whose nodes are more than constants."""
+    """Returns True if a light's nodes can be rendered to an image. Only for lights whose nodes are more than constants."""
     if data.type not in ("POINT", "SPOT") or "cycles" not in bpy.context.preferences.addons:
         return False
     return not any(node.type in FALLING for node in _nodes(data.node_tree))
@@ -50,7 +50,7 @@ def photographed(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
 
 
 def moves(data: Any) -> bool:
-    """Whether a light's nodes change over time."""
+    """Returns True if a light's nodes change over time."""
     return bool(animated_paths(data.node_tree))
 
 

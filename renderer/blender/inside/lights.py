@@ -182,7 +182,7 @@ class Lights:
 
 
 def _is_portal(data: Any) -> bool:
-    """Whether a light is a portal, which guides Cycles' sampling and emits nothing."""
+    """Returns True if a light is a portal, which guides Cycles' sampling and emits nothing."""
     return data.type == "AREA" and bool(getattr(getattr(data, "cycles", None), "is_portal", False))
 
 
@@ -214,6 +214,6 @@ def _area_of(data: Any, scale: Any) -> float:
 
 
 def is_linked_to_lights(thing: Any) -> bool:
-    """Whether an object illuminates, or shadows, selected objects only (light linking)."""
+    """Returns True if an object illuminates, or shadows, selected objects only (light linking)."""
     linking = getattr(thing, "light_linking", None)
     return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))

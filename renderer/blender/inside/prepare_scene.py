@@ -129,7 +129,7 @@ def _shown(bpy: Any, scene: Any) -> set[str]:
 
 
 def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
-    """Whether a collection, or one that contains it, is hidden."""
+    """Returns True if a collection, or one that contains it, is hidden."""
     if collection.name in hidden:
         return True
     parents = [each for each in scene.collection.children_recursive if collection.name in each.children]

@@ -222,7 +222,7 @@ class _Simplifier:
             self._tree.links.new(self._picture(entry, *painted), entry)
 
     def _bumps(self, entry: Any, at: Any) -> bool:
-        """Whether the normal comes from a height image; replaces it by a normal map."""
+        """Returns True if the normal comes from a height image; replaces it by a normal map."""
         nodes = self._modules.nodes
         source = nodes.followed(at)[0]
         if source is None or source.node.type != "BUMP" or nodes.followed(source.input("Normal"))[0] is not None:
@@ -242,7 +242,7 @@ class _Simplifier:
             told.append("its displacement is left out; that of pictures that lie by UVs is shown as bumps")
 
     def _bend(self, entries: list[Any], source: Any) -> bool:
-        """Whether a Bump node's height is an image; replaces it by a normal map on these inputs."""
+        """Returns True if a Bump node's height is an image; replaces it by a normal map on these inputs."""
         numbers = [self._modules.nodes.constant(source.input(name)) for name in ("Strength", "Distance")]
         spans = _stretched(self._thing, self._modules.meshes.spans)
         if spans is None or not all(isinstance(each, float) for each in numbers):

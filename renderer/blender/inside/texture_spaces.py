@@ -11,7 +11,7 @@ CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 
 def is_suited(entry: Any, node: Any, output: Any) -> bool:
-    """Whether the images have the right encoding. entry: the input that is fed by the node's output."""
+    """Returns True if the images have the right encoding. entry: the input that is fed by the node's output."""
     is_color = entry.type == "RGBA"
     for each, name, is_channel in _pictures(node, output):
         image = each.image

@@ -62,7 +62,7 @@ def _first(beckmann):
 
 @device
 def _is_tabled(beckmann, alpha_x, alpha_y):
-    """Whether this table holds the surface's albedo: for all surfaces except isotropic GGX."""
+    """Returns True if this table holds the surface's albedo: for all surfaces except isotropic GGX."""
     tabled = alpha_x > alpha_y
     if beckmann is not None:
         tabled = tabled | (beckmann != _ZERO)

@@ -124,7 +124,7 @@ def _place(environment, frame, d):
 
 @device
 def _on_sun(frame, d):
-    """Whether the unit direction d (world space) is on the sun's disk.
+    """Returns True if the unit direction d (world space) is on the sun's disk.
 
     Compares the squared chord, since the cosine in float32 has an error of a hundredth of the disk.
     """

@@ -129,7 +129,7 @@ def sample_facing(scene, number, p, u, time):
 
 @device
 def hits_emitting_side(scene, light, p, w, front, time):
-    """Whether a ray from the vertex p in direction w that hit a light hit its emitting side.
+    """Returns True if a ray from the vertex p in direction w that hit a light hit its emitting side.
 
     front: whether it hit the front side. For a sphere that acts as a facing disk the ray must pass through the disk; only one of
     the sphere's two intersections counts.

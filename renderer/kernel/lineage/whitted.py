@@ -56,7 +56,7 @@ _POLISHED = np.float32(0.15)  # roughness up to which a metal is treated as a mi
 
 @device
 def _is_polished(material):
-    """Whether the material is a metal smooth enough to show mirror reflections."""
+    """Returns True if the material is a metal smooth enough to show mirror reflections."""
     if material.kind == METALLIC_ROUGHNESS:
         return material.metallic > _HALF and material.roughness <= _POLISHED
     return material.kind == CONDUCTOR and material.roughness <= _POLISHED
@@ -116,7 +116,7 @@ def _is_within(scene, light, p):
 
 @device
 def _is_mirror(material):
-    """Whether the material's reflections are followed instead of sampling lights."""
+    """Returns True if the material's reflections are followed instead of sampling lights."""
     return is_specular(material) or _is_polished(material)
 
 

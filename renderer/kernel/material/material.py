@@ -107,7 +107,7 @@ def _texture(scene, number, slot):
 
 @device
 def has_flag(scene, number, flag):
-    """Whether material `number` has a flag of renderer/arrays/rows.py, a uint32."""
+    """Returns True if material `number` has a flag of renderer/arrays/rows.py, a uint32."""
     return (u32(lookup(scene.material_flags, number)) & flag) != _NONE
 
 
@@ -290,7 +290,7 @@ def _texels(scene, texture, uv, uv1, time):
 
 @device
 def is_specular(material):
-    """Whether the material scatters only into discrete directions, which light sampling cannot find."""
+    """Returns True if the material scatters only into discrete directions, which light sampling cannot find."""
     if material.kind == CONDUCTOR:
         return material.roughness <= SMOOTH_GLASS
     return material.kind == MIRROR or material.kind == GLASS

@@ -36,7 +36,7 @@ def _parts(medium_stack):
 
 @device
 def holds(medium_stack, medium):
-    """Whether the medium is in the stack."""
+    """Returns True if the medium is in the stack."""
     first, second, third = _parts(medium_stack)
     return (first == medium) | (second == medium) | (third == medium)
 

@@ -35,7 +35,7 @@ _AGAIN = np.float32(AGAIN)
 
 @device
 def is_last(path, counts, unlit, options):
-    """Whether the path ends at its vertex by a limit on its segments or bounces, or at an unlit material.
+    """Returns True if the path ends at its vertex by a limit on its segments or bounces, or at an unlit material.
 
     counts: of its Crossings.
     """

@@ -57,7 +57,7 @@ def bounced(counts, left, reflected, pdf):
 
 @device
 def spent(counts, options):
-    """Whether a limit on bounces is reached: the path ends at the next surface, after adding its emission."""
+    """Returns True if a limit on bounces is reached: the path ends at the next surface, after adding its emission."""
     diffuse, glossy, transmitted, _ = counts
     return (diffuse >= options.diffuse_depth) | (glossy >= options.glossy_depth) | (transmitted >= options.transmission_limit)
 
@@ -94,5 +94,5 @@ def layers_left(counts, options):
 
 @device
 def is_blocked(scene, material, counts, options):
-    """Whether the path ends at a surface that it would pass, because no more layers may be passed."""
+    """Returns True if the path ends at a surface that it would pass, because no more layers may be passed."""
     return is_layer(scene, material) & (layers_left(counts, options) < _ONE)

@@ -44,7 +44,7 @@ def is_passed(scene, surface, stream, row, options, time):
 
 @device
 def counts_emission(scene, surface, through):
-    """Whether emission of the surface counts: not of surfaces that the ray passes, but for lamps without a body."""
+    """Returns True if emission of the surface counts: not of surfaces that the ray passes, but for lamps without a body."""
     counts = not_(through)
     if scene.has.textures is not None:
         counts = counts | has_flag(scene, surface.material, _LAMP)

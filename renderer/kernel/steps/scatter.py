@@ -32,7 +32,7 @@ class Bounce(NamedTuple):
 
 @device
 def is_counted(has_left, reflected, pdf, options):
-    """Whether a segment, sampled with that pdf, counts towards the depth.
+    """Returns True if a segment, sampled with that pdf, counts towards the depth.
 
     Smooth transmission, the only one with pdf 0 that is not reflected, counts only if `transmission_depth` is 0. has_left: as
     `leaves` returns (surface/ray_origins.py). A ray that hits its own facet again, which bent normals can cause, has not left the

@@ -24,7 +24,7 @@ _ALL = np.uint32(0xFFFFFFFF)
 
 @device
 def splits(number, specular):
-    """Whether a path splits at its vertex: the first one, unless it is specular. number: count of earlier vertices."""
+    """Returns True if a path splits at its vertex: the first one, unless it is specular. number: count of earlier vertices."""
     return (number == _ZERO) & not_(specular)
 
 

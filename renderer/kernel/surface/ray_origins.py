@@ -18,7 +18,7 @@ _LEAST_BEND2 = np.float32(1e-12)
 
 @device
 def leaves(surface, reflected, d):
-    """Whether a ray of direction d leaves to the side it was scattered to: above the facet if `reflected`, else below.
+    """Returns True if a ray of direction d leaves to the side it was scattered to: above the facet if `reflected`, else below.
 
     With a bent normal, light may be scattered above the shading horizon but below the facet; it then hits the facet again.
     """

@@ -368,5 +368,5 @@ def surface_at(scene, o, d, hit):
 
 @device
 def shines(surface):
-    """Whether the surface belongs to a light."""
+    """Returns True if the surface belongs to a light."""
     return surface.light != NO_LIGHT

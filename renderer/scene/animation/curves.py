@@ -37,7 +37,7 @@ class Curve:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the value is the same at all times."""
+        """True if the value is the same at all times."""
         return bool((self.values == self.values[0]).all() and (self.slopes is None or not self.slopes.any()))
 
     def at(self, time: float) -> list[float]:

@@ -20,7 +20,7 @@ def fill_world(description: SceneDescription, found: Medium) -> None:
 
 
 def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) -> bool:
-    """Whether a point is within the bounds of a shape filled with the medium `found`."""
+    """Returns True if a point is within the bounds of a shape filled with the medium `found`."""
     filled = {number for number, made in enumerate(description.materials) if _is_of(made, found)}
     for sphere in description.spheres:
         if sphere.material in filled and float(np.linalg.norm(eye - np.array(sphere.center))) < sphere.radius:

@@ -208,7 +208,7 @@ def _crosses(a: F64, b: F64, begin: F64, end: F64) -> bool:
 
 
 def _is_within(flat: F64, loop: Indices, i: int, to: F64) -> bool:
-    """Whether the segment from a corner goes into the loop's interior, where several corners of the loop coincide."""
+    """Returns True if the segment from a corner goes into the loop's interior, where several corners of the loop coincide."""
     here, last, following = flat[loop[i]], flat[loop[i - 1]], flat[loop[(i + 1) % len(loop)]]
     if (to == here).all():
         return True

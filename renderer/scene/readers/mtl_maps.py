@@ -163,7 +163,7 @@ def _is_number(word: str) -> bool:
 
 
 def holds_normals(image: Image) -> bool:
-    """Whether an image looks like a normal map: mostly blue, with mean red and green near 0.5. Height maps are grey."""
+    """Returns True if an image looks like a normal map: mostly blue, with mean red and green near 0.5. Height maps are grey."""
     mean = image.pixels[..., :3].reshape(-1, 3).mean(axis=0, dtype=np.float64) / most(image.pixels)
     return bool(mean[2] > 0.65 and abs(mean[0] - 0.5) < 0.15 and abs(mean[1] - 0.5) < 0.15)
 

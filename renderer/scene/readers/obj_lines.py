@@ -219,7 +219,7 @@ def _count(text: Bytes) -> Offsets:
 
 @device
 def _is_word_of_no_number(text: Bytes, i: int) -> bool:
-    """Whether nan, inf or infinity begins at i, with or without a sign."""
+    """Returns True if nan, inf or infinity begins at i, with or without a sign."""
     if i < len(text) and (text[i] == _PLUS or text[i] == _MINUS):
         i += 1
     if i + 2 >= len(text):

@@ -324,7 +324,7 @@ class _Text:
 
     @property
     def is_done(self) -> bool:
-        """Whether all numbers have been read."""
+        """True if all numbers have been read."""
         return self._at == len(self._numbers)
 
     def take(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:

@@ -65,7 +65,7 @@ class NotSolid:
                     self._ranges.setdefault(number, []).append((first, last, kind))
 
     def is_left_out(self, number: str, parent: str | None, type: str, said: Collection[str]) -> bool:
-        """Whether an object is not printed; if so, counts it. said: names of its metadata entries that are true."""
+        """Returns True if an object is not printed; if so, counts it. said: names of its metadata entries that are true."""
         kind = _TYPES.get(type) or self._parts.get((parent or "", number)) or next(filter(None, map(_kind, said)), None)
         if kind:
             self.left_out[kind] += 1

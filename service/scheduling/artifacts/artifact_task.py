@@ -95,7 +95,7 @@ class ArtifactTask(ABC, Generic[Wish]):
 
     @abstractmethod
     def _is_size(self, size: int, wish: Wish) -> bool:
-        """Whether a result of the request may have this size, in bytes."""
+        """Returns True if a result of the request may have this size, in bytes."""
 
     @abstractmethod
     def _no_worker_error(self) -> Unavailable:

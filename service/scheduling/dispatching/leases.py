@@ -56,11 +56,11 @@ class Lease:
 
     @property
     def takes_a_slot(self) -> bool:
-        """Whether a batch occupies a slot: it is not answered, not known to be rendered, and its holder is not away."""
+        """True if a batch occupies a slot: it is not answered, not known to be rendered, and its holder is not away."""
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     def is_overdue(self, now: float) -> bool:
-        """Whether the patience has expired, counted from when the lease was last seen in its queue.
+        """Returns True if the patience has expired, counted from when the lease was last seen in its queue.
 
         A lease that a worker reports to hold gets `HELD_FACTOR` times the patience, since a tile may be slower than estimated.
         """
@@ -157,7 +157,7 @@ class Leases:
         return list(self._of.get(owner, {}).values())
 
     def has(self, owner: str) -> bool:
-        """Whether a job or a scene has a lease."""
+        """Returns True if a job or a scene has a lease."""
         return owner in self._of
 
     def held(self) -> Counter[str]:

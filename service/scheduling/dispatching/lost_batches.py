@@ -37,7 +37,7 @@ class LossVerdict(Enum):
 
     @property
     def counts_as_loss(self) -> bool:
-        """Whether the batch itself may have caused its loss."""
+        """True if the batch itself may have caused its loss."""
         return self in (LossVerdict.DEAD, LossVerdict.OVERDUE)
 
 
@@ -59,7 +59,7 @@ class Fleet(Protocol):
         """Returns the workers that are connected without reporting. Raises redis.RedisError."""
 
     def are_late(self) -> bool:
-        """Whether some worker's report is overdue."""
+        """Returns True if some worker's report is overdue."""
 
 
 class ResultStream(Protocol):
@@ -69,7 +69,7 @@ class ResultStream(Protocol):
         """Returns the position of the last result. Raises redis.RedisError."""
 
     def has_read(self, position: Position) -> bool:
-        """Whether all results up to this position were read."""
+        """Returns True if all results up to this position were read."""
 
 
 class LostLeaseFinder:

@@ -52,7 +52,7 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
 
 
 def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) -> bool:
-    """Whether a worker's JSON is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
+    """Returns True if a worker's JSON is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):

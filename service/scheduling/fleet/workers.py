@@ -106,15 +106,15 @@ class WorkerSnapshot:
         return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
-        """Whether a worker opens .blend files."""
+        """Returns True if a worker opens .blend files."""
         return name in self.offers and TAG in self.offers[name].tags
 
     def takes_several(self, kind: str) -> bool:
-        """Whether all workers of a kind accept several batches in one message; any of them may receive it."""
+        """Returns True if all workers of a kind accept several batches in one message; any of them may receive it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def takes_joint(self, kind: str) -> bool:
-        """Whether all workers of a kind add up the sums that their slots render of one tile."""
+        """Returns True if all workers of a kind add up the sums that their slots render of one tile."""
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
     def denoising_kind(self) -> str | None:
@@ -122,7 +122,7 @@ class WorkerSnapshot:
         return self._kind_of([report for report in self.ready() if report.denoises])
 
     def is_about_to_change(self) -> bool:
-        """Whether to poll more often: no worker is ready, or one of only a few workers is starting."""
+        """Returns True if to poll more often: no worker is ready, or one of only a few workers is starting."""
         if not self.ready():
             return True
         return len(self.reports) <= FEW and any(report.state == "starting" for report in self.reports.values())
@@ -221,7 +221,7 @@ class Workers:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
     def are_late(self) -> bool:
-        """Whether a worker's report is so old that its current work is unknown. Raises redis.RedisError."""
+        """Returns True if a worker's report is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
                 all_at_once.pttl(worker_key(name))

@@ -128,17 +128,17 @@ class ActiveFrame:
 
     @property
     def has_all(self) -> bool:
-        """Whether every tile has reached its goal. Raises FilmWaits or FilmLost."""
+        """True if every tile has reached its goal. Raises FilmWaits or FilmLost."""
         return self.is_begun and self.plan.done
 
     @property
     def is_begun(self) -> bool:
-        """Whether the frame has a plan, or a film file to create one from."""
+        """True if the frame has a plan, or a film file to create one from."""
         return self._plan is not None or self.film.has_file
 
     @property
     def was_recorded(self) -> bool:
-        """Whether the frame's row contains its target number of samples."""
+        """True if the frame's row contains its target number of samples."""
         return self._recorded[1] > 0
 
     def focus_on(self, focus: Tile | None) -> None:
@@ -162,7 +162,7 @@ class ActiveFrame:
 
     @property
     def is_over(self) -> bool:
-        """Whether the frame is finished or failed."""
+        """True if the frame is finished or failed."""
         return self.state in ("finished", "failed")
 
     @property
@@ -189,7 +189,7 @@ class ActiveFrame:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile has at least one sample."""
+        """True if every tile has at least one sample."""
         return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
 
     @property

@@ -152,7 +152,7 @@ class ActiveJob:
 
     @property
     def done(self) -> bool:
-        """Whether the job has reached its goal; failed frames are ignored."""
+        """True if the job has reached its goal; failed frames are ignored."""
         if self.checks.get(self.id):
             return False
         if self.shot is None:
@@ -165,7 +165,7 @@ class ActiveJob:
 
     @property
     def has_first_wave(self) -> bool:
-        """Whether every tile of every frame has at least one sample; failed frames are ignored."""
+        """True if every tile of every frame has at least one sample; failed frames are ignored."""
         while (left := self._without_picture) and (left[-1].has_first_wave or left[-1].state == "failed"):
             left.pop()
         return not left
@@ -217,7 +217,7 @@ class ActiveJob:
 
     @property
     def is_late(self) -> bool:
-        """Whether the job has missed its deadline or is expected to."""
+        """True if the job has missed its deadline or is expected to."""
         return self.urgency < math.inf
 
     @property
@@ -279,13 +279,13 @@ class ActiveJob:
             frame.lose(batch)
 
     def wants(self, batch: Range) -> bool:
-        """Whether the job still needs these samples."""
+        """Returns True if the job still needs these samples."""
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
     @property
     def knows_cost(self) -> bool:
-        """Whether the cost of a sample is known, because a batch has returned."""
+        """True if the cost of a sample is known, because a batch has returned."""
         return self._costs.average > 0.0
 
     def expected_s(self, batch: Range) -> float:
@@ -355,7 +355,7 @@ class ActiveJob:
                 frame.finish()
 
     def differs_from_goal(self, spp: int, noise: float | None, seconds: float | None) -> bool:
-        """Whether this goal differs from the current one."""
+        """Returns True if this goal differs from the current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:

@@ -65,7 +65,7 @@ class Agenda:
         return self.turns.ready(kind)
 
     def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
-        """Whether a frame is served only because an earlier one is not prepared yet."""
+        """Returns True if a frame is served only because an earlier one is not prepared yet."""
         if self._order not in ROUNDS:
             return False
         first = self.turns.first_lacking(kind)

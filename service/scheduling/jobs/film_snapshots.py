@@ -39,7 +39,7 @@ class _Progress:
         self._reached = 0  # all tiles before this index are done
 
     def is_reached(self, frame: ActiveFrame) -> bool:
-        """Whether every tile has the required samples. Each tile is checked only until it has them."""
+        """Returns True if every tile has the required samples. Each tile is checked only until it has them."""
         tiles = len(frame.plan.tiles)
         while self._reached < tiles and not frame.plan.lacks(self._reached, self.due):
             self._reached += 1

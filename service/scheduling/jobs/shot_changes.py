@@ -35,12 +35,12 @@ class ShotRequest:
 
     @property
     def is_about_frames(self) -> bool:
-        """Whether the rows of frames are needed to apply it."""
+        """True if the rows of frames are needed to apply it."""
         return self.state == "running" or not self.is_about_failures
 
     @property
     def is_about_failures(self) -> bool:
-        """Whether it concerns failed frames only."""
+        """True if it concerns failed frames only."""
         return replace(self, state=None) == ShotRequest()
 
 

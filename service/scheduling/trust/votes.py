@@ -43,7 +43,7 @@ class Votes:
 
     @property
     def differ(self) -> bool:
-        """Whether there is more than one distinct value."""
+        """True if there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
     @property
@@ -62,7 +62,7 @@ class Votes:
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def may_help(self, ready: set[str]) -> bool:
-        """Whether another result of any of these workers could decide."""
+        """Returns True if another result of any of these workers could decide."""
         answers = Counter(worker for worker, _ in self.cast)
         return any(answers[worker] < ASKED_AT_MOST for worker in ready) and len(ready | self.workers) > 1
 

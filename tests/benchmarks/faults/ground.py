@@ -53,7 +53,7 @@ class Ground:
 
     @classmethod
     def is_possible(cls) -> bool:
-        """Whether this machine and this user can have one."""
+        """Returns True if this machine and this user can have one."""
         return True
 
     # --- what an attack may want to know

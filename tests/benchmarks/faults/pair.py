@@ -51,7 +51,7 @@ class PairGround(Ground):
         return urls[0]
 
     def _stands_still(self, url: str) -> bool:
-        """Whether to ask it would be to wait in vain, which is no time that the farm takes."""
+        """Returns True if to ask it would be to wait in vain, which is no time that the farm takes."""
         with contextlib.suppress(psutil.NoSuchProcess):
             process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
             return process.status() == psutil.STATUS_STOPPED

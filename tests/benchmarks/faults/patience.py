@@ -31,7 +31,7 @@ class Patience:
 
     @property
     def is_over(self) -> bool:
-        """Whether it was waited for long enough."""
+        """True if it was waited for long enough."""
         now = self._now()
         if now - self._looked >= LOOKS_EVERY_S:
             busy = self._busy()

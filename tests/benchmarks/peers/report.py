@@ -25,7 +25,7 @@ class Verdict:
 
     @property
     def met(self) -> bool:
-        """Whether it is reached."""
+        """True if it is reached."""
         return self.goal.met(self.value)
 
     def __str__(self) -> str:

@@ -8,7 +8,7 @@ __all__ = ["FULL", "QUICK", "Sizes", "begins"]
 
 
 def begins(name: str, line: str) -> bool:
-    """Whether a line has this name, or begins with it up to a comma."""
+    """Returns True if a line has this name, or begins with it up to a comma."""
     return f"{line}, ".startswith(f"{name}, ")
 
 
@@ -40,7 +40,7 @@ class Sizes:
     only: tuple[str, ...] = field(default=(), repr=False)
 
     def wants(self, name: str) -> bool:
-        """Whether to measure what has this name: a line, or what several lines begin with."""
+        """Returns True if to measure what has this name: a line, or what several lines begin with."""
         return not self.only or any(begins(name, wanted) or begins(wanted, name) for wanted in self.only)
 
 

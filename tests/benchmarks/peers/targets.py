@@ -16,7 +16,7 @@ class Goal:
     side: Literal["at least", "at most"]
 
     def met(self, value: float) -> bool:
-        """Whether this value is on the right side."""
+        """Returns True if this value is on the right side."""
         return value >= self.bound if self.side == "at least" else value <= self.bound
 
     def __str__(self) -> str:

@@ -28,7 +28,7 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
 
 
 def alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two pictures are equal, apart from the rounding of RGB9E5."""
+    """Returns True if two pictures are equal, apart from the rounding of RGB9E5."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 

@@ -14,7 +14,7 @@ BAD = (np.nan, np.inf)
 
 
 def said(description, *words):
-    """Whether one warning that counts unusable parts has all these words."""
+    """Returns True if one warning that counts unusable parts has all these words."""
     found = [w for w in description.warnings if "unusable part" in w]
     return any(all(word in warning for word in words) for warning in found)
 

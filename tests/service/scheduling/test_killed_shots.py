@@ -129,7 +129,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
     in_the_midst = 0
 
     def done(job: str | None, share: float) -> bool:
-        """Whether this fraction of a change was carried out."""
+        """Returns True if this fraction of a change was carried out."""
         row = looked.all("SELECT job, done FROM frame_changes")
         return any((job is None or id == job) and count >= share * FRAMES for id, count in row)
 
@@ -177,7 +177,7 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     answers: list[tuple[str, int]] = []
 
     def is_deleted(http: httpx.Client) -> bool:
-        """Whether the deletion is accepted; while others hold the rows, the service may ask for a retry."""
+        """Returns True if the deletion is accepted; while others hold the rows, the service may ask for a retry."""
         status = http.delete(f"/api/jobs/{gone}").status_code
         answers.append(("delete", status))
         return status != 503

@@ -39,7 +39,7 @@ def rows(service: Service, job: str) -> list[tuple[Any, ...]]:
 
 
 def is_at_rest(service: Service, job: str) -> bool:
-    """Whether no change of a job is pending, and the engine has loaded it."""
+    """Returns True if no change of a job is pending, and the engine has loaded it."""
     with service.farm.sessions() as session:
         return session.get(FrameChange, job) is None and job in service.farm.engine.snapshot.jobs
 

@@ -70,7 +70,7 @@ def made(film: Film, wish: PictureWish, folder: Path) -> bytes:
 
 
 def same(data: bytes, other: bytes, folder: Path) -> bool:
-    """Whether two files have the same channels and values; their metadata differs in the creation time."""
+    """Returns True if two files have the same channels and values; their metadata differs in the creation time."""
     read = []
     for content in (data, other):
         path = folder / f"read{'.exr' if content.startswith(EXR) else '.hdr'}"

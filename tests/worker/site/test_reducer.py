@@ -169,7 +169,7 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
 
 
 def ended(wire: socket.socket) -> bool:
-    """Whether the other end closes the connection."""
+    """Returns True if the other end closes the connection."""
     with suppress(ConnectionError):
         return not wire.recv(1)
     return True

@@ -46,7 +46,7 @@ _FIRST = np.uintp(0)
 
 @device
 def _is_on(lists, which):
-    """Whether the first row is on a list."""
+    """Returns True if the first row is on a list."""
     found = False
     for k in range(length(lists, which)):
         found |= row(lists, which, k) == _FIRST

@@ -173,7 +173,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
 
 @device
 def has_lights(scene):
-    """Whether the scene has anything that next-event estimation can sample."""
+    """Returns True if the scene has anything that next-event estimation can sample."""
     return scene.environment_frame[3] > _ZERO or len(scene.light_primitive) > 0
 
 

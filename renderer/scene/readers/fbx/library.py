@@ -241,7 +241,7 @@ def number_of(element: Any, name: bytes) -> float:
 
 
 def is_visible(node: Any) -> bool:
-    """Whether a node is visible. Files before FBX 6 store a percentage, which ufbx 0.21 does not take for a number."""
+    """Returns True if a node is visible. Files before FBX 6 store a percentage, which ufbx 0.21 does not take for a number."""
     return bool(node.visible) or abs(number_of(node, b"Visibility")) >= 1
 
 

@@ -31,7 +31,7 @@ AREA_SIDE = 1.0  # metres, of an area light that is not scaled: FBX does not say
 
 
 def is_area(light: Any) -> bool:
-    """Whether a light is an area light."""
+    """Returns True if a light is an area light."""
     return bool(light.kind == AREA)
 
 

@@ -254,7 +254,7 @@ class _MaterialValues:
         return bool(self.source.features[_FEATURES[name]])
 
     def has(self, name: str) -> bool:
-        """Whether a map has a texture or a number other than 0."""
+        """Returns True if a map has a texture or a number other than 0."""
         found = self.source.pbr[_PBR[name]]
         return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
 

@@ -221,7 +221,7 @@ class _Reader:
         return made
 
     def _deforms(self, mesh: Any, skins: list[Any], moves: bool) -> bool:
-        """Whether a mesh's vertices change over time."""
+        """Returns True if a mesh's vertices change over time."""
         channels = [
             c for blend in pointed(mesh.blends, layout.BlendDeformer) for c in pointed(blend.channels, layout.BlendChannel)
         ]

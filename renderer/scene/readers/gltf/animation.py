@@ -84,7 +84,7 @@ class Animations:
         return Json(self._root.file, "", changed.root, self._root.faults)
 
     def _are_apart(self) -> bool:
-        """Whether no two animations move the same target."""
+        """Returns True if no two animations move the same target."""
         known: set[str] = set()
         for source in self._sources:
             targets = [target for channel in source.objects("channels") if (target := channel.object("target"))]
@@ -95,7 +95,7 @@ class Animations:
         return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
-        """Whether a morph weight exists; a node that uses its mesh's weights gets its own list."""
+        """Returns True if a morph weight exists; a node that uses its mesh's weights gets its own list."""
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
         if family == "nodes":
@@ -177,7 +177,7 @@ class Animations:
         )
 
     def _is_fixed(self, path: Path) -> bool:
-        """Whether a node has a matrix, which forbids animating its translation, rotation and scale (3.11)."""
+        """Returns True if a node has a matrix, which forbids animating its translation, rotation and scale (3.11)."""
         if path[0] != "nodes" or path[-1] not in ("translation", "rotation", "scale"):
             return False
         return "matrix" in self._root.value["nodes"][path[1]]

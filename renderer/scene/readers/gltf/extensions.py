@@ -44,7 +44,7 @@ def read_extensions(source: Json, material: Material) -> None:
 
 
 def has_thickness(material: Json) -> bool:
-    """Whether KHR_materials_volume makes the surface the boundary of a volume."""
+    """Returns True if KHR_materials_volume makes the surface the boundary of a volume."""
     volume = material.extension("KHR_materials_volume")
     return volume is not None and volume.number("thicknessFactor", 0.0) > 0
 

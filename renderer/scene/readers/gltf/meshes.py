@@ -104,7 +104,7 @@ class Meshes:
         return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
     def refracts(self, index: int) -> bool:
-        """Whether a part of a mesh transmits light, so that it matters whether its shape is closed."""
+        """Returns True if a part of a mesh transmits light, so that it matters whether its shape is closed."""
         return any(m is not None and self._materials.depends_on_mesh(m) for _, m in self._primitives(index))
 
     def _primitives(self, index: int) -> list[tuple[Primitive, int | None]]:

@@ -56,7 +56,7 @@ class AnimatedParts:
         self._shaped = {self._where[index] for index in self.reshaped}
 
     def appears(self, node: Json) -> bool:
-        """Whether a node's visibility is animated."""
+        """Returns True if a node's visibility is animated."""
         return node.where in self._shown
 
     def unshared_shape_key(self, node: Json) -> str | None:
@@ -65,9 +65,9 @@ class AnimatedParts:
 
     @property
     def only_transforms_move(self) -> bool:
-        """Whether only transforms and shapes are animated."""
+        """True if only transforms and shapes are animated."""
         return self._is_of_places
 
     def reshapes(self, mesh: int, node: Json) -> bool:
-        """Whether a node's mesh has animated morph weights."""
+        """Returns True if a node's mesh has animated morph weights."""
         return node.where in self._shaped or ("weights" not in node and mesh in self.meshes)

@@ -152,7 +152,7 @@ class Nodes:
         return node.extension(instancing.EXTENSION) is not None
 
     def _is_bent(self, index: int) -> bool:
-        """Whether the vertices of a node's mesh are animated."""
+        """Returns True if the vertices of a node's mesh are animated."""
         node = self._nodes[index]
         mesh = node.index("mesh", self._meshes.sources)
         if mesh is None:

@@ -164,7 +164,7 @@ class _Attributes:
         return key in self._attributes
 
     def has_bones_beyond(self, count: int) -> bool:
-        """Whether there are joints or weights besides the first `count` sets."""
+        """Returns True if there are joints or weights besides the first `count` sets."""
         words = (key.partition("_") for key in self._attributes.value)
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 

@@ -192,7 +192,7 @@ class Bsdfs:
         return replace(made, name=source.id or source.type)
 
     def _is_inside_out(self, source: Element) -> bool:
-        """Whether a BSDF is glass with a lower index inside than outside, such as a bubble in water."""
+        """Returns True if a BSDF is glass with a lower index inside than outside, such as a bubble in water."""
         if source.type in ("dielectric", "roughdielectric"):
             return self._ior(source, "int_ior", "bk7") < self._ior(source, "ext_ior", "air")
         inner = source.of("bsdf")

@@ -131,7 +131,7 @@ class _Attributes(dict[str, str]):
 
 
 def _is_object(part: ElementTree.Element) -> bool:
-    """Whether an element is an object; a spectrum is one if it names a plugin, otherwise a value."""
+    """Returns True if an element is an object; a spectrum is one if it names a plugin, otherwise a value."""
     return bool(part.get("type")) if part.tag == "spectrum" else _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS
 
 

@@ -139,7 +139,7 @@ class Shapes:
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
     def _is_painted(self, material: int) -> bool:
-        """Whether a material has a texture or anisotropy, which need Mitsuba's UVs on a sphere."""
+        """Returns True if a material has a texture or anisotropy, which need Mitsuba's UVs on a sphere."""
         made = self._description.materials[material]
         return made.anisotropy > 0 or any(name.endswith("_texture") and value is not None for name, value in vars(made).items())
 

@@ -72,5 +72,5 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
 
 
 def _counts(element: Element, name: str) -> bool:
-    """Whether a property can affect the image."""
+    """Returns True if a property can affect the image."""
     return element.tag in _IDLE and name not in _IDLE[element.tag]

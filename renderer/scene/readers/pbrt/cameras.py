@@ -34,7 +34,7 @@ _UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "n
 
 
 def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
-    """Whether the scene must be mirrored so that a camera in a right-handed world shows the same picture."""
+    """Returns True if the scene must be mirrored so that a camera in a right-handed world shows the same picture."""
     axes = to_world[:3, :3]
     is_left_handed = float((axes[:, 0] * np.cross(axes[:, 1], axes[:, 2])).sum()) > 0
     # A spherical camera's image runs in the opposite direction.

@@ -47,7 +47,7 @@ class Emission:
 
 
 def is_nothing(source: Parameters | None) -> bool:
-    """Whether a material is an invisible boundary of a medium."""
+    """Returns True if a material is an invisible boundary of a medium."""
     return source is not None and source.type in ("interface", "", "none")
 
 
@@ -65,7 +65,7 @@ class Materials:
         self.mappings: dict[int, Mapping] = {}  # by material index, for textures without UV mapping
 
     def bounds_media(self, between: Interface, place: Place) -> bool:
-        """Whether an invisible surface separates two media."""
+        """Returns True if an invisible surface separates two media."""
         return self._media.bounds(between, place)
 
     def heights(self, source: Parameters | None) -> Varying | None:

@@ -72,7 +72,7 @@ class Media:
         return self._named[name]
 
     def bounds(self, between: Interface, place: Place) -> bool:
-        """Whether a surface is a boundary between different media."""
+        """Returns True if a surface is a boundary between different media."""
         inside, outside = between
         return inside != outside and (self.find(inside, place) != NOTHING or self.find(outside, place) != NOTHING)
 

@@ -168,7 +168,7 @@ class Parameters:
         return values.reshape(-1, width) if width > 1 else values
 
     def names_texture(self, name: str) -> bool:
-        """Whether a parameter is a texture."""
+        """Returns True if a parameter is a texture."""
         found = self.values.get(name) or self.defaults.get(name, (None,))[0]
         return found is not None and found.type == "texture"
 

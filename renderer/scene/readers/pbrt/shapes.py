@@ -92,7 +92,7 @@ class Shapes:
 
     @property
     def in_object(self) -> bool:
-        """Whether an object is open."""
+        """True if an object is open."""
         return self._open is not None
 
     def instance(self, name: str, ctm: Ctm, place: Place) -> None:

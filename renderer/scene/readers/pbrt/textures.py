@@ -53,7 +53,7 @@ class Varying:
 
     @property
     def is_constant(self) -> bool:
-        """Whether there is no texture."""
+        """True if there is no texture."""
         return self.texture is None
 
 

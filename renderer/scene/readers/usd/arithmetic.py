@@ -24,7 +24,7 @@ _NEAR = 1e-6
 
 
 def calculates(kind: str) -> bool:
-    """Whether a node kind is one of the supported arithmetic nodes."""
+    """Returns True if a node kind is one of the supported arithmetic nodes."""
     return _node(kind) in FORMULAS
 
 

@@ -8,5 +8,5 @@ __all__ = ["is_written_by_blender"]
 
 
 def is_written_by_blender(prim: Any) -> bool:
-    """Whether Blender wrote the stage that contains a prim."""
+    """Returns True if Blender wrote the stage that contains a prim."""
     return str(prim.GetStage().GetRootLayer().documentation or "").startswith("Blender v")

@@ -24,7 +24,7 @@ _LEAST_HEIGHT = 64
 
 
 def is_dome(prim: Any) -> bool:
-    """Whether a prim is a dome light."""
+    """Returns True if a prim is a dome light."""
     return bool(prim.IsA(UsdLux.DomeLight) or prim.IsA(UsdLux.DomeLight_1))
 
 

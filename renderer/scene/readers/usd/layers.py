@@ -148,7 +148,7 @@ class _Opener:
         return self.opened[name]
 
     def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
-        """Whether a file is the layer itself or one of its sublayers already, which USD rejects; adds a note if so.
+        """Returns True if a file is the layer itself or one of its sublayers already, which USD rejects; adds a note if so.
 
         Files are also found by their bare names, so several paths may lead to one file.
         """
@@ -255,7 +255,7 @@ class _Opener:
 
 
 def _shifts(layer: Any) -> bool:
-    """Whether a layer has a time offset on a sublayer, reference or payload."""
+    """Returns True if a layer has a time offset on a sublayer, reference or payload."""
     if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
         return True
     found: list[Any] = []

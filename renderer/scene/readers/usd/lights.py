@@ -37,7 +37,7 @@ class Lamp(NamedTuple):
 
 
 def is_light(prim: Any) -> bool:
-    """Whether a prim is one of UsdLux's own lights."""
+    """Returns True if a prim is one of UsdLux's own lights."""
     return bool(prim.IsA(UsdLux.BoundableLightBase) or prim.IsA(UsdLux.NonboundableLightBase))
 
 
@@ -98,7 +98,7 @@ def read_light_prim(
 
 
 def _is_unseen(prim: Any, time: Any) -> bool:
-    """Whether a light is invisible to camera rays: by default UsdLux's lights are visible, Blender's are not.
+    """Returns True if a light is invisible to camera rays: by default UsdLux's lights are visible, Blender's are not.
 
     The attributes that override this are those of the Cycles and Omniverse delegates.
     """

@@ -42,7 +42,7 @@ class Shape(NamedTuple):
 
 
 def deforms(prim: Any) -> bool:
-    """Whether a mesh's points, faces or primvars are animated."""
+    """Returns True if a mesh's points, faces or primvars are animated."""
     mesh = UsdGeom.Mesh(prim)
     attributes = (mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetNormalsAttr())
     if any(attribute.ValueMightBeTimeVarying() for attribute in attributes):

@@ -49,7 +49,7 @@ def unit_of(stage: Any, notes: Notes) -> float:
 
 
 def is_z_up(stage: Any, notes: Notes) -> bool:
-    """Whether the up axis is Z rather than Y."""
+    """Returns True if the up axis is Z rather than Y."""
     try:
         return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z)
     except Tf.ErrorException:

@@ -39,7 +39,7 @@ def found(prim: Any, name: str) -> Any:
 
 
 def varies(primvar: Any) -> bool:
-    """Whether a primvar's value is animated."""
+    """Returns True if a primvar's value is animated."""
     return bool(primvar.ValueMightBeTimeVarying())
 
 

@@ -18,7 +18,7 @@ _COLUMNS = {"X": [1, 2, 0], "Y": [0, 1, 2], "Z": [2, 0, 1]}  # axis permutations
 
 
 def is_shape(prim: Any) -> bool:
-    """Whether a prim is an analytic shape."""
+    """Returns True if a prim is an analytic shape."""
     kinds = UsdGeom.Sphere, UsdGeom.Cube, UsdGeom.Cylinder, UsdGeom.Cylinder_1, UsdGeom.Cone, UsdGeom.Capsule, UsdGeom.Capsule_1
     return any(prim.IsA(kind) for kind in (*kinds, UsdGeom.Plane))
 

@@ -43,7 +43,7 @@ class Sources:
         return self._in_package(found, inside, "")
 
     def is_outside(self, reference: str, beside: str) -> bool:
-        """Whether an asset path, relative to a layer, leads outside the scene's folder."""
+        """Returns True if an asset path, relative to a layer, leads outside the scene's folder."""
         return self._files.is_outside(split(reference)[0], split(beside)[0])
 
     def path(self, name: str) -> str:

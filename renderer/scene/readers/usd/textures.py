@@ -46,7 +46,7 @@ class TextureInput:
 
     @property
     def is_plain(self) -> bool:
-        """Whether scale is 1 and bias 0."""
+        """True if scale is 1 and bias 0."""
         return (self.scale, self.bias) == PLAIN
 
 

@@ -62,7 +62,7 @@ class Shapes:
         self.clips: list[Clip] = []  # of the mesh files used
 
     def _has_animated_surface(self, material: str) -> bool:
-        """Whether a material's emission or anisotropy may be animated."""
+        """Returns True if a material's emission or anisotropy may be animated."""
         path = ("materials", material)
         return self._moving.is_animated(path) or not self._moving.animated_fields(path).isdisjoint(("emission", "anisotropy"))
 

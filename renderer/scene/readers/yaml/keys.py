@@ -42,7 +42,7 @@ class AnimatedPaths(NamedTuple):
         return self.below.get(path, set())
 
     def is_animated(self, path: Path) -> bool:
-        """Whether the value at a path, or a value that contains it, is animated as a whole."""
+        """Returns True if the value at a path, or a value that contains it, is animated as a whole."""
         return any(path[:k] in self.paths for k in range(1, len(path) + 1))
 
 
@@ -56,7 +56,7 @@ class Keys(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether any value is animated."""
+        """True if any value is animated."""
         return bool(self.tracks or self.patterns)
 
     def moving(self) -> AnimatedPaths:

@@ -181,7 +181,7 @@ def test_suns_among_lamps_are_chosen_by_where_they_stand():
 
 
 def reaches(made, light, p, n):
-    """Whether any point of a light certainly lights p with normal n, in float64 with a margin."""
+    """Returns True if any point of a light certainly lights p with normal n, in float64 with a margin."""
 
     def above(q):
         return not n.any() or ((q - p) @ n / np.linalg.norm(q - p, axis=-1)).max() > 1e-3

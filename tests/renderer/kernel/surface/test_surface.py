@@ -72,7 +72,7 @@ def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
 
 @pytest.fixture(params=["copied", "kept once"])
 def sharing(request, monkeypatch):
-    """Whether instances are copied to world space or kept as instances."""
+    """Returns True if instances are copied to world space or kept as instances."""
     keep_as(request.param, monkeypatch)
     return request.param
 
