@@ -197,7 +197,7 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class ScenePreview:
-    """What a viewer can draw once a scene was read, before it is compiled: fields of SceneInfo."""
+    """Fields of SceneInfo that a viewer can draw before the scene is compiled."""
 
     preview: BlobRef
     cameras: list[dict[str, Any]]

@@ -1,4 +1,4 @@
-"""What a command starts before it is imported, so that both load at the same time.
+"""Processes that a command starts before its own imports, so that both load at the same time.
 
 A command that reads scenes starts the launcher of readers; `up` and `worker` start the processes of the farm.
 """

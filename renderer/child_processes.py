@@ -1,4 +1,4 @@
-"""Child processes that end with their parent, however the parent dies, and those that load before they are told what to do.
+"""Child processes that end with their parent, however it dies, and those that load before they get their options.
 
 The end with the parent: on Linux only (prctl PR_SET_PDEATHSIG); elsewhere children end when their parent stops in order.
 """

@@ -120,7 +120,7 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Whether a card can render with these settings: it has the path tracer for pictures, and no other integrator or strategy."""
+    """Returns True if a card can render with these settings: path tracing with the default strategy."""
     return has_editions(settings)
 
 

@@ -1,4 +1,4 @@
-"""What `rayfarm up` starts before it is imported: it loads, waits for its options, and ends with its parent."""
+"""The worker that `rayfarm up` starts before its own imports: loads, waits for its options, and ends with its parent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What kernels for graphics cards are compiled for."""
+"""The compilation target of kernels for graphics cards."""
 
 from __future__ import annotations
 
