@@ -157,7 +157,7 @@ class Outbox:
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)
                 row.due = None if is_given_up else time.time() + RETRIES_S[row.attempts - 1]
                 row.error = str(error)
-                log.warning("%s was not told of job %s: %s", redacted_hook(row.hook), row.job, error)
+                log.warning("Notifying %s of job %s failed: %s", redacted_hook(row.hook), row.job, error)
             with self._sessions.begin() as session:
                 session.merge(row)
             if row.done is None:

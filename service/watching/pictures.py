@@ -71,7 +71,7 @@ class PictureWish:
             raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour alone; ask for image.exr or image.png."))
         if aovs.MOTION in self.planes and self.width is not None:
             raise Invalid(
-                Sentence("aov-motion-with-width", "width: motion is told in pixels of the whole picture; leave width out.")
+                Sentence("aov-motion-with-width", "width: motion vectors are in pixels of the whole picture; leave width out.")
             )
         if self.planes == (aovs.MOTION,) and self.extension == "hdr":
             raise Invalid(

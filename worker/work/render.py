@@ -80,7 +80,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
 
 
 def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
-    """The event of a batch that took so many seconds, with its sums."""
+    """Returns the event of a finished batch: its duration in seconds, and its sums."""
     event = {
         **batch_event(worker, batch, "batch"),
         "seconds": seconds,

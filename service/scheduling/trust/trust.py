@@ -207,7 +207,7 @@ class Trust:
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
             for worker in paused:
-                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "as somebody decided by pausing it"))
+                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "because it was paused by hand"))
             self._close(check)
 
     def _mark_wrong(self, worker: str, check: _Check, how: str) -> None:

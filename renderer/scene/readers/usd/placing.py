@@ -309,7 +309,7 @@ class DescriptionBuilder:
             self._notes.add(
                 Sentence(
                     "usd-point-colours-reduced",
-                    "Points of more than {most} colours are drawn in the nearest of so many",
+                    "Points of more than {most} colours are drawn in the nearest of {most} colours",
                     most=MAX_COLORS,
                 ),
                 path,
