@@ -16,7 +16,7 @@ from rayfarm.preload import PRELOAD
 from rayfarm.reading_files import bounds_of
 from rayfarm.scene_files import opened
 from renderer.blender.opening import calls_of_reader
-from renderer.confine.place import temporary_folder
+from renderer.confine.job_folder import temporary_folder
 from renderer.confine.running import Reader, error_of, run
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment

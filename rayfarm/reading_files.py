@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from renderer.confine.job_folder import temporary_folder
 from renderer.confine.limits import available_memory
-from renderer.confine.place import temporary_folder
 from renderer.confine.running import Bounds, run
 from renderer.errors import SceneError, SettingsError
 

@@ -20,11 +20,11 @@ from telemetry.log_lines import by_json
 from worker import tasks
 from worker.exchange.kernel_precompile import precompile_full_kernel
 from worker.heartbeat import Heartbeat
-from worker.leaving import ShutdownReporter
 from worker.process import context
 from worker.process.queue_order import STRATEGY
 from worker.process.queue_reading import skip_malformed_messages
 from worker.process.slot_number import slot
+from worker.shutdown_reporter import ShutdownReporter
 from worker.work.frames import forget_frames
 from worker.work.joint_render import hand_in
 

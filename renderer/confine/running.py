@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from renderer.cache_folders import cache_home
-from renderer.confine.endings import Bounds, TooLargeError, error_of, error_of_exit, too_slow
 from renderer.confine.launcher import MOST_REQUEST
 from renderer.confine.limits import callers_limit, importer_memory
 from renderer.confine.reader import TAKEN, Job, Link, Send
+from renderer.confine.reader_errors import Bounds, TooLargeError, error_of, error_of_exit, too_slow
 from renderer.confine.rules import available
 from renderer.errors import MachineError, RayfarmError, SceneError
 from renderer.sentences import Sentence, decoded, encoded

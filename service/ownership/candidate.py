@@ -20,9 +20,9 @@ from sqlalchemy.exc import DatabaseError
 from service.errors import CannotStart, Unavailable
 from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
+from service.ownership.owner_timeout import OwnerTimeout
 from service.ownership.ownership import LOOK_EVERY_S, Ownership
 from service.ownership.process import end, is_gone, is_stopped, this_process
-from service.ownership.silence import OwnerTimeout
 from service.settings import Settings
 from service.store.database import Sessions, faults, open_database
 from service.store.models import Owner

@@ -18,7 +18,7 @@ from renderer import errors as faults
 from renderer import jit
 from renderer.blender.opening import calls_of_reader
 from renderer.confine import running
-from renderer.confine.place import temporary_folder
+from renderer.confine.job_folder import temporary_folder
 from renderer.confine.reader import Link
 from renderer.confine.running import Bounds
 from renderer.render import FULL, kernel_name

@@ -12,8 +12,8 @@ from sqlalchemy import text
 from service.errors import CannotStart, NotOwner, Unavailable
 from service.ownership import rows
 from service.ownership.candidate import Candidate, take_farm
+from service.ownership.owner_timeout import LEAST_LOOKS
 from service.ownership.ownership import Ownership
-from service.ownership.silence import LEAST_LOOKS
 from service.settings import Settings
 from service.store.models import Scene
 

@@ -92,6 +92,6 @@ def test_a_room_without_a_folder_for_temporary_files_is_the_machines(monkeypatch
     def refuse(*_: Any, **__: Any) -> str:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr("renderer.confine.place.tempfile.mkdtemp", refuse)
+    monkeypatch.setattr("renderer.confine.job_folder.tempfile.mkdtemp", refuse)
     with pytest.raises(UnfitError, match="no folder for temporary files"):
         Room("test")

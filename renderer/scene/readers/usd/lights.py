@@ -13,9 +13,9 @@ from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.number_ranges import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
-from renderer.scene.readers.usd.blenders import is_written_by_blender
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.written_by_blender import is_written_by_blender
 from renderer.sentences import Sentence
 
 __all__ = ["Lamp", "is_light", "mesh_light_fields", "radiance_of", "read_light_prim"]

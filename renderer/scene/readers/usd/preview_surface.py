@@ -10,10 +10,10 @@ from renderer.scene.material import Material
 from renderer.scene.readers.linear_images import most
 from renderer.scene.readers.mtl_maps import with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
-from renderer.scene.readers.usd.blenders import is_written_by_blender
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.textures import TextureInput, colored, grey, normals
+from renderer.scene.readers.usd.written_by_blender import is_written_by_blender
 from renderer.scene.textures import TextureShelf
 
 __all__ = [

@@ -9,7 +9,7 @@ import redis
 
 from protocol.contract import WorkerReport, worker_key
 from tests.helpers import wait_until
-from worker.leaving import ShutdownReporter
+from worker.shutdown_reporter import ShutdownReporter
 
 
 def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None:

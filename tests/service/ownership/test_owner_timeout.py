@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.ownership.silence import LEAST_LOOKS, OwnerTimeout
+from service.ownership.owner_timeout import LEAST_LOOKS, OwnerTimeout
 from service.store.models import Owner
 
 LEASE_S = 6.0
