@@ -1,4 +1,4 @@
-"""The components of access control as one object."""
+"""Access control: users, keys, projects, quotas and login attempts, combined in the class Access."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ LINK_S = 86400.0
 
 
 class Access:
-    """Access control of the service. Raises CannotStart if the default token would be reachable from other machines."""
+    """Access control of the service: its keys, users, projects, login attempts and OpenID provider.
+
+    Raises CannotStart if other machines can reach the service while its token is still the public default.
+    """
 
     def __init__(self, sessions: Sessions, settings: Settings, instance: str) -> None:
         if settings.needs_login and settings.token == FOR_THIS_MACHINE:
@@ -45,11 +48,11 @@ class Access:
         self.cookie = f"rayfarm-{fingerprint(instance)[:12]}"
 
     def owner_link(self) -> str:
-        """Returns the secret of a new login link for the owner, valid for LINK_S seconds."""
+        """Returns the secret of a new one-time login link for the farm's owner, valid for LINK_S seconds."""
         return self.keys.make("link", OWNER, Role.ADMIN, lasts_s=LINK_S)[0]
 
     def cached_caller(self, secret: str) -> Caller | None:
-        """Returns the caller with this secret if it is known without a database query, else None."""
+        """Returns the caller who owns this secret, from memory only; None if the secret is not cached."""
         if self._farm and is_same(secret, self._farm):
             return Caller("farm", Role.NOBODY, "worker")
         if self._owner and is_same(secret, self._owner):
@@ -57,5 +60,5 @@ class Access:
         return self.keys.cached_caller(secret)
 
     def find(self, secret: str) -> Caller | None:
-        """Returns the caller with this secret, or None if it is invalid. Queries the database. Raises Unavailable."""
+        """Returns the caller who owns this secret, or None if it is invalid. Queries the database. Raises Unavailable."""
         return self.cached_caller(secret) or self.keys.find(secret)

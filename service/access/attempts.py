@@ -1,7 +1,8 @@
-"""Rate limit of failed logins.
+"""Rate limit for failed logins.
 
-Counted by address and name, so that guessing does not lock out the user with that name; by address, against trying many names;
-and by name, against trying from many addresses. An attempt is counted before it is checked, so simultaneous attempts count too.
+Attempts are counted per address and name, so that guessing does not lock out the real user; per address, to limit trying many
+names; and per name, to limit trying from many addresses. An attempt is counted before the password is checked, so concurrent
+attempts cannot exceed the limit.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ MOST = 20_000  # counters kept; the least recently used are dropped first
 
 
 class Attempts:
-    """Counts the failed attempts of the last WINDOW_S seconds, in memory: a restart resets them."""
+    """Counts the failed logins of the last WINDOW_S seconds. The counts are in memory and are reset by a restart."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._tries: OrderedDict[tuple[str, str], deque[float]] = OrderedDict()
 
     def begin(self, address: str, name: str) -> float | None:
-        """Counts an attempt and returns None; or returns the seconds to wait before the next attempt and does not count it."""
+        """Counts a login attempt and returns None. If the limit is reached, counts nothing and returns the seconds to wait."""
         now = time.monotonic()
         with self._lock:
             waits = [self._wait(key, most, now) for key, most in self._keys(address, name)]
@@ -42,7 +43,7 @@ class Attempts:
         return None
 
     def succeeded(self, address: str, name: str) -> None:
-        """Records a successful attempt: neither it nor earlier failures from this address with this name count any more."""
+        """Records a successful login: removes it, and earlier failures with this address and name, from all counts."""
         with self._lock:
             (both, _), *others = self._keys(address, name)
             failed = len(self._tries.pop(both, ()))
@@ -65,7 +66,7 @@ class Attempts:
 
 
 def _network(address: str) -> str:
-    """Returns the address; for IPv6 its /64 network, which usually belongs to one household or machine."""
+    """Returns the address that attempts are counted by: for IPv6 the /64 network, usually one household or machine."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:

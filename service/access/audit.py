@@ -31,14 +31,14 @@ READ_AT_ONCE = 1 << 16
 
 
 class Audit:
-    """Appends lines to the audit log, and reads the latest."""
+    """Writes the audit log and reads its latest lines."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._lock = threading.Lock()
 
     def add(self, who: str, what: str, *, kind: str = "", address: str = "", about: str = "", status: int | None = None) -> None:
-        """Appends a line. If the file cannot be written, the line goes to the service's log instead."""
+        """Appends a line to the audit log. If the file cannot be written, writes the line to the service's log instead."""
         fields = {"at": round(time.time(), 3), "who": printable(who[:LONGEST]), "kind": kind, "from": address}
         fields |= {"what": what[:LONGEST], "about": printable(about[:LONGEST]), "status": status}
         line = json.dumps(fields) + "\n"
@@ -53,7 +53,7 @@ class Audit:
             log.warning("cannot write audit.jsonl (%s): %s", error, line.strip())
 
     def latest(self, count: int) -> list[dict[str, Any]]:
-        """Returns the latest `count` lines, newest first."""
+        """Returns the latest `count` entries of the audit log, newest first."""
         found: list[dict[str, Any]] = []
         for number in range(KEPT):
             for line in _backwards(self._path(number)):
@@ -77,7 +77,7 @@ class Audit:
 
 
 def _backwards(path: Path) -> Iterator[bytes]:
-    """Yields the lines of a file in reverse order, without empty ones; nothing if it does not exist."""
+    """Yields the non-empty lines of a file, last line first; yields nothing if the file does not exist."""
     try:
         file = path.open("rb")
     except FileNotFoundError:

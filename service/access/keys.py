@@ -37,7 +37,7 @@ class _Known:
 
 
 class Keys:
-    """The keys in the database, with a short-lived cache of those in use."""
+    """The keys in the database, with a short-lived cache of recently used keys."""
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
@@ -63,14 +63,17 @@ class Keys:
         return secret, row
 
     def cached_caller(self, secret: str) -> Caller | None:
-        """Returns the caller with this key if it is cached, else None. Does not block."""
+        """Returns the caller who owns this key, or None if it is not in the cache. Does not query the database."""
         known = self._known.get(fingerprint(secret))
         if known is None or time.monotonic() - known.read > FRESH_S or _is_over(known.expires):
             return None
         return known.caller
 
     def find(self, secret: str) -> Caller | None:
-        """Returns the caller with this key; None if it is unknown, expired, revoked or a link (see `use_link`)."""
+        """Returns the caller who owns this key.
+
+        None if the key is unknown, expired or revoked, or is a login link (see `use_link`).
+        """
         hash, version = fingerprint(secret), self._version
         with self._sessions() as session:
             row = session.scalar(select(Key).where(Key.hash == hash, Key.kind != "link"))
@@ -88,7 +91,10 @@ class Keys:
         return caller
 
     def use_link(self, secret: str) -> str | None:
-        """Returns a link's user, and deletes the link; None if it is invalid or expired, or the user was deleted."""
+        """Consumes a login link: deletes it and returns its user's name.
+
+        None if the link is invalid or expired, or the user is deleted.
+        """
         found = Key.hash == fingerprint(secret), Key.kind == "link"
         with self._sessions.begin() as session:
             row = session.scalar(select(Key).where(*found))
@@ -99,18 +105,21 @@ class Keys:
             return row.user if _role_of(row.user, session) is not Role.NOBODY else None
 
     def listed(self, kind: KeyKind, user: str | None = None) -> list[Key]:
-        """Returns the valid keys of a kind, newest first. user: only this user's; None: all."""
+        """Returns the valid keys of one kind, newest first. user: only this user's keys; None: those of all users."""
         with self._sessions() as session:
             return list(session.scalars(self.holding((kind,), user)))
 
     @staticmethod
     def holding(kinds: tuple[KeyKind, ...], user: str | None = None) -> Select[Any]:
-        """Returns the query for valid keys of several kinds. user: only this user's, and all worker keys; None: all."""
+        """Returns the query for the valid keys of the given kinds, newest first.
+
+        user: only this user's keys and all worker keys; None: the keys of all users.
+        """
         wanted = select(Key).where(*_that_hold(*kinds)).order_by(Key.created.desc(), Key.id)
         return wanted if user is None else wanted.where((Key.user == user) | (Key.kind == "worker"))
 
     def is_there(self, kind: KeyKind, id: str) -> bool:
-        """Returns True if a key of this kind and id exists."""
+        """Whether a key with this kind and id exists."""
         with self._sessions() as session:
             return session.scalar(select(Key.id).where(Key.id == id, Key.kind == kind)) is not None
 
@@ -121,7 +130,7 @@ class Keys:
             return Counter({user: count for user, count in session.execute(query)})  # noqa: C416 - typed
 
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
-        """Revokes a key and returns its row. user: the owner that it must have. Raises NotFound."""
+        """Revokes a key and returns its former row. user: revoke it only if it belongs to this user. Raises NotFound."""
         with self._sessions.begin() as session:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
@@ -133,13 +142,13 @@ class Keys:
         return row
 
     def withdraw_sessions(self, user: str, but: str | None = None) -> None:
-        """Revokes a user's sessions and links. but: the id of a key to keep."""
+        """Revokes all sessions and login links of a user. but: id of a key that stays valid."""
         with self._sessions.begin() as session:
             session.execute(delete(Key).where(Key.user == user, Key.kind.in_(("session", "link")), Key.id != (but or "")))
         self.clear_cache()
 
     def clear_cache(self) -> None:
-        """Clears the cache, after a change of keys or users."""
+        """Clears the cache; called after keys or users have changed."""
         with self._lock:
             self._version += 1
             self._known = {}

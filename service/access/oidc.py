@@ -1,11 +1,10 @@
 """Login through an OpenID provider: the authorization code flow with PKCE, state and nonce (OpenID Connect Core 1.0, RFC 7636).
 
-The service stores nothing about unfinished logins. State, nonce, PKCE verifier and redirect address are in a browser's cookie,
-encrypted and authenticated with a key of the data folder (JWE, RFC 7516): anonymous requests cannot displace a login, and a login
-survives a restart of the service.
+The service stores no state of unfinished logins. State, nonce, PKCE verifier and redirect address are in a browser cookie,
+encrypted and authenticated with a key from the data folder (JWE, RFC 7516). So anonymous requests cannot displace a login, and a
+login survives a restart of the service.
 
-A user is identified by issuer and subject only: an existing user's name is never given to another subject, whatever the provider
-sends.
+A user is identified by issuer and subject only: another subject never gets an existing user's name, whatever the provider sends.
 """
 
 from __future__ import annotations
@@ -47,7 +46,10 @@ NEEDED = ("issuer", "authorization_endpoint", "token_endpoint", "jwks_uri")
 
 
 class Refused(Exception):  # noqa: N818 - named as what it says
-    """The login is refused. why: reason shown on the page; the message is the detail for the service's log."""
+    """Raised if a login is rejected.
+
+    why: the reason shown on the page; the exception's message is the detail for the service's log.
+    """
 
     def __init__(self, why: Why, detail: str) -> None:
         super().__init__(detail)
@@ -56,7 +58,10 @@ class Refused(Exception):  # noqa: N818 - named as what it says
 
 @dataclass(frozen=True)
 class LoginRedirect:
-    """A login that continues at the provider. sealed: the cookie that the browser sends when it returns."""
+    """The redirect to the provider that starts a login.
+
+    sealed: the encrypted cookie to set, which the browser returns with the result.
+    """
 
     url: str
     state: str
@@ -65,7 +70,7 @@ class LoginRedirect:
 
 @dataclass(frozen=True)
 class OidcLogin:
-    """A user who logged in at the provider. token: the ID token, needed to end the session at the provider."""
+    """A user who has logged in through the provider. token: the ID token, needed to log out at the provider."""
 
     user: User
     token: str
@@ -73,7 +78,7 @@ class OidcLogin:
 
 @dataclass(frozen=True)
 class _Pending:
-    """An unfinished login, as stored in the cookie."""
+    """State of an unfinished login, as stored in the encrypted cookie."""
 
     state: str
     nonce: str
@@ -88,7 +93,10 @@ def _trust() -> ssl.SSLContext:
 
 
 def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
-    """Returns the configured provider, or None if there is none. Raises CannotStart for an invalid configuration."""
+    """Returns the OpenID provider from the settings, or None if none is configured.
+
+    Raises CannotStart if its settings are invalid.
+    """
     if not settings.oidc_discovery:
         return None
     if not settings.oidc_client:
@@ -109,7 +117,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
 
 
 class Oidc:
-    """One OpenID provider. Its metadata and keys are fetched at a login, and cached for KNOWN_S seconds."""
+    """One OpenID provider. Its metadata and keys are fetched at the first login and cached for KNOWN_S seconds."""
 
     def __init__(self, settings: Settings, secret: str, login_key: bytes, sessions: Sessions) -> None:
         from joserfc.jwk import OctKey
@@ -128,7 +136,7 @@ class Oidc:
         self._known: tuple[float, dict[str, Any], Any] | None = None
 
     def begin(self, redirect: str) -> LoginRedirect:
-        """Begins a login. redirect: the address to which the provider sends the browser back. Raises Refused."""
+        """Starts a login. redirect: the URL to which the provider sends the browser afterwards. Raises Refused."""
         about, _ = self._provider()
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
         with self._speaking(redirect) as client:
@@ -138,10 +146,10 @@ class Oidc:
         return LoginRedirect(url, state, self._sealed(_Pending(state, nonce, verifier, redirect, int(time.time()) + WAIT_S)))
 
     def finish(self, state: str, code: str, error: str, sealed: str) -> OidcLogin:
-        """Finishes a login with the parameters of the provider's redirect. Raises Refused.
+        """Completes a login with the query parameters of the provider's redirect. Raises Refused.
 
-        The provider accepts each code once, so a redirect cannot be used twice. sealed: the cookie of `begin`; empty if there is
-        none.
+        The provider accepts each code once, so a redirect cannot be replayed. sealed: the cookie set by `begin`; empty if the
+        browser sent none.
         """
         pending = self._unsealed(sealed)
         if pending is None or not is_same(state, pending.state):
@@ -159,7 +167,7 @@ class Oidc:
         return jwe.encrypt_compact(ENCRYPTION, json.dumps(asdict(pending), separators=(",", ":")), self._key)
 
     def _unsealed(self, sealed: str) -> _Pending | None:
-        """Decrypts the cookie of a login; None if this farm did not create it."""
+        """Returns the state of a login from its encrypted cookie; None if the cookie was not encrypted with this farm's key."""
         from joserfc import jwe
         from joserfc.errors import JoseError
 
@@ -170,11 +178,9 @@ class Oidc:
             return None
 
     def logout_url(self, token: str, back: str) -> str | None:
-        """Returns the URL that ends the browser's session at the provider (RP-Initiated Logout 1.0), or None if that is not
-        possible.
+        """Returns the URL that ends the browser's session at the provider (RP-Initiated Logout 1.0), or None if not possible.
 
-        token: the ID token of the login; empty if it is not known any more. back: where the provider sends the browser
-        afterwards.
+        token: the ID token of the login; empty if unknown. back: the URL to which the provider sends the browser afterwards.
         """
         if not self._logs_out:
             return None
@@ -235,7 +241,7 @@ class Oidc:
             return jwt.decode(token, self._provider(anew=True)[1], algorithms=signed_by)
 
     def _provider(self, anew: bool = False) -> tuple[dict[str, Any], Any]:
-        """Returns the provider's metadata and keys. anew: bypass the cache. Raises Refused."""
+        """Returns the provider's metadata and keys. anew: fetch them even if they are cached. Raises Refused."""
         from joserfc.jwk import KeySet
 
         known = self._known
@@ -270,7 +276,7 @@ class Oidc:
         )
 
     def _user(self, claims: dict[str, Any]) -> User:
-        """Returns the user with these claims, created if new, with the role of the claims. Raises Refused."""
+        """Returns the user identified by these claims, with the role from the claims; creates the user if new. Raises Refused."""
         role = self._role(claims)
         subject = f"{claims['iss']} {claims['sub']}"
         if role is Role.NOBODY:
@@ -287,7 +293,7 @@ class Oidc:
         return user
 
     def _role(self, claims: dict[str, Any]) -> Role:
-        """Returns the highest role among the claim's values, or the default role if none is mapped."""
+        """Returns the highest role that the role claim maps to; the default role if it maps to none."""
         told = claims.get(self._role_claim)
         values = told if isinstance(told, list) else str(told or "").split()
         return max(

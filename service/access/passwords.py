@@ -1,6 +1,6 @@
 """Passwords, stored as Argon2id hashes (RFC 9106) with the library's recommended parameters.
 
-A check takes 64 MB and a considerable part of a second of CPU time by design, so at most two run at the same time.
+By design, one check takes 64 MB and a large part of a second of CPU time, so at most two run concurrently.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ def _placeholder_hash() -> str:
 
 
 def check_strength(password: str, name: str) -> None:
-    """Raises Invalid if a password is too short, too long or easily guessed. name: the user's name."""
+    """Raises Invalid if the password is too short, too long or easy to guess.
+
+    name: the user's name, which it must not resemble.
+    """
     if len(password) < SHORTEST:
         raise Invalid(
             Sentence(
@@ -63,13 +66,16 @@ def check_strength(password: str, name: str) -> None:
 
 
 def hashed(password: str) -> str:
-    """Returns the hash of a password."""
+    """Returns the Argon2id hash of a password."""
     with AT_ONCE:
         return _hasher().hash(password)
 
 
 def is_right(password: str, kept: str | None) -> bool:
-    """Returns True if the password matches the hash `kept`; None, for no password, takes as long to check."""
+    """Whether the password matches the stored hash `kept`.
+
+    None (no stored password) never matches, but takes as long to check.
+    """
     from argon2.exceptions import InvalidHashError, VerificationError
 
     with AT_ONCE:

@@ -1,8 +1,8 @@
-"""Projects: scenes, jobs, environments and references that are visible only to their members.
+"""Projects: groups of scenes, jobs, environments and reference pictures that only their members can see.
 
-The rule is applied in two places: the gate checks the object named in a path; lists, events and requests that name other objects
-check rows. Content of no project is visible to all users; administrators see everything. A member's role in a project can only
-restrict the user's own role.
+Visibility is checked in two places: the authorization middleware checks the object in a request's path; lists, events and
+requests that refer to further objects check the rows. Content outside any project is visible to all users; administrators see
+everything. A member's role in a project can restrict the user's own role, but not extend it.
 """
 
 from __future__ import annotations
@@ -45,22 +45,28 @@ MOST_KNOWN = 65536
 
 @dataclass(frozen=True)
 class ProjectVisibility:
-    """The projects visible to a caller: all, or those listed and content of no project. looks: projects that are read-only."""
+    """The projects visible to a caller, in addition to content outside any project.
+
+    everything: all projects. projects: names of the visible ones. looks: those of them that the caller may only read.
+    """
 
     everything: bool
     projects: frozenset[str] = frozenset()
     looks: frozenset[str] = frozenset()
 
     def sees(self, project: str | None) -> bool:
-        """Returns True if content of this project is visible. None: it does not exist, which may be reported to anyone."""
+        """Whether content of this project is visible.
+
+        True also for "" (no project) and None (missing content: anyone may learn that).
+        """
         return self.everything or not project or project in self.projects
 
     def changes(self, project: str | None) -> bool:
-        """Returns True if the caller may change this project's content, if the caller's own role permits changes."""
+        """Whether the caller has write access to this project, provided that the caller's own role permits changes."""
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:
-        """Returns the condition of `sees` for a table's column `project`."""
+        """Returns the SQL condition equivalent to `sees`, for a table's `project` column."""
         if self.everything:
             return true()
         found: ColumnElement[bool] = column.in_(["", *sorted(self.projects)])
@@ -73,7 +79,7 @@ NOTHING = ProjectVisibility(False)
 
 @dataclass(frozen=True)
 class Summary:
-    """A project: its members by name, their roles, and its number of objects of each kind."""
+    """A project with its members' names and roles, and the number of its objects of each kind."""
 
     name: str
     created: float
@@ -92,7 +98,7 @@ class Projects:
         self._where: dict[tuple[Kind, str], str] = {}  # an object never changes its project
 
     def cached_visibility(self, caller: Caller | None) -> ProjectVisibility | None:
-        """Returns what a caller sees if that is known without a database query, else None."""
+        """Returns the projects visible to a caller, from the cache only; None if they are not cached."""
         if caller is None or caller.is_worker:
             return NOTHING
         if caller.sees_everything:
@@ -101,7 +107,7 @@ class Projects:
         return sight if read and time.monotonic() - read < FRESH_S else None
 
     def visibility(self, caller: Caller | None) -> ProjectVisibility:
-        """Returns what a caller sees."""
+        """Returns the projects visible to a caller."""
         if (known := self.cached_visibility(caller)) is not None:
             return known
         assert caller is not None
@@ -116,11 +122,11 @@ class Projects:
         return sight
 
     def cached_project(self, kind: Kind, id: str) -> str | None:
-        """Returns the project of an object if it is cached, else None."""
+        """Returns the name of the project that contains an object, from the cache only; None if it is not cached."""
         return self._where.get((kind, id))
 
     def project_of(self, kind: Kind, id: str) -> str | None:
-        """Returns the project of an object; empty if it is in none, None if the object does not exist."""
+        """Returns the name of the project that contains an object; "" if it is in no project, None if it does not exist."""
         if (known := self.cached_project(kind, id)) is not None:
             return known
         with self._sessions() as session:
@@ -131,14 +137,14 @@ class Projects:
         return found
 
     def note(self, kind: Kind, id: str, project: str) -> None:
-        """Caches the project of an object."""
+        """Caches which project an object belongs to."""
         with self._lock:
             if len(self._where) >= MOST_KNOWN:
                 self._where.clear()
             self._where[kind, id] = project
 
     def add(self, name: str) -> Summary:
-        """Creates a project without members. Raises Invalid for an invalid name, Conflict if it exists."""
+        """Creates a project without members. Raises Invalid if the name is invalid, Conflict if it is taken."""
         if not NAME.fullmatch(name):
             raise Invalid(
                 Sentence(
@@ -157,12 +163,12 @@ class Projects:
         return self.find(name)
 
     def named(self, sight: ProjectVisibility) -> list[str]:
-        """Returns the names of the visible projects, in order."""
+        """Returns the names of the visible projects in alphabetical order."""
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
 
     def described(self, names: Collection[str]) -> list[Summary]:
-        """Returns the summaries of the given projects, ordered by name; deleted ones are left out."""
+        """Returns the summaries of the named projects, ordered by name. Skips projects that no longer exist."""
         with self._sessions() as session:
             rows = session.scalars(select(Project).where(Project.name.in_(names)).order_by(Project.name)).all()
             roles: dict[str, dict[str, str]] = {row.name: {} for row in rows}
@@ -184,9 +190,9 @@ class Projects:
         return found[0]
 
     def check(self, name: str, sight: ProjectVisibility) -> str:
-        """Returns `name` if content may be added to it: no project, or a visible one.
+        """Returns `name` if content may be added to this project. "" (no project) is always accepted.
 
-        Raises NotFound, or NotAllowed if it is read-only.
+        Raises NotFound if the project is not visible, NotAllowed if the caller may only read it.
         """
         if not name:
             return name
@@ -199,11 +205,14 @@ class Projects:
         return name
 
     def check_again(self, name: str, caller: Caller | None, sight: ProjectVisibility) -> None:
-        """Repeats `check` after an upload, which may have taken hours. sight: as of the upload's start. Raises as `check`."""
+        """Repeats `check` after an upload, which may have taken hours. sight: the visibility at the upload's start.
+
+        Raises as `check` does.
+        """
         self.check(name, sight if sight.everything else self.visibility(caller))
 
     def add_member(self, name: str, user: str, role: MemberRole = "submit") -> Summary:
-        """Adds a member to a project or changes the member's role, with immediate effect. Raises NotFound."""
+        """Adds a member to a project, or changes a member's role. Takes effect at once. Raises NotFound."""
         with self._sessions.begin() as session:
             if session.get(Project, name) is None:
                 raise project_not_found(name)
@@ -216,14 +225,14 @@ class Projects:
         return self.find(name)
 
     def remove_member(self, name: str, user: str) -> Summary:
-        """Removes a member, with immediate effect, also on open connections. Raises NotFound."""
+        """Removes a member from a project. Takes effect at once, also on open connections. Raises NotFound."""
         with self._sessions.begin() as session:
             session.execute(delete(Member).where(Member.project == name, Member.user == user))
         self.clear_cache()
         return self.find(name)
 
     def remove(self, name: str) -> None:
-        """Deletes an empty project. Raises NotFound, or Conflict if it is not empty."""
+        """Deletes a project. Raises NotFound, or Conflict if it still has content."""
         with self._sessions.begin() as session:
             if session.get(Project, name, with_for_update=True) is None:
                 raise project_not_found(name)
@@ -250,7 +259,7 @@ class Projects:
 
 
 def lock_project(name: str, session: Session) -> None:
-    """Locks a project's row within a transaction that adds content, so that it is not deleted meanwhile. Raises NotFound."""
+    """Locks a project's row in a transaction that adds content, so that it is not deleted concurrently. Raises NotFound."""
     if name and session.get(Project, name, with_for_update={"read": True, "key_share": True}) is None:
         raise project_not_found(name)
 

@@ -1,7 +1,7 @@
-"""Quotas of users and tokens: bytes of uploads and films, concurrent jobs, samples per day.
+"""Quotas of users and tokens: stored bytes (uploads and films), concurrent jobs, samples per day.
 
-The farm's default limits apply to a user unless an administrator sets others; administrators have none by default, and neither
-have farms without login. Deleting jobs frees their bytes at once, and their samples when the day is over.
+Users have the farm's default limits unless an administrator sets others. Administrators, and farms without login, have no limits
+by default. Deleting a job frees its bytes at once; its samples count until 24 hours have passed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ OTHERS = "or ask who runs the farm for more"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits, in which None is no limit; or the amounts in use."""
+    """Limits, or the amounts in use. None: unlimited. samples_day: samples in the last 24 hours."""
 
     bytes: int | None = None
     jobs: int | None = None
@@ -45,7 +45,10 @@ Kind = Literal["user", "token"]
 
 @dataclass(frozen=True)
 class Allowance:
-    """The limits and usage of a user or token. whose: user:NAME or token:ID. is_own: set by an administrator, not the default."""
+    """Limits and usage of a user or token. whose: user:NAME or token:ID.
+
+    is_own: limits set by an administrator, not the defaults.
+    """
 
     whose: str
     limits: Limits
@@ -54,7 +57,10 @@ class Allowance:
 
 
 class Quotas:
-    """Looks up limits and usage. size_of: returns the size of a job's film in bytes."""
+    """Looks up the limits of users and tokens, and how much of them is used.
+
+    usual: the default limits. size_of: function that returns the size in bytes of a job's film, by job id.
+    """
 
     def __init__(self, sessions: Sessions, usual: Limits, size_of: Callable[[str], int]) -> None:
         self._sessions = sessions
@@ -69,13 +75,13 @@ class Quotas:
             return [Allowance(whose, limits, self._used(whose, session)) for whose, limits in allowed]
 
     def named(self) -> list[str]:
-        """Returns all users and the tokens with their own limits, as user:NAME and token:ID, in order."""
+        """Returns all users, and the tokens that have limits of their own, as sorted strings user:NAME and token:ID."""
         with self._sessions() as session:
             users = {f"user:{name}" for name in session.scalars(select(User.name))}
             return sorted(users | set(session.scalars(select(Quota.whose))))
 
     def described(self, named: Collection[str]) -> list[Allowance]:
-        """Returns the allowances of some of `named`; one that was deleted meanwhile has no usage."""
+        """Returns the allowances of the given users and tokens (as `named` returns them). A deleted one has no usage."""
         names: dict[Kind, list[str]] = {kind: [] for kind in get_args(Kind)}
         for kind, name in map(_parts, named):
             names[kind].append(name)
@@ -94,7 +100,7 @@ class Quotas:
         return found
 
     def set(self, whose: str, limits: Limits | None) -> None:
-        """Sets the limits of a user or token; None: restores the defaults. Raises NotFound."""
+        """Sets the limits of a user or token (user:NAME or token:ID). None restores the defaults. Raises NotFound."""
         kind, _, name = whose.partition(":")
         with self._sessions.begin() as session:
             row = session.get(User if kind == "user" else Key, name)
@@ -112,7 +118,10 @@ class Quotas:
                 session.add(Quota(whose=whose, **{each.name: getattr(limits, each.name) for each in fields(Limits)}))
 
     def check_bytes(self, caller: Caller | None, more: int = 0) -> None:
-        """Raises NoRoom if a caller may not store `more` further bytes."""
+        """Checks the storage quota.
+
+        Raises NoRoom if `more` bytes would exceed the caller's limit, or if it is already reached.
+        """
         with self._sessions() as session:
             for whose, limits in self._limits(caller, session):
                 if limits.bytes is None:
@@ -141,10 +150,11 @@ class Quotas:
                     )
 
     def check_job(self, caller: Caller | None, session: Session, samples: int = 0, is_new: bool = True) -> None:
-        """Raises OverQuota or NoRoom if a caller may not start a job, or render `samples` more of an existing one.
+        """Checks the quotas of jobs, samples and bytes. Raises OverQuota, or NoRoom for bytes.
 
-        session: the transaction in which the job is recorded. is_new: whether the number of jobs counts. A sum of bytes of up to
-        FRESH_S ago admits a job, since its film grows only later; a refusal is based on a sum of now.
+        samples: number of samples to add. session: the transaction that records the job. is_new: count it as one more job. To
+        admit a job, a sum of bytes up to FRESH_S seconds old suffices, since the new film grows later; a rejection uses a new
+        sum.
         """
         for whose, limits in self._limits(caller, session):
             kind, name = _parts(whose)
@@ -206,7 +216,7 @@ class Quotas:
         return Limits(*(count(kind, session, [name])[name] for count in (self._bytes, _jobs, _samples)))
 
     def _bytes(self, kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-        """Returns the bytes of uploads and films of the given users or tokens."""
+        """Returns the total bytes of uploads and films, by user or token."""
         sizes = Counter[str]()
         uploads = select(_owner(Scene, kind), func.sum(Scene.bytes)).where(Scene.of.is_(None))
         sizes.update(
@@ -223,13 +233,13 @@ class Quotas:
         return sizes
 
     def _bytes_of(self, kind: Kind, name: str, session: Session) -> int:
-        """Returns the bytes of one user's or token's uploads and films, counted now."""
+        """Returns the total bytes of one user's or token's uploads and films, summed now and remembered for `_had_room`."""
         used = self._bytes(kind, session, [name])[name]
         self._counted[kind, name] = time.monotonic(), used
         return used
 
     def _had_room(self, kind: Kind, name: str, limit: int) -> bool:
-        """Returns whether the latest count, if it is recent, was below the limit."""
+        """Whether the latest sum of bytes is less than FRESH_S seconds old and below the limit."""
         counted, used = self._counted.get((kind, name), (-FRESH_S, limit))
         return used < limit and time.monotonic() - counted < FRESH_S
 
@@ -240,7 +250,7 @@ class Quotas:
 
 
 def record_spent_samples(jobs: Iterable[Job], session: Session) -> None:
-    """Records the samples of jobs of the last day that are about to be deleted, so that they still count."""
+    """Records the samples of jobs that are about to be deleted, so that they still count towards the daily quota."""
     since = time.time() - DAY_S
     session.execute(delete(Spent).where(Spent.created < since))
     for job in jobs:
@@ -250,7 +260,7 @@ def record_spent_samples(jobs: Iterable[Job], session: Session) -> None:
 
 
 def _samples_since(since: float) -> list[tuple[Select[Any], Any]]:
-    """Returns the queries that sum up the samples that count for a day, each with the table that has the owner."""
+    """Returns the queries that sum the samples rendered since a time, each with the table that has the owner columns."""
     asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
     # as floats: SQLite's integer sums overflow at 2**63
     of_jobs = select(func.sum(cast(case((Job.state.in_(ACTIVE), asked), else_=Frame.samples), Float)))
@@ -265,13 +275,13 @@ def _limits_of(row: Quota) -> Limits:
 
 
 def _jobs(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-    """Returns the number of unfinished jobs of the given users or tokens."""
+    """Returns the number of unfinished jobs, by user or token."""
     active = select(_owner(Job, kind), func.count()).where(Job.state.in_(ACTIVE))
     return Counter({row[0]: row[1] for row in session.execute(_filtered_by_owner(Job, kind, names, active, grouped=True))})
 
 
 def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[str]:
-    """Returns the number of samples of the last day of the given users or tokens."""
+    """Returns the number of samples rendered in the last 24 hours, by user or token."""
     samples = Counter[str]()
     for query, row in _samples_since(time.time() - DAY_S):
         for count, owner in session.execute(
@@ -282,7 +292,7 @@ def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[st
 
 
 def _filtered_by_owner(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
-    """Restricts a query to the given users or tokens; grouped: groups it by owner."""
+    """Restricts a query to rows of the given users or tokens. grouped: also groups it by owner."""
     owner = _owner(row, kind)
     query = query.where(owner.in_(names))
     return query.group_by(owner) if grouped else query

@@ -1,4 +1,4 @@
-"""Maintenance of the farm's Redis: ends blocking scripts, removes excess data and wrong keys, warns of security flaws.
+"""Maintenance of the farm's Redis: ends blocking scripts, removes excess data and keys of wrong types, warns of security flaws.
 
 All data in Redis can be rebuilt from the database, the films and the workers' next reports, so any key may be removed.
 """
@@ -44,12 +44,15 @@ AT_ONCE = 1000  # keys in one pipeline
 
 
 def is_busy(error: Exception) -> bool:
-    """Returns True if Redis rejects commands because a script or function blocks it."""
+    """Whether this error means that a running script or function blocks Redis."""
     return isinstance(error, redis.ResponseError) and str(error).startswith("BUSY")
 
 
 def end_busy(connection: redis.Redis) -> bool:
-    """Ends the script or function that blocks Redis; returns False if it has already written, so that only a restart ends it."""
+    """Ends the script or function that blocks Redis.
+
+    Returns False if it has already written data: then only a restart ends it.
+    """
     ended = False
     for command in ("SCRIPT KILL", "FUNCTION KILL"):
         with contextlib.suppress(redis.ResponseError):
@@ -58,7 +61,7 @@ def end_busy(connection: redis.Redis) -> bool:
 
 
 class RedisCare:
-    """Maintains one Redis server; `maintain` is called every few seconds."""
+    """Maintains one Redis server. `maintain` is called every few seconds."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
@@ -66,7 +69,11 @@ class RedisCare:
         self._said = ""
 
     def maintain(self) -> None:
-        """Ends excess use, loads the script of older workers, removes wrong keys, and warns of flaws. Raises redis.RedisError."""
+        """Runs all maintenance: limits connections and memory, loads the script that older workers need, removes keys of wrong
+        types, warns of security flaws.
+
+        Raises redis.RedisError.
+        """
         self._end_floods_of_connections()
         self._make_room()
         self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may not load scripts
@@ -76,7 +83,7 @@ class RedisCare:
         self._rounds += 1
 
     def unblock(self) -> None:
-        """Ends a script that blocks Redis, and logs the result. Raises redis.RedisError."""
+        """Ends a script that blocks Redis and logs the outcome. Raises redis.RedisError."""
         if end_busy(self._redis):
             log.warning("a script blocked Redis and was ended")
         else:
@@ -89,7 +96,7 @@ class RedisCare:
         self._said = flaw or ""
 
     def _end_floods_of_connections(self) -> None:
-        """Closes the connections of each worker's user that uses most of Redis's connection limit."""
+        """Closes the connections of worker users with more than MOST_OF_CLIENTS of Redis's limit, if few connections are left."""
         clients = self._redis.info("clients")
         most = int(clients.get("maxclients") or 0)
         if not most or int(clients["connected_clients"]) < FULL * most:
@@ -101,7 +108,7 @@ class RedisCare:
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
     def _make_room(self) -> None:
-        """Removes the largest keys of each kind that uses more memory than a farm needs, if Redis is half full."""
+        """If Redis has used half of its memory, deletes the largest keys of each kind that exceeds its normal size."""
         memory = self._redis.info("memory")
         limit = int(memory.get("maxmemory") or 0)
         if not limit or int(memory["used_memory"]) < FULL * limit:
@@ -130,7 +137,7 @@ class RedisCare:
                 )
 
     def _names(self) -> Iterator[list[bytes]]:
-        """Yields the farm's keys in portions of at most AT_ONCE."""
+        """Yields the names of the farm's keys in lists of at most AT_ONCE."""
         for pattern in MATCHES:
             names: list[bytes] = []
             for name in self._redis.scan_iter(pattern, count=AT_ONCE):

@@ -20,7 +20,7 @@ FIXED: dict[str, dict[tuple[int, ...], int]] = {
 
 @dataclass(frozen=True)
 class RedisRelease:
-    """A server's name, "Redis" or "Valkey", and its version; () if it is unknown."""
+    """Release of a server. name: "Redis" or "Valkey"; version: () if it is unknown."""
 
     name: str
     numbers: tuple[int, ...]
@@ -30,14 +30,14 @@ class RedisRelease:
 
     @property
     def is_too_old(self) -> bool:
-        """True if the release lacks commands that a farm needs."""
+        """Whether the release lacks commands that the farm needs."""
         return self.name == "Redis" and self.numbers[:2] < OLDEST
 
     @property
     def flaw(self) -> str | None:
-        """A sentence if the release lacks security fixes; None if it has them.
+        """A warning sentence if the release lacks security fixes; None if it has them.
 
-        A distribution may have fixed the flaws without a new version number.
+        A distribution may have backported the fixes without changing the version number.
         """
         fixed = FIXED[self.name]
         series = self.numbers[:2]
@@ -51,14 +51,14 @@ class RedisRelease:
 
 
 def release_of(info: Mapping[str, Any]) -> RedisRelease:
-    """Returns a server's release from its INFO reply. Valkey also reports a Redis version, for old clients."""
+    """Returns a server's release from its INFO reply. Recognises Valkey, which reports a Redis version too, for old clients."""
     if "valkey_version" in info:
         return RedisRelease("Valkey", _numbers(str(info["valkey_version"])))
     return RedisRelease("Redis", _numbers(str(info.get("redis_version", ""))))
 
 
 def release_printed(text: str) -> RedisRelease:
-    """Returns a program's release from its output for `--version`, such as "Valkey server v=9.1.2 sha=..."."""
+    """Returns the release in the output of `--version`, such as "Valkey server v=9.1.2 sha=..."."""
     found = re.search(r"(Redis|Valkey) server v=(\d+(?:\.\d+)*)", text)
     return RedisRelease(found[1], _numbers(found[2])) if found else RedisRelease("Redis", ())
 

@@ -1,8 +1,8 @@
-"""A Redis user for each worker's token, so that a worker's access to Redis ends with its token.
+"""A Redis user for each worker token, so that revoking the token also ends the worker's access to Redis.
 
-These users exist only in Redis's memory, may access only the keys of the queue and of the farm, and have a password derived from
-the farm's token and the key's id: after a restart of Redis they are created again with the same password, and the workers
-continue. Redis itself closes a deleted user's connections.
+These users exist only in Redis's memory and may access only the keys of the queue and the farm. Their passwords are derived from
+the farm's token and the key's id: after a restart of Redis they are created again with the same passwords, and the workers
+continue. Redis itself closes the connections of a deleted user.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ FLAT_RULES = (
 
 
 class RedisUsers:
-    """Synchronizes Redis's users with the workers' keys. `trouble`: why Redis refuses that, or None."""
+    """Keeps Redis's users synchronized with the worker keys. `trouble`: why Redis does not permit that, or None."""
 
     def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
         self._redis = connection
@@ -88,9 +88,10 @@ class RedisUsers:
         self._redis.close()
 
     def address_for(self, key: str, url: str) -> str:
-        """Returns Redis's address with the user of this key; unchanged, with a warning, if Redis has no ACL or denies its use.
+        """Creates the Redis user of a worker key, and returns `url` with that user's name and password.
 
-        Raises Unavailable for every other error: a busy, full or read-only Redis must not give a worker the farm's own rights.
+        If Redis has no ACL or does not permit its use, logs a warning and returns `url` unchanged. Raises Unavailable after any
+        other error: while Redis is busy, full or read-only, a worker must not get the farm's own credentials.
         """
         name = self._prefix + key
         try:
@@ -115,7 +116,10 @@ class RedisUsers:
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()
 
     def refresh(self) -> None:
-        """Creates the Redis users of all valid worker keys and deletes all others. Raises redis.RedisError and FarmError."""
+        """Creates the Redis users of all valid worker keys, and deletes all other worker users.
+
+        Raises redis.RedisError and FarmError.
+        """
         with self._lock:
             wanted = {self._prefix + key.id for key in self._keys.listed("worker")}
             there = {name for name in map(_text, self._redis.acl_users()) if name.startswith(self._prefix)}
@@ -127,7 +131,7 @@ class RedisUsers:
         self.trouble = None
 
     def look_now(self) -> None:
-        """Updates the users now, after a key was revoked. Errors are ignored; the next periodic update repeats it."""
+        """Updates the Redis users at once, after a key was revoked. Ignores errors: the periodic update retries."""
         with contextlib.suppress(redis.RedisError, FarmError, OSError):
             self.refresh()
 

@@ -1,4 +1,4 @@
-"""Roles, and the caller of a request."""
+"""Roles, and the identity of a request's caller."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Role(IntEnum):
 
     @property
     def word(self) -> str:
-        """The role's name in the API."""
+        """The role's name as used in the API."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class Caller:
-    """The caller of a request. name: of the user, or of the worker's token.
+    """Who sent a request. name: of the user, or of the worker token.
 
-    key: the id of the key used; None: not in the database.
+    key: id of the session or token in the database; None if the credential is not stored there.
     """
 
     name: str
@@ -47,17 +47,17 @@ class Caller:
 
     @property
     def is_worker(self) -> bool:
-        """True if the caller used a worker's token."""
+        """Whether the caller authenticated with a worker token."""
         return self.kind == "worker"
 
     @property
     def sees_everything(self) -> bool:
-        """True if the caller sees all projects: administrators can read the data folder anyway."""
+        """Whether the caller sees all projects. True for administrators, who can read the data folder anyway."""
         return self.role >= Role.ADMIN
 
     @property
     def is_known(self) -> bool:
-        """True if the caller is authenticated, and not only admitted because the service is open to this machine."""
+        """Whether the caller has authenticated. False if admitted only because the service needs no login on its own machine."""
         return self.kind != "open"
 
 

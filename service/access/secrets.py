@@ -1,6 +1,6 @@
-"""Secrets of programs and browsers: 256 random bits, of which the service stores only a hash.
+"""Secrets of programs and browsers: 256 random bits each. The service stores only their hashes.
 
-A plain hash is sufficient for these, since they cannot be guessed; for passwords see service.access.passwords.
+A fast hash suffices because these secrets cannot be guessed; passwords need a slow one (service.access.passwords).
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ MOST = 512  # characters of a secret that are hashed
 
 
 def new_secret(kind: str) -> str:
-    """Returns a new secret. Its prefix names its kind, so that a leaked one is recognised."""
+    """Returns a new random secret. Its prefix is its kind, so that a leaked one can be recognised."""
     return f"rayfarm-{kind}-{secrets.token_urlsafe(32)}"
 
 
 def fingerprint(secret: str) -> str:
-    """Returns the SHA-256 of a secret in hexadecimal, which is stored in its place."""
+    """Returns the SHA-256 of a secret in hexadecimal; it is stored instead of the secret."""
     return hashlib.sha256(secret[:MOST].encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def is_same(shown: str, known: str) -> bool:
-    """Compares two secrets in constant time."""
+    """Whether two secrets are equal, compared in constant time."""
     return hmac.compare_digest(fingerprint(shown), fingerprint(known))

@@ -22,14 +22,14 @@ TAKEN = (OWNER, OPEN.name)
 
 
 class Users:
-    """The users in the database. Changes end the user's sessions where needed."""
+    """The users in the database. Changes that affect access also end the user's sessions."""
 
     def __init__(self, sessions: Sessions, keys: Keys) -> None:
         self._sessions = sessions
         self._keys = keys
 
     def add(self, name: str, role: Role, password: str | None) -> User:
-        """Creates a user. Raises Invalid for an invalid name or password, Conflict if the name exists."""
+        """Creates a user. Raises Invalid for an invalid name or password, Conflict if the name is taken."""
         if not NAME.fullmatch(name) or name in TAKEN:
             raise Invalid(
                 Sentence(
@@ -59,7 +59,7 @@ class Users:
             return list(session.scalars(select(User).order_by(User.name)))
 
     def find(self, name: str) -> User:
-        """Returns a user. Raises NotFound."""
+        """Returns the user with this name. Raises NotFound."""
         with self._sessions() as session:
             user = session.get(User, name)
         if user is None:
@@ -67,7 +67,7 @@ class Users:
         return user
 
     def set_role(self, name: str, role: Role) -> User:
-        """Sets a user's role, with immediate effect on open sessions. Raises NotFound."""
+        """Sets a user's role. It takes effect at once, also for open sessions. Raises NotFound."""
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
@@ -77,7 +77,7 @@ class Users:
         return user
 
     def set_password(self, name: str, password: str, stays: str | None = None) -> User:
-        """Sets a user's password and ends the user's sessions. stays: the id of a session to keep.
+        """Sets a user's password and ends all of the user's sessions. stays: id of a session that remains.
 
         Raises NotFound and Invalid.
         """
@@ -92,7 +92,7 @@ class Users:
         return user
 
     def remove(self, name: str) -> None:
-        """Deletes a user with all keys, memberships, quotas and shares; worker keys stay. Raises NotFound."""
+        """Deletes a user and all of the user's keys, memberships, quotas and shares, except worker keys."""
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
@@ -105,7 +105,10 @@ class Users:
         self._keys.clear_cache()
 
     def log_in(self, name: str, password: str) -> User | None:
-        """Returns the user if the password is right, else None; an unknown name takes as long to check."""
+        """Returns the user if the password is right, else None.
+
+        An unknown name takes as long to check, so names cannot be probed.
+        """
         with self._sessions() as session:
             user = session.get(User, name[:64])
         return user if is_right(password, user.password if user else None) else None

@@ -1,4 +1,4 @@
-"""The caller of a request and what it may see, as the service's functions need them."""
+"""The caller of a request and the projects visible to it, for functions outside the HTTP layer."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["Visit"]
 
 @dataclass(frozen=True)
 class Visit:
-    """The caller of a request.
+    """Context of a request: who sent it, from where, and what is visible to them.
 
-    caller: None if the request is not authenticated. needs_login: whether the request required a login. sight: the projects that
-    the caller may see.
+    caller: None if the request is not authenticated. needs_login: whether the request required a login. address: the client's.
+    sight: the visible projects.
     """
 
     caller: Caller | None
@@ -30,10 +30,10 @@ class Visit:
 
     @property
     def queue(self) -> str:
-        """The queue in which costly requests wait: that of the user, or of the address without authentication."""
+        """The queue of the caller's costly requests: one per user, or one per client address without authentication."""
         return f"user {self.user}" if self.user is not None else f"address {self.address}"
 
     @property
     def token(self) -> str | None:
-        """The id of the request's token; None if it used another credential."""
+        """The id of the token that the request used; None if it used another credential."""
         return self.caller.key if self.caller is not None and self.caller.kind == "token" else None
