@@ -1,1 +1,1 @@
-"""Notifications about the end of jobs: by webhook, or by a program on the service's machine."""
+"""Notifications to webhooks and to a program on the service's machine: ended or late jobs, and quarantined workers."""

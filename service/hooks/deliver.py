@@ -33,15 +33,15 @@ def redacted_hook(hook: str) -> str:
 
 
 class UndeliveredError(Exception):
-    """The delivery failed, with the reason as a sentence; a later attempt may succeed."""
+    """A delivery failed. The message is the reason, as a sentence; a later attempt may succeed."""
 
 
 class RefusedError(UndeliveredError):
-    """The receiver wants no more messages."""
+    """The receiver no longer wants messages (HTTP 410)."""
 
 
 def post(url: str, secret: str, id: str, message: dict[str, Any]) -> None:
-    """Sends a signed message to a URL. Raises UndeliveredError, or RefusedError if the receiver answers 410."""
+    """Posts a signed message to a webhook. Raises UndeliveredError, or RefusedError if the receiver answers 410."""
     body = json.dumps(message, separators=(",", ":")).encode()
     signed = {"Content-Type": "application/json", "User-Agent": "rayfarm", **headers(secret, id, int(time.time()), body)}
     try:
@@ -65,12 +65,12 @@ async def _status(url: str, body: bytes, signed: dict[str, str]) -> int:
 
 @functools.cache
 def _certificates() -> ssl.SSLContext:
-    """Returns the trusted certificates, loaded once: that takes longer than sending a message."""
+    """Returns the TLS context with the trusted certificates. Cached, since loading them takes longer than sending a message."""
     return httpx.create_ssl_context()
 
 
 def run(program: str, id: str, message: dict[str, Any]) -> None:
-    """Runs a program with the message as its standard input. Raises UndeliveredError."""
+    """Runs a notification program with the message on its standard input. Raises UndeliveredError."""
     data = message["data"]
     told = {"RAYFARM_EVENT": message["type"], "RAYFARM_MESSAGE_ID": id}
     told |= {f"RAYFARM_JOB_{key.upper()}": str(data.get(key) or "") for key in ("id", "name", "state", "error", "page")}
@@ -93,8 +93,8 @@ def run(program: str, id: str, message: dict[str, Any]) -> None:
 def _ended(command: list[str], text: bytes, env: dict[str, str], stderr: IO[bytes]) -> int:
     """Runs a command and returns its exit status.
 
-    Raises subprocess.TimeoutExpired after RUN_WITHIN_S seconds; then the command's whole process group is killed, so that no
-    processes pile up.
+    If it runs longer than RUN_WITHIN_S seconds, kills its process group, so that processes do not accumulate, and raises
+    subprocess.TimeoutExpired.
     """
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=stderr, env=env, start_new_session=True

@@ -1,4 +1,4 @@
-"""The messages to hooks: about a job that has ended or is late, about a worker that was set aside, and tests."""
+"""Bodies of the messages to hooks: about ended and late jobs and quarantined workers, and test messages."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ __all__ = ["job_message", "quarantine_message", "test_message"]
 
 
 def job_message(job: Job, public_url: str) -> dict[str, Any]:
-    """Returns the message about a job that has ended, or about an unfinished one that is expected to miss its deadline.
+    """Returns the message about a job that has ended, or about a running one that is expected to miss its deadline.
 
-    public_url: base URL of the page; may be empty.
+    public_url: base URL of the page, for links; may be empty.
     """
     told: dict[str, Any] = {
         "id": job.id,
@@ -33,9 +33,10 @@ def job_message(job: Job, public_url: str) -> dict[str, Any]:
 
 
 def quarantine_message(at: float, told: dict[str, Any]) -> dict[str, Any]:
-    """Returns the message about a worker that was set aside because its samples differ from those of others.
+    """Returns the message about a worker that was quarantined because its samples differ from those of other workers.
 
-    told: the details: the worker, the reason, the job in which it was found, and the jobs that are partly rendered again.
+    at: Unix time. told: details: the worker, the reason, the job in which it was found, and the jobs that are partly rendered
+    again.
     """
     return _event("worker.set-aside", at, told)
 

@@ -1,6 +1,7 @@
-"""Notifies hooks about every job that ends or is late, at least once, also across restarts: messages are rows until delivered.
+"""Notifies hooks of every job that ends or is late, at least once, even across restarts: messages are stored as rows until sent.
 
-A row's (hook, job, time of the event) identifies what was already sent: a job that continues and ends again is reported again.
+A row is identified by (hook, job, time of the event), so each event is reported once; a job that is continued and ends again is a
+new event.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # delay 
 
 
 class Outbox:
-    """The outbox, with one thread per hook that finds ended jobs and sends due messages; a slow hook does not delay others."""
+    """Finds ended and late jobs and sends the messages about them. One thread per hook, so a slow hook does not delay others."""
 
     def __init__(self, settings: Settings, sessions: Sessions, events: Events) -> None:
         self._settings = settings
@@ -52,7 +53,7 @@ class Outbox:
             thread.start()
 
     def stop(self) -> None:
-        """Stops after the messages in progress; due messages are sent after the next start."""
+        """Stops the threads after the messages in progress. Messages that are due are sent after the next start."""
         self._stop.set()
         until = time.monotonic() + ENDS_WITHIN_S
         for thread in self._threads:
@@ -60,14 +61,14 @@ class Outbox:
                 thread.join(max(until - time.monotonic(), 0.0))
 
     def tell(self, hook: str, id: str, message: dict[str, object]) -> None:
-        """Sends one message now. Raises UndeliveredError."""
+        """Sends one message to a hook immediately. Raises UndeliveredError."""
         if hook == self._settings.job_hook:
             run(hook, id, message)
         else:
             post(hook, self._settings.webhook_secret, id, message)
 
     def _worker_set_aside(self, event: WorkerSetAside) -> None:
-        """Queues messages to the webhooks; the program is run for jobs only."""
+        """Queues messages about a quarantined worker to all webhooks. The notification program is run for jobs only."""
         if event.details is None:
             return
         now = time.time()
@@ -114,9 +115,9 @@ class Outbox:
         self._since[hook] = since
 
     def _begun(self, hook: str) -> float:
-        """Returns the time of the last event recorded for a hook.
+        """Returns the Unix time from which events are reported to a hook.
 
-        For a new hook, records the present time, from which events count.
+        For a new hook this is now, which is stored: earlier events are not reported.
         """
         with self._sessions.begin() as session:
             latest = session.scalar(select(func.max(Delivery.ended)).where(Delivery.hook == hook))
@@ -133,7 +134,7 @@ class Outbox:
         return Delivery(id=f"msg_{uuid.uuid4().hex}", hook=hook, job=job.id, ended=_at(job), message=message, due=time.time())
 
     def _send_due(self, hook: str) -> None:
-        """Sends the due messages of a hook, until one fails; then the hook is left alone for a while."""
+        """Sends a hook's due messages until one fails; then pauses that hook for a while."""
         if time.monotonic() < self._rests.get(hook, 0.0):
             return
         now = time.time()
@@ -165,5 +166,5 @@ class Outbox:
 
 
 def _at(job: Job) -> float:
-    """Returns when the reported event happened: when the job ended, or when it became late."""
+    """Returns the Unix time of the reported event: when the job ended, or when it became late."""
     return (job.finished if job.state in FINAL else job.late) or 0.0

@@ -1,6 +1,6 @@
-"""Signatures by the Standard Webhooks specification, version 1.0, with which receivers verify that a message is from the farm.
+"""Message signatures as defined by the Standard Webhooks specification 1.0. Receivers use them to verify a message's origin.
 
-https://github.com/standard-webhooks/standard-webhooks has libraries for verification in most languages.
+https://github.com/standard-webhooks/standard-webhooks lists verification libraries for most languages.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ LEAST_BYTES, MOST_BYTES = 24, 64
 
 
 def new_secret() -> str:
-    """Returns a new secret of 32 random bytes."""
+    """Returns a new signing secret of 32 random bytes, encoded as text."""
     return PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
 
 
 def key_of(secret: str) -> bytes:
-    """Returns the bytes of a secret. Raises ValueError if it is malformed."""
+    """Decodes a signing secret to bytes. Raises ValueError if it is malformed."""
     try:
         key = base64.b64decode(secret.removeprefix(PREFIX), validate=True)
     except binascii.Error:
@@ -34,7 +34,7 @@ def key_of(secret: str) -> bytes:
 
 
 def headers(secret: str, id: str, timestamp: int, body: bytes) -> dict[str, str]:
-    """Returns the headers of a signed message. timestamp: Unix time in seconds of this attempt."""
+    """Returns the HTTP headers that sign a message. id: of the message. timestamp: Unix time of this attempt, in seconds."""
     signed = hmac.new(key_of(secret), f"{id}.{timestamp}.".encode() + body, hashlib.sha256).digest()
     return {
         "webhook-id": id,
