@@ -1,1 +1,1 @@
-"""The HTTP layer of the service: authorization, problems, headers, uploads and compression."""
+"""The HTTP layer of the service: authorization, error responses, headers, uploads and compression."""

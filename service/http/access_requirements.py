@@ -1,6 +1,6 @@
-"""Access requirements of every route, in one table, which a test compares with the existing routes.
+"""The access requirement of every route, in one table. A test compares the table with the existing routes.
 
-Paths below /api/ that are not in the table also require an authenticated caller.
+Paths below /api/ that are missing from the table require an authenticated caller.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ __all__ = ["NEEDS", "Need", "need_of", "thing_of"]
 class Need:
     """The access requirement of a route.
 
-    role: minimum role of a user or program; None: no role suffices. workers: whether a worker's token suffices. known: whether
-    the caller must have authenticated, even if the service is open to this machine.
+    role: minimum role of a user or program; None: only workers may call it. workers: whether a worker token suffices. known:
+    whether the caller must have authenticated even if the service needs no login on its own machine.
     """
 
     role: Role | None
@@ -30,7 +30,7 @@ class Need:
     known: bool = False
 
     def is_met(self, caller: Caller | None) -> bool:
-        """Returns True if this caller meets the requirement."""
+        """Whether this caller meets the requirement."""
         if self.role is Role.NOBODY:
             return True
         if caller is None or (self.known and not caller.is_known):
@@ -39,7 +39,7 @@ class Need:
 
     @property
     def weight(self) -> tuple[bool, int, bool]:
-        """Sort key by strictness; a larger one is stricter."""
+        """Sort key for strictness: a stricter requirement has a larger key."""
         return self.role is None, self.role or 0, self.known
 
 
@@ -158,7 +158,7 @@ THINGS: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environments": "en
 
 
 def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
-    """Returns the kind and id of the project resource that a path names; None if there is none. pattern: from `need_of`."""
+    """Returns the kind and id of the object in a path that projects protect; None if there is none. pattern: from `need_of`."""
     _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
     if collection not in THINGS or name != "{id}":
         return None
@@ -166,9 +166,10 @@ def thing_of(pattern: str, path: str) -> tuple[Kind, str] | None:
 
 
 def need_of(method: str, path: str) -> tuple[str, Need]:
-    """Returns the pattern of a path and its requirement: that of the strictest matching pattern.
+    """Returns the table's pattern that matches a path, and its requirement. If several match, the strictest applies.
 
-    method: WS for a WebSocket. HEAD counts as GET; an unsupported method has the least strict requirement of the path.
+    method: "WS" for a WebSocket. HEAD is treated as GET. For an unsupported method, the least strict requirement of the path
+    applies.
     """
     method = "GET" if method == "HEAD" else method
     fitting = [(known, pattern) for known, pattern, compiled in _compiled() if compiled.match(path)]

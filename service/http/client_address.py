@@ -1,8 +1,8 @@
-"""Client addresses behind proxies: the trusted header fields, and the proxies from which they are trusted.
+"""Client addresses behind proxies: which header fields are trusted, from which proxies.
 
-X-Forwarded-For and X-Forwarded-Proto count only if the connection comes from an address of RAYFARM_TRUSTED_PROXIES; then the
-client is the rightmost address that is not itself a trusted proxy. A standby of the same farm signs the origin of the requests
-that it forwards. From other addresses these fields are ignored: the client is the peer of the connection.
+X-Forwarded-For and X-Forwarded-Proto are used only if the connection comes from an address in RAYFARM_TRUSTED_PROXIES. The client
+is then the rightmost address that is not itself a trusted proxy. A standby of the same farm signs the origin of requests that it
+forwards. From all other addresses these fields are ignored: the client is the peer of the connection.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ UNTRUSTED = (
 
 
 class ClientAddress:
-    """The outermost ASGI middleware: sets `client` and `scheme` of the scope."""
+    """The outermost ASGI middleware: sets `client` and `scheme` in the scope from trusted header fields."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
@@ -61,7 +61,7 @@ class ClientAddress:
         self._has_warned = False
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Sets the client's address and passes the request on."""
+        """Sets the client's address and scheme in the scope, then calls the application."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -77,7 +77,7 @@ class ClientAddress:
         await self._believing(scope, receive, send)
 
     async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Keeps the peer's address if the proxy sent an invalid one."""
+        """Calls the application with the peer's own address if the forwarded one is malformed."""
         peer = scope.pop(PEER)
         if scope.get("client") != peer:
             try:
@@ -93,9 +93,9 @@ class ClientAddress:
 
 
 def is_from_proxy(scope: Scope) -> bool:
-    """Returns True if a request shows traces of a proxy: fields that proxies add, or HTTP/1.0.
+    """Whether a request came through a proxy: it has header fields that proxies add, or uses HTTP/1.0.
 
-    By default nginx uses HTTP/1.0 to its upstream, with the upstream's own address as Host, and adds no field.
+    By default nginx uses HTTP/1.0 towards its upstream, with the upstream's own address as Host, and adds no field.
     """
     return scope.get("http_version") == "1.0" or _names_proxy(name for name, _ in scope["headers"])
 
@@ -106,13 +106,16 @@ def _names_proxy(names: Iterable[bytes]) -> bool:
 
 
 def signed_origin(scope: Scope, address: str, secret: str) -> str:
-    """Returns the field PASSED_ON, in which a standby sends a client's address ("" for none) and scheme to the owner."""
+    """Returns the signed value of the header PASSED_ON, by which a standby reports a client to the owner.
+
+    address: the client's; "" for a local client. The scheme (http or https) is part of the value.
+    """
     said = f"{address or NO_ADDRESS} {scope['scheme']}"
     return f"{said} {_signature(said, secret)}"
 
 
 def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
-    """Returns address and scheme of `signed_origin`; None if the field is missing or its signature invalid."""
+    """Returns address and scheme from a value of `signed_origin`; None if it is missing or its signature is invalid."""
     said, _, signature = word.rpartition(" ")
     if not secret or not said or not hmac.compare_digest(signature.encode(), _signature(said, secret).encode()):
         return None

@@ -1,6 +1,6 @@
-"""Compression of JSON answers for clients that accept it, which cuts lists of jobs on slow lines to a tenth of the time.
+"""Gzip compression of JSON responses, which loads lists of jobs ten times as fast over slow connections.
 
-Answers on loopback are compressed too, since requests through a tunnel (`ssh -L`) look like local ones.
+Responses over loopback are compressed too, since requests through a tunnel (`ssh -L`) look local.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ GZIP = 31  # zlib's window bits for the gzip format
 
 
 class CompressionMiddleware:
-    """ASGI middleware around the routes."""
+    """ASGI middleware that compresses JSON responses."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Passes a request on, and compresses its response."""
+        """Calls the application, and compresses its response if the client accepts gzip."""
         if scope["type"] != "http" or "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
             await self._app(scope, receive, send)
             return

@@ -1,4 +1,4 @@
-"""Cookies that scripts cannot read (HttpOnly)."""
+"""Sets HttpOnly cookies, which scripts cannot read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["set_cookie"]
 def set_cookie(
     request: Request, response: Response, name: str, value: str, lasts_s: float, same_site: Literal["strict", "lax"] = "strict"
 ) -> None:
-    """Sets a cookie for `lasts_s` seconds; 0 deletes it."""
+    """Sets a cookie that expires after `lasts_s` seconds; 0 deletes it."""
     response.set_cookie(
         name,
         value,

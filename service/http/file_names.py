@@ -1,4 +1,4 @@
-"""File names of downloaded pictures, from the scene's name: `CesiumMilkTruck-128spp.exr`."""
+"""File names for downloaded pictures, derived from the scene's name: `CesiumMilkTruck-128spp.exr`."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ KEPT = "._-+()"  # in addition to letters and digits
 
 
 def title_of(job: Job) -> str:
-    """Returns the job's name as part of a file name: letters, digits and a few marks, without the scene file's suffix."""
+    """Returns the job's name in a form suited to file names: letters, digits and a few marks, without the scene file's suffix."""
     plain = unicodedata.normalize("NFC", SUFFIX.sub("", job.name))
     clean = "".join(c if c in KEPT or unicodedata.category(c)[0] in "LNM" else "-" for c in plain)
     return re.sub("-{2,}", "-", clean).strip("-.")[:LONGEST] or job.id
 
 
 def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str) -> str:
-    """Returns the file name of a picture.
+    """Returns the file name for a downloaded picture, which includes its mean number of samples per pixel.
 
-    samples: over all pixels. kind: the name of an AOV or similar; empty for the colour.
+    samples: sum over all pixels. kind: name of an AOV or similar; empty for the colour.
     """
     settings = job.settings or {}
     spp = samples // max(int(settings.get("width", 1)) * int(settings.get("height", 1)), 1)
@@ -35,7 +35,7 @@ def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str
 
 
 def named(name: str, disposition: str = "inline") -> str:
-    """Returns the header Content-Disposition: an ASCII name, and the name by RFC 6266 if it is not ASCII."""
+    """Returns a Content-Disposition header: with an ASCII name, and also the encoded name of RFC 6266 if it is not ASCII."""
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().replace('"', "")
     plain = f'{disposition}; filename="{ascii_name}"'
     return plain if ascii_name == name else f"{plain}; filename*=UTF-8''{quote(name)}"

@@ -1,6 +1,6 @@
-"""Forwarding of requests from a standby to the service that owns the farm; responses are streamed back.
+"""Forwards requests from a standby to the service that owns the farm, and streams the responses back.
 
-The owner treats them as if they had been sent to it: the standby sends the client's address and scheme in a signed field.
+The owner treats them as if it had received them directly: the standby sends the client's address and scheme in a signed field.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocke
 
 
 class OwnerClient:
-    """HTTP and WebSocket client for the owner of the farm."""
+    """HTTP and WebSocket client for the service that owns the farm.
+
+    `over` in its methods is set when this service becomes the owner.
+    """
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -55,7 +58,7 @@ class OwnerClient:
             self._http = None
 
     async def is_ready(self, url: str, over: asyncio.Event) -> bool:
-        """Returns True if the service at this address is ready; False if `over` is set first."""
+        """Whether the service at this URL is ready. Returns False if `over` is set before it answers."""
         asking = self._client().get(f"{url}/readyz", headers={"Host": "localhost", PASSED_ON: "1"}, timeout=CONNECT_S)
         try:
             answer = await _until(over, asking)
@@ -64,7 +67,10 @@ class OwnerClient:
         return answer is not None and answer.is_success
 
     async def request(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forwards a request, until `over` is set. Raises Unavailable if the owner does not respond; then nothing was sent."""
+        """Forwards an HTTP request; stops if `over` is set.
+
+        Raises Unavailable if the owner does not respond; then nothing was sent to the client.
+        """
         headers = Headers(scope=scope)
         has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         path = _path(scope)
@@ -91,7 +97,7 @@ class OwnerClient:
             await answer.aclose()
 
     async def socket(self, url: str, over: asyncio.Event, scope: Scope, receive: Receive, send: Send) -> None:
-        """Forwards a WebSocket, until `over` is set. Raises Unavailable if the owner does not respond."""
+        """Forwards a WebSocket connection until `over` is set. Raises Unavailable if the owner does not respond."""
         await receive()
         there, path = urlsplit(url), _path(scope)
         if not path.startswith("/"):
@@ -120,7 +126,10 @@ class OwnerClient:
             raise _unreachable_owner(type(error).__name__) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
-        """Returns the header fields for the owner, with the client's origin, unless that is a loopback address."""
+        """Returns the request's header fields without those in `left_out`, with the client's signed origin added.
+
+        A loopback client has an empty address in it.
+        """
         client = (scope.get("client") or ("", 0))[0]
         origin = signed_origin(scope, "" if is_here(client) else client, self._settings.owner_token)
         kept = [(name, value) for name, value in scope["headers"] if _text(name).lower() not in left_out]
@@ -174,7 +183,7 @@ async def _until_gone(receive: Receive) -> None:
 
 
 async def _between(far: ClientConnection, over: asyncio.Event, receive: Receive, send: Send) -> None:
-    """Forwards messages in both directions, until either side disconnects or `over` is set."""
+    """Forwards WebSocket messages in both directions until either side disconnects or `over` is set."""
     await send({"type": "websocket.accept", "subprotocol": far.subprotocol})
     going = asyncio.create_task(_up(far, receive))
     try:
@@ -201,7 +210,7 @@ async def _down(far: ClientConnection, send: Send) -> None:
 
 
 async def _until(over: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """Returns the result of a coroutine; None if `over` is set or another task ends first."""
+    """Returns the result of a coroutine; None if `over` is set or another task ends first, which cancels it."""
     task, ending = asyncio.create_task(doing), asyncio.create_task(over.wait())
     try:
         await asyncio.wait((task, ending, *others), return_when=asyncio.FIRST_COMPLETED)

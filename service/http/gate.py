@@ -1,8 +1,7 @@
-"""Authorization of every request and WebSocket, before its route is called.
+"""Authorizes every request and WebSocket before its route is called.
 
-A direct connection on loopback, from this machine, is accepted without credentials. Other clients send a session's cookie or a
-token (Authorization: Bearer TOKEN). Long-lived connections are checked again every few seconds: logging out, revoking a token or
-changing a role ends them.
+Direct connections over loopback need no credentials. Other clients send a session cookie or a token (Authorization: Bearer
+TOKEN). Long-lived connections are checked again every few seconds, so logging out, revoking a token or changing a role ends them.
 """
 
 from __future__ import annotations
@@ -66,7 +65,7 @@ class AuthorizationMiddleware:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Identifies the caller, and passes the request on if the caller is authorized."""
+        """Identifies the caller, and calls the application if the caller is authorized; otherwise responds with an error."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -118,29 +117,29 @@ class AuthorizationMiddleware:
 
 
 def cookie_name(access: Access, scope: Scope) -> str:
-    """Returns the name of the session's cookie. Over TLS its prefix prevents other hosts from setting it."""
+    """Returns the name of the session cookie. Over TLS it has a prefix that prevents other hosts from setting it."""
     return f"__Host-{access.cookie}" if scope["scheme"] in ("https", "wss") else access.cookie
 
 
 def _path(scope: Scope) -> str:
-    """Returns the path by which routes are found, without the application's root path."""
+    """Returns the request's path as routes see it, without the application's root path."""
     path: str = scope["path"]
     root: str = scope.get("app_root_path", scope.get("root_path", ""))
     return path.removeprefix(root) if root and path.startswith(f"{root}/") else path
 
 
 def _secret_of(headers: Headers, cookie: str) -> str:
-    """Returns the secret of a request, from its token or else its cookie."""
+    """Returns the secret in a request: its bearer token, or else its session cookie."""
     if token := shown_secret(headers):
         return token
     return cookie_parser(headers["cookie"]).get(cookie, "") if "cookie" in headers else ""
 
 
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
-    """Returns True if this request needs a login.
+    """Whether a request needs a login.
 
-    On a farm that is open to its own machine, these do: requests from another machine, through a proxy, or by a name other than
-    loopback's. In a container every client has another address, so only the proxy counts there.
+    If the service needs no login on its own machine, only these do: requests from other machines, through a proxy, or by a host
+    name other than loopback's. In a container every client has a foreign address, so only the proxy is checked there.
     """
     if access.needs_login or access.is_open:
         return access.needs_login
@@ -153,7 +152,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
 
 @cache
 def _warn_of_proxy() -> None:
-    """Logs, once, that a proxy forwards to a farm that needs no login on this machine."""
+    """Logs a warning, once, that a proxy forwards to a service that needs no login on its own machine."""
     log.warning(
         "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
         "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
@@ -166,7 +165,7 @@ async def _known(access: Access, shown: str) -> Caller | None:
 
 
 async def _visible_projects(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
-    """Returns the projects that a caller may see; all of them if no login is needed."""
+    """Returns the projects visible to a caller. A local caller who needs no login sees all of them."""
     if not needs_login and caller is not None and not caller.is_worker:
         return EVERYTHING
     known = access.projects.cached_visibility(caller)
@@ -174,7 +173,7 @@ async def _visible_projects(access: Access, caller: Caller | None, needs_login: 
 
 
 async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
-    """Returns True if a caller may see a resource; False for a missing one too, so that both look the same."""
+    """Whether an object is visible to a caller. False also if it does not exist, so that both get the same response."""
     if sight.everything:
         return True
     project = access.projects.cached_project(*thing)
@@ -187,7 +186,7 @@ async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, 
 
 
 async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
-    """Sends the route's answer for a missing resource, also for one in a hidden project."""
+    """Sends the "not found" response of the object's kind, for a missing object or one in a hidden project."""
     sentence = str(thing_not_found(*thing))
     if scope["type"] == "http":
         await refuse(Problem(404, sentence), scope, receive, send)
@@ -226,7 +225,7 @@ async def _record_action(access: Access, caller: Caller, address: str, what: str
 
 
 def _recording_send(access: Access, caller: Caller, address: str, what: str, path: str, send: Send) -> Send:
-    """Wraps `send` to add the request with its status to the audit log."""
+    """Wraps `send` so that the request and its status are added to the audit log."""
 
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -238,7 +237,7 @@ def _recording_send(access: Access, caller: Caller, address: str, what: str, pat
 
 
 def _private_send(send: Send) -> Send:
-    """Wraps `send` to mark cacheable responses as private, so that shared proxies do not store them."""
+    """Wraps `send` so that cacheable responses are marked private: shared proxies then do not store them."""
 
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -252,7 +251,7 @@ def _private_send(send: Send) -> Send:
 
 
 class _ReauthorizedConnection:
-    """A WebSocket, a streaming response or an upload, which ends when its caller is no longer authorized."""
+    """A WebSocket, streaming response or upload that ends once its caller is no longer authorized."""
 
     def __init__(
         self,
@@ -276,7 +275,7 @@ class _ReauthorizedConnection:
         )  # close code and reason of a WebSocket
 
     async def receive(self) -> Message:
-        """Returns the next message; a disconnection once the caller is no longer authorized."""
+        """Returns the next message from the client, or a disconnect message once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "websocket.receive" and not await self._may_go_on():
             await self._end("websocket")
@@ -285,7 +284,7 @@ class _ReauthorizedConnection:
         return message
 
     async def take(self) -> Message:
-        """Returns the next message of an upload. Raises Problem once the caller is no longer authorized."""
+        """Returns the next part of an upload. Raises Problem once the caller is no longer authorized."""
         message = await self._receive()
         if message["type"] == "http.request" and not message.get("more_body"):
             self._looked = -math.inf  # checks again before the upload is stored
@@ -294,7 +293,7 @@ class _ReauthorizedConnection:
         return message
 
     async def send(self, message: Message) -> None:
-        """Sends a message, or ends the connection if the caller is no longer authorized."""
+        """Sends a message to the client; ends the connection instead if the caller is no longer authorized."""
         if message["type"] in ("websocket.send", "http.response.body") and not await self._may_go_on():
             await self._end(message["type"].partition(".")[0])
         elif not self._is_over:

@@ -1,4 +1,4 @@
-"""HEAD requests for content that is made on demand: returns the known headers without making the content."""
+"""HEAD requests for content that is generated on request: responds with the known headers without generating it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ HEAD = "rayfarm.head"  # key in the ASGI scope of a HEAD request
 
 
 def as_get(scope: Scope) -> Scope:
-    """Rewrites a HEAD request as GET (RFC 9110, 9.1); the server drops the body of the answer."""
+    """Returns the scope with GET in place of HEAD (RFC 9110, 9.1). The server omits the response's body."""
     return {**scope, "method": "GET", HEAD: True}
 
 
 def is_head(request: Request) -> bool:
-    """Returns True if the request was a HEAD request."""
+    """Whether the original method of a request was HEAD."""
     return HEAD in request.scope
 
 
 def headers_alone(headers: Mapping[str, str], media_type: str) -> StreamingResponse:
-    """Returns the response to a HEAD request, without a length, which is unknown before the content is made."""
+    """Returns the response to a HEAD request, without Content-Length, which is unknown until the content is generated."""
     return StreamingResponse(iter(()), media_type=media_type, headers=headers)

@@ -1,8 +1,8 @@
-"""The host names that a service answers to.
+"""The host names that the service accepts in requests.
 
-A foreign page may point its own name at this machine and then read the service's answers as same-origin (DNS rebinding). Such an
-attack needs a name; so a service that other machines can reach answers to any literal address, to this machine's own names and
-to configured names, and to no other. On loopback it answers to loopback's names only.
+A foreign web page can point its own host name at this machine and then read the service's responses as same-origin (DNS
+rebinding). This needs a name, so a service that other machines can reach accepts IP addresses, this machine's own names and
+configured names, but no others. A service on loopback accepts only loopback's names.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9.
 
 
 def name_of(host: str) -> str | None:
-    """Returns a Host header without its port, in lower case; None if it is malformed (RFC 9110, 7.2)."""
+    """Returns the lower-case host of a Host header, without its port; None if it is malformed (RFC 9110, 7.2)."""
     found = HOST.fullmatch(host)
     if found is None:
         return None
@@ -31,7 +31,7 @@ def name_of(host: str) -> str | None:
 
 
 def is_here(address: str) -> bool:
-    """Returns True if a client's address belongs to this machine. A Unix socket has no address and counts as local."""
+    """Whether a client's address is on this machine. A Unix socket has no address and is treated as local."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -40,7 +40,7 @@ def is_here(address: str) -> bool:
 
 
 class Hosts:
-    """The host names of this service."""
+    """The host names accepted by this service."""
 
     def __init__(self, settings: Settings) -> None:
         self._takes_addresses = not settings.is_loopback
@@ -53,7 +53,7 @@ class Hosts:
             threading.Thread(target=self._ask_for_full_name, name="own name", daemon=True).start()
 
     def is_accepted(self, name: str) -> bool:
-        """Returns True if the service accepts this host name or address."""
+        """Whether requests for this host name or address are accepted."""
         return name in self._names or (self._takes_addresses and is_address(name))
 
     def _ask_for_full_name(self) -> None:

@@ -1,4 +1,4 @@
-"""Supported methods of a path: for Allow, in responses to OPTIONS and to an unsupported method (RFC 9110, 10.2.1)."""
+"""The methods that a path supports, for the Allow header of OPTIONS and of unsupported methods (RFC 9110, 10.2.1)."""
 
 from __future__ import annotations
 

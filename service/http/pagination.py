@@ -1,4 +1,4 @@
-"""Pagination of lists, which may have ten thousand items."""
+"""Pagination of lists, which may have ten thousand entries."""
 
 from __future__ import annotations
 
@@ -19,19 +19,22 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Page:
-    """The requested part of a list. The response's header X-Total-Count contains the total number."""
+    """The requested range of a list. Methods set the response's header X-Total-Count to the length of the whole list."""
 
     limit: int
     offset: int
     response: Response
 
     def slice_of(self, things: Sequence[T]) -> Sequence[T]:
-        """Returns the requested part of a list in memory."""
+        """Returns the requested range of a list that is in memory."""
         self.response.headers[TOTAL] = str(len(things))
         return things[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
-        """Returns the requested part of `first` followed by an ordered query's rows. first: items that are in no table."""
+        """Returns the requested range of a list that consists of `first` followed by the rows of an ordered query.
+
+        first: entries that are in no table. The range is returned as its part of `first` and its rows.
+        """
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.slice_of(first)
         self.response.headers[TOTAL] = str(len(first) + count)

@@ -1,4 +1,4 @@
-"""Path parameters of routes."""
+"""Types of path parameters in routes."""
 
 from __future__ import annotations
 

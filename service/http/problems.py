@@ -1,4 +1,4 @@
-"""Errors as application/problem+json (RFC 9457): a title, and a detail with the fault and its remedy."""
+"""Errors as application/problem+json (RFC 9457): a title, and a detail that says what is wrong and what to do."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ def _standard(status: int, path: str, method: str) -> Sentence:
 
 
 class ProblemResponse(JSONResponse):
-    """A JSON response with the media type of problems."""
+    """A JSON response with the media type application/problem+json."""
 
     media_type = "application/problem+json"
 
 
 class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it
-    """An error response. `detail` is one sentence with the fault and its remedy; `more` is added to the body."""
+    """An error that becomes a problem response. `detail`: one sentence with the fault and its remedy; `more`: further fields."""
 
     def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> None:
         super().__init__(detail)
@@ -131,7 +131,7 @@ ProblemBody: dict[str, Any] = {
 
 
 def response(status: int, detail: str, headers: Mapping[str, str] | None = None, **more: Any) -> ProblemResponse:
-    """Returns the response for a status and a sentence."""
+    """Returns the problem response with a status and a detail sentence."""
     if status == 503:
         headers = {"Retry-After": str(RETRY_AFTER_S), **(headers or {})}
     body = {"type": "about:blank", "title": http.HTTPStatus(status).phrase, "status": status, "detail": detail}
@@ -148,7 +148,7 @@ def _coded(text: str) -> dict[str, Any]:
 
 
 def install(app: FastAPI) -> None:
-    """Installs handlers that convert every error of the application to a problem."""
+    """Installs exception handlers that convert every error of the application to a problem response."""
 
     @app.exception_handler(Problem)
     async def _problem(request: Request, error: Problem) -> ProblemResponse:
@@ -206,7 +206,7 @@ JSON_OBJECT = Sentence(
 
 
 def validation_message(error: Mapping[str, Any]) -> str:
-    """Returns a validation error of a request as text: the field and its fault."""
+    """Returns the text of a request's validation error: the name of the field and what is wrong with it."""
     field, message = _field(error["loc"]), _message(error)
     return _of_field(field, message)
 
@@ -216,7 +216,7 @@ def _of_field(field: str, message: str) -> str:
 
 
 def _field(location: Sequence[Any]) -> str:
-    """Returns the path of a field as text: `("body", "view", "eye", 0)` as `view.eye[0]`."""
+    """Returns the name of a field from its location: `("body", "view", "eye", 0)` becomes `view.eye[0]`."""
     text = ""
     for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)

@@ -1,4 +1,4 @@
-"""Redaction of a worker's slots for callers who may not see their work: such a slot is shown as busy only."""
+"""Hides what a worker's slots render from callers who may not see those jobs: such a slot is shown only as busy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NAMES: dict[str, Kind] = {"job": "job", "scene": "scene", "denoise": "job", "vec
 
 
 def seen_slots(slots: list[dict[str, Any]], sight: ProjectVisibility, projects: Projects) -> list[dict[str, Any]]:
-    """Returns the current work of each slot, redacted to what the caller may see. May query the database."""
+    """Returns the current work of each slot, with hidden jobs removed. sight: the caller's visibility. May query the database."""
     if sight.everything:
         return slots
 

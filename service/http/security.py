@@ -1,8 +1,8 @@
-"""Security headers on every response, and rejection of cross-site requests.
+"""Adds security headers to every response, and rejects cross-site requests.
 
-A foreign page may post to a service on the reader's own machine (CSRF), or point its own name at it and read the responses too
-(DNS rebinding). So a service responds only to its own names (service.http.hosts), and requests whose Origin differs from their
-Host can change nothing and open no WebSocket.
+A foreign web page could post to a service on the visitor's own machine (CSRF), or point its host name at it and also read the
+responses (DNS rebinding). So the service accepts only its own host names (service.http.hosts), and a request whose Origin differs
+from its Host can change nothing and open no WebSocket.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class SecurityMiddleware:
         self._hosts = Hosts(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Checks a request, and passes it on or rejects it."""
+        """Checks a request, then calls the application or responds with an error."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, _with_refusal(scope, send))
             return
@@ -103,7 +103,7 @@ class SecurityMiddleware:
 
 
 async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -> None:
-    """Responds with an error to a request, or to a WebSocket that is not open yet."""
+    """Rejects a request, or a WebSocket before it is accepted, with an error response."""
     if scope["type"] == "http" or "websocket.http.response" in scope.get("extensions", {}):
         await response(refusal.status, refusal.detail, refusal.headers)(scope, receive, send)
     else:
@@ -111,7 +111,7 @@ async def refuse(refusal: Problem, scope: Scope, receive: Receive, send: Send) -
 
 
 def _host_of(origin: str) -> str | None:
-    """Returns host and port of an Origin; None if it has none."""
+    """Returns host and port of an Origin header; None if it has none ("null")."""
     try:
         return urlsplit(origin).netloc.lower() or None
     except ValueError:
@@ -119,14 +119,14 @@ def _host_of(origin: str) -> str | None:
 
 
 def exceeds_limit(length: str, limit: int) -> bool:
-    """Returns True if a Content-Length exceeds the limit; False for a malformed one, which the server rejects."""
+    """Whether a Content-Length exceeds the limit. False for a malformed one, which the server rejects itself."""
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 
 
 def _head_as_get(scope: Scope) -> Scope:
-    """Rewrites HEAD requests as GET, so that every GET route supports HEAD.
+    """Converts HEAD requests to GET, so that every GET route supports HEAD.
 
-    Except for the stream of events, whose response never ends.
+    Except for the event stream, whose response never ends.
     """
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
         return as_get(scope)
@@ -134,7 +134,7 @@ def _head_as_get(scope: Scope) -> Scope:
 
 
 def _with_refusal(scope: Scope, send: Send) -> Send:
-    """Logs the reason why the service does not start as a sentence instead of a traceback."""
+    """Wraps `send` so that a failed start reports its reason as one sentence instead of a traceback."""
 
     async def wrapped(message: Message) -> None:
         refusal = getattr(scope["app"].state, "refusal", None)
@@ -163,7 +163,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
 
 
 def _bounded(scope: Scope, receive: Receive) -> Receive:
-    """Enforces the size limit on bodies of unknown length."""
+    """Wraps `receive` to enforce the size limit on bodies without a Content-Length."""
     if scope["path"].startswith(STREAMED):
         return receive
     size = 0

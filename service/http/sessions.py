@@ -1,4 +1,4 @@
-"""Logout at the OpenID provider together with the farm: the browser keeps the ID token of its login for the provider."""
+"""Logout at the OpenID provider when a user logs out of the farm: the ID token, which this needs, is stored in a cookie."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ UNKNOWN = "-"  # a provider's session whose ID token is too long to store
 
 
 def keep_login(request: Request, response: Response, farm: Farm, token: str) -> None:
-    """Stores the ID token after a login through a provider. token: the ID token."""
+    """Stores the ID token of an OpenID login in a cookie."""
     set_cookie(request, response, _cookie(farm, request), token if len(token) <= LONGEST else UNKNOWN, SESSION_S)
 
 
 def forget_login(request: Request, response: Response, farm: Farm) -> None:
-    """Deletes the stored ID token, when the browser's session ends or another one replaces it."""
+    """Deletes the cookie with the ID token, when the session ends or is replaced by another one."""
     if (name := _cookie(farm, request)) in request.cookies:
         set_cookie(request, response, name, "", 0)
 
 
 def logout_url(request: Request, farm: Farm) -> str | None:
-    """Returns the URL that logs the browser out at the provider; None if there is none."""
+    """Returns the URL that logs the browser out at the provider; None if the login did not use one."""
     shown = cookie_parser(request.headers.get("cookie", "")).get(_cookie(farm, request), "")
     if not shown or farm.access.oidc is None:
         return None
@@ -36,7 +36,7 @@ def logout_url(request: Request, farm: Farm) -> str | None:
 
 
 def base_url(request: Request, farm: Farm) -> str:
-    """Returns the address of the page, without the trailing slash."""
+    """Returns the base URL of the page, without a trailing slash."""
     return farm.settings.public_url.rstrip("/") or str(request.base_url).rstrip("/")
 
 

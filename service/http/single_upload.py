@@ -1,4 +1,4 @@
-"""Uploads of a single file: the limit on its size, before and while it arrives."""
+"""Uploads of a single file, with checks of its size before and during the transfer."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ UPLOAD_FORM = {
 
 
 def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentence("advice-shrink", "Make it smaller")) -> None:
-    """Rejects a body whose Content-Length exceeds the limit, before reading it. Raises Problem."""
+    """Rejects a body whose Content-Length exceeds the limit, before any of it is read. Raises Problem.
+
+    what, way_out: parts of the message: what was uploaded, and what to do instead.
+    """
     limit = farm.settings.max_upload_bytes
     if exceeds_limit(request.headers.get("content-length", ""), limit):
         sentence = Sentence(
@@ -53,14 +56,14 @@ def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentenc
 
 
 async def check_room(request: Request, farm: Farm, visit: Visit) -> None:
-    """Rejects an upload that would exceed the sender's quota, before reading it. Raises NoRoom."""
+    """Rejects an upload if the caller's storage quota is used up, before any of it is read. Raises NoRoom."""
     length = request.headers.get("content-length", "")
     size = int(length) if length.isascii() and length.isdigit() and len(length) < 19 else 0
     await run_in_threadpool(farm.quotas.check_bytes, visit.caller, size)
 
 
 async def read_one(request: Request, farm: Farm, what: str) -> Form:
-    """Parses an upload of one file, whose bytes are written to disk; the caller discards the form. Raises FarmError."""
+    """Parses the upload of one file and writes it to disk. The caller must discard the form. Raises FarmError."""
     check_length(request, farm, what)
     limit = farm.settings.max_upload_bytes
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)
@@ -70,7 +73,10 @@ async def read_one(request: Request, farm: Farm, what: str) -> Form:
 
 
 def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) -> tuple[str, BlobWriter]:
-    """Returns the base name and the bytes of the only file in a form. what: a clause on the expected content. Raises Invalid."""
+    """Returns the base name and the content of the only file in a form.
+
+    suffixes: accepted file name suffixes. what: description of the expected file, for the message. Raises Invalid.
+    """
     if len(form.files) != 1 or form.files[0][1].size == 0:
         raise Invalid(
             Sentence(

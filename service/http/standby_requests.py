@@ -1,4 +1,4 @@
-"""Requests to a standby, while another service owns the farm: they are forwarded to the owner."""
+"""Forwards a standby's requests to the service that owns the farm."""
 
 from __future__ import annotations
 
@@ -21,15 +21,17 @@ AGAIN = {"Retry-After": "1"}
 
 
 class StandbyMiddleware:
-    """ASGI middleware between `SecurityMiddleware` and `AuthorizationMiddleware`, which forwards requests while this service
-    stands by."""
+    """ASGI middleware that forwards requests while this service is a standby.
+
+    Placed between `SecurityMiddleware` and `AuthorizationMiddleware`.
+    """
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
         self._forward = OwnerClient(settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Handles a request here if this service owns the farm, and forwards it otherwise."""
+        """Handles a request in this process if this service owns the farm; otherwise forwards it to the owner."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             await self._forward.close()

@@ -1,4 +1,4 @@
-"""The caller of the current request, for routes that need it."""
+"""The caller of the current request, as a dependency of routes."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ VISIT = "rayfarm.visit"  # key in the ASGI scope
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """Returns the client's address of a connection."""
+    """Returns the client's IP address of a connection."""
     return connection.client.host if connection.client else ""
 
 
 def shown_secret(headers: Headers) -> str:
-    """Returns the bearer token of a request; empty if it has none."""
+    """Returns the bearer token of a request; "" if it has none."""
     scheme, _, token = headers.get("authorization", "").partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""
 
 
 async def get_visit(connection: HTTPConnection) -> Visit:
-    """Returns the visit that the gate stored in the connection's scope."""
+    """Returns the Visit that the authorization middleware stored in the connection's scope."""
     visit: Visit = connection.scope[VISIT]
     return visit
 

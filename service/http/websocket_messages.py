@@ -1,4 +1,4 @@
-"""Receives WebSocket messages at a rate that leaves time for other tasks.
+"""Receives WebSocket messages without blocking the event loop.
 
 Receiving a message that is already buffered does not suspend, so a flood of messages could otherwise occupy the event loop.
 """
@@ -19,7 +19,10 @@ CHARACTERS = 8192  # per additional message in the count
 
 
 async def throttled_messages(socket: WebSocket) -> AsyncIterator[str]:
-    """Yields each message as text; a binary message as an empty string. Raises WebSocketDisconnect when the client leaves."""
+    """Yields each message as text, with pauses for other tasks. A binary message becomes "".
+
+    Raises WebSocketDisconnect at the end.
+    """
     left, at = BURST, time.monotonic()
     while True:
         message = await socket.receive()
