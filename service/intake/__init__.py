@@ -1,1 +1,1 @@
-"""Intake of requests and uploads: validation, storage, and resolution to a job's settings."""
+"""Validates and stores uploads and requests, and resolves a request to a job's render settings."""

@@ -1,4 +1,4 @@
-"""Extraction of untrusted zip archives as a stream; all limits are checked against the bytes that are actually extracted."""
+"""Streaming extraction of untrusted zip archives. Limits are checked against the bytes that are actually extracted."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def expand(
     check_disk: Callable[[int], None],
     notes: list[str],
 ) -> Iterator[tuple[str, BlobWriter]]:
-    """Yields the files of a zip archive as (relative path, written but uncommitted blob), without junk files and folders.
+    """Yields the files of a zip archive as (relative path, written but uncommitted blob). Skips folders and junk files.
 
-    The caller owns the writers. check_disk: called with a number of bytes before they are written; raises if the disk lacks
-    space. notes: receives a sentence if the encoding of names was guessed. Raises TooLarge if a limit on files, bytes or
-    compression ratio is exceeded, Invalid if the archive is damaged or unsuitable.
+    The caller owns the writers. check_disk: called with a number of bytes before they are written; raises an error if the disk
+    lacks space. notes: receives a sentence if the encoding of file names was guessed. Raises TooLarge if a limit on files, bytes
+    or compression ratio is exceeded, Invalid if the archive is damaged or unsupported.
     """
     try:
         with zipfile.ZipFile(cast(BinaryIO, _Archive(archive, name, max_files))) as file:
@@ -66,9 +66,9 @@ def expand(
 
 
 class _Archive:
-    """Wrapper of an archive's file that bounds each read.
+    """File object around an archive that limits the size of each read.
 
-    zipfile reads the whole directory at once, so a directory too large for `max_files` files raises TooLarge.
+    zipfile reads the archive's directory in one call, so a directory too large for `max_files` files raises TooLarge.
     """
 
     def __init__(self, file: BinaryIO, name: str, max_files: int) -> None:
@@ -82,7 +82,7 @@ class _Archive:
         )
 
     def read(self, size: int = -1) -> bytes:
-        """Reads up to `size` bytes. Raises TooLarge if `size` exceeds the limit."""
+        """Reads up to `size` bytes. Raises TooLarge if `size` exceeds what a directory of `max_files` files needs."""
         if size > self._limit:
             raise TooLarge(self._refusal)
         return self._file.read(size)
@@ -103,7 +103,10 @@ def _damaged(name: str, error: Exception) -> Invalid:
 
 
 def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
-    """Raises TooLarge or Invalid for what the archive's directory reveals, before anything is written."""
+    """Checks the archive's directory before extraction.
+
+    Raises TooLarge if a limit is exceeded, Invalid for unsupported entries.
+    """
     if len(entries) > max_files:
         raise TooLarge(
             Sentence(
@@ -165,9 +168,9 @@ def _extract(
     max_ratio: float,
     check_disk: Callable[[int], None],
 ) -> BlobWriter:
-    """Writes one entry to a blob.
+    """Extracts one entry to a new blob and returns the blob's writer.
 
-    The sizes in the directory may be wrong, so the extracted bytes are checked against the limits.
+    left: bytes that may still be extracted. The sizes in the directory can be wrong, so the extracted bytes are checked.
     """
     writer = store.writer()
     try:

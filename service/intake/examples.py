@@ -21,7 +21,7 @@ FPS = re.compile(r"^fps: *([0-9.]+)", re.MULTILINE)
 
 @dataclass(frozen=True)
 class Example:
-    """Metadata of an example. frames, fps: set if it is meant as a shot."""
+    """Metadata of an example scene. frames, fps: set only if it is meant to be rendered as a shot."""
 
     name: str
     title: str
@@ -31,16 +31,16 @@ class Example:
 
 
 def examples(folder: Path) -> list[tuple[Example, Path]]:
-    """Returns the examples sorted by name, each with its scene file.
+    """Returns the examples in a folder sorted by name, each with its scene file.
 
-    Scene files are NAME.yaml, or NAME/NAME.yaml for examples with further files in that folder.
+    Scene files are NAME.yaml, or NAME/NAME.yaml for examples that have further files in that folder.
     """
     files = [*folder.glob("*.yaml"), *(path for path in folder.glob("*/*.yaml") if path.stem == path.parent.name)]
     return [(_described(path), path) for path in sorted(files, key=lambda path: path.stem)]
 
 
 def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
-    """Returns an example as the form with which it would be uploaded."""
+    """Returns an example as the form that a client would upload."""
     form = Form({"name": example.title, "main": path.name})
     try:
         for part, file in _parts(path):

@@ -1,6 +1,6 @@
-"""Selects the compiled scene for a request: the uploaded scene, or one derived from it by other lighting or another variant.
+"""Selects the scene to render for a request: the uploaded scene, or a scene derived from it with other lighting or materials.
 
-Derived scenes are separate rows, created on demand. Unused ones are deleted, since they can be created again.
+A derived scene has a row of its own, created on demand; rows that are not in use are deleted, since they can be created again.
 """
 
 from __future__ import annotations
@@ -37,9 +37,10 @@ Status = Literal["preparing", "ready", "failed"]
 
 @dataclass(frozen=True)
 class Lit:
-    """A scene as a request needs it.
+    """A scene with the requested lighting and material variant applied, and the state of its preparation.
 
-    compiled: SHA-256 of its compiled form for the requested worker kind; None: not compiled yet. blobs: all blobs it refers to.
+    error: why the preparation failed. compiled: SHA-256 of its compiled form for the requested worker kind; None if it is not
+    compiled yet. blobs: digests of all blobs it refers to.
     """
 
     id: str
@@ -65,7 +66,10 @@ class Lighting:
         self._held: Counter[str] = Counter()
 
     def restore(self, job: str) -> None:
-        """Creates the derived scene of a job again if it was deleted after the job ended. Does nothing for other jobs."""
+        """Recreates the derived scene of a job if it was deleted after the job ended.
+
+        Does nothing for jobs with an uploaded scene.
+        """
         with self._sessions() as session:
             row = session.get(Job, job)
             if row is None or row.lit is None or session.get(Scene, row.lit) is not None or session.get(Scene, row.scene) is None:
@@ -73,10 +77,11 @@ class Lighting:
         self.row(row.scene, row.request.get("environment"), row.request.get("variant"))
 
     def scene_for(self, scene: str, environment: Mapping[str, Any] | None, kind: str, variant: str | None = None) -> Lit:
-        """Returns the scene to render for a request. If it is not compiled for `kind` yet, starts that; call again later.
+        """Returns the scene to render for a request. If it is not yet compiled for this worker kind, starts compiling: call again
+        later.
 
-        environment: as in the job's request. Callers that use the scene afterwards must hold it (`held`).
-        Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant does not.
+        environment: as in the job's request. To use the scene afterwards, callers must hold it (`held`).
+        Raises NotFound if the scene or image does not exist, Invalid if the lighting or variant is invalid.
         """
         found = self.row(scene, environment, variant)
         ref = found.compiled.get(kind)
@@ -87,9 +92,10 @@ class Lighting:
         return Lit(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene:
-        """Returns the row of the scene to render, creating it if needed; the uploaded scene itself if nothing changes.
+        """Returns the row of the scene to render, and creates it if needed. If the request changes nothing, this is the uploaded
+        scene.
 
-        Raises as `scene_for`.
+        Raises as `scene_for` does.
         """
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
@@ -108,7 +114,7 @@ class Lighting:
         return made
 
     def find_row(self, scene: str, environment: Mapping[str, Any] | None, variant: str | None = None) -> Scene | None:
-        """Returns the same row as `row`, failed or not, but creates nothing: None if it does not exist."""
+        """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
         base = self._upload(scene)
         stored = self._wanted(base, environment, variant)
         if stored is None or stored.id == base.id:
@@ -118,7 +124,7 @@ class Lighting:
 
     @contextmanager
     def held(self, id: str) -> Iterator[None]:
-        """Holds a derived scene and its blobs for the duration of the block, for uses other than jobs."""
+        """Prevents the deletion of a derived scene and its blobs inside the `with` block, for uses other than jobs."""
         self.hold(id)
         try:
             yield
@@ -126,18 +132,21 @@ class Lighting:
             self.release(id)
 
     def hold(self, id: str) -> None:
-        """Holds a derived scene until `release` was called as often. Does not keep a deleted scene: check it after this call."""
+        """Prevents the deletion of a derived scene until `release` is called once for each call of `hold`.
+
+        The scene may already be deleted: check that it exists after this call.
+        """
         with self._lock:
             self._held[id] += 1
 
     def release(self, id: str) -> None:
-        """Releases one `hold` of a scene."""
+        """Reverts one call of `hold` for a scene."""
         with self._lock:
             self._held[id] -= 1
             self._held += Counter()
 
     def clear(self, kept: int = KEPT) -> None:
-        """Deletes unused derived scenes, except the `kept` most recent."""
+        """Deletes unused derived scenes except the `kept` most recently used."""
         gone: list[str] = []
 
         def forget(session: Session) -> set[str]:
@@ -160,7 +169,7 @@ class Lighting:
             self._events.publish(RowWritten("scene", id))
 
     def _touch(self, scene: Scene) -> None:
-        """Marks a derived scene as recently used; written at most once every TOUCHED_S seconds."""
+        """Updates the time of a derived scene's last use, at most once every TOUCHED_S seconds."""
         if scene.of is not None and time.time() - scene.created > TOUCHED_S:
             with self._sessions.begin() as session:
                 session.execute(update(Scene).where(Scene.id == scene.id).values(created=time.time()))
@@ -179,7 +188,7 @@ class Lighting:
         return found
 
     def _wanted(self, base: Scene, environment: Mapping[str, Any] | None, variant: str | None) -> Upload | None:
-        """Returns the changed files of the requested scene; None if the request changes neither lighting nor variant."""
+        """Returns the upload with the requested lighting and variant applied; None if the request changes neither."""
         asked = environment or {}
         light: str | BlobRef | None = None
         if (sky := asked.get("sky")) is not None:

@@ -1,4 +1,4 @@
-"""Streaming reader of multipart/form-data: files are written to disk in chunks, and all limits are enforced meanwhile."""
+"""Streaming parser of multipart/form-data: writes files to disk in chunks and enforces all limits while it reads."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ MAX_HEADER = 8192
 
 @dataclass
 class Form:
-    """A received form. The owner of `files` must commit or discard the writers."""
+    """A received form. The owner of `files` must commit or discard their writers."""
 
     fields: dict[str, str] = field(default_factory=dict)
     files: list[tuple[str, BlobWriter]] = field(default_factory=list)
 
     def discard(self) -> None:
-        """Discards the files."""
+        """Discards the written files that were not committed."""
         for _, writer in self.files:
             writer.discard()
         self.files.clear()
@@ -44,7 +44,7 @@ async def read_form(
     max_bytes: int,
     check_disk: Callable[[int], None],
 ) -> Form:
-    """Reads a form with files.
+    """Reads a form with files, and returns it with the files written to disk.
 
     Raises TooLarge if a limit is exceeded, UnknownFormat for another media type, Invalid for malformed data.
     """
@@ -95,7 +95,7 @@ async def read_form(
 
 
 class _Reader:
-    """The callbacks of the parser, which passes data as (buffer, start, end)."""
+    """Callbacks of the multipart parser, which passes data as (buffer, start, end)."""
 
     def __init__(self, store: BlobStore, max_files: int) -> None:
         self.form = Form()
@@ -199,5 +199,5 @@ class _Reader:
 
 
 def _unescape(filename: str) -> str:
-    """Undoes the three escapes of file names by browsers (HTML, "multipart/form-data encoding algorithm")."""
+    """Decodes the three escapes that browsers use in file names (HTML Standard, "multipart/form-data encoding algorithm")."""
     return filename.replace("%22", '"').replace("%0D", "\r").replace("%0A", "\n")

@@ -1,4 +1,4 @@
-"""Validation of names from users: relative paths inside an upload, titles and notes."""
+"""Validation of names from users: relative paths of uploaded files, titles and notes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DRIVE = re.compile(r"^[A-Za-z]:")
 
 
 def safe_name(name: str) -> str:
-    """Returns the name as a normalized relative path with forward slashes. Raises Invalid if it is unsafe, empty or too long."""
+    """Returns the path, normalized and with forward slashes. Raises Invalid if it is not relative, unsafe, empty or too long."""
     shown = ascii(name if len(name) <= 120 else name[:117] + "...")
     if not name:
         raise Invalid(
@@ -74,7 +74,10 @@ def safe_name(name: str) -> str:
 
 
 def plain_title(text: str) -> str:
-    """Returns the stripped title of a scene or job. Raises Invalid unless it is one line without control characters."""
+    """Returns the title of a scene or job without surrounding spaces.
+
+    Raises Invalid unless it is one line without control characters.
+    """
     text = text.strip()
     if _has_control(text):
         raise Invalid(
@@ -88,9 +91,9 @@ def plain_title(text: str) -> str:
 
 
 def plain_note(text: str) -> str:
-    """Returns the stripped note on a job, with line feeds.
+    """Returns the note on a job without surrounding spaces and with line feeds as line ends.
 
-    Raises Invalid if it has other control characters than line feed and tab.
+    Raises Invalid if it contains control characters other than line feed and tab.
     """
     text = text.replace("\r\n", "\n").strip()
     if _has_control(text.replace("\n", " ").replace("\t", " ")):

@@ -1,4 +1,4 @@
-"""Cache key of a job's picture: jobs with equal keys have bit-identical samples."""
+"""Picture key of a job, for reuse of samples: jobs with equal keys have bit-identical samples."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ IRRELEVANT = _OF_SAMPLES | _OF_FRAMES | _OF_THE_QUEUE
 
 
 def picture_of(job: Job) -> str | None:
-    """A hash of everything that a sample depends on, except the kernels that render it, and of the film's tiles.
+    """Returns the hash of everything that determines a job's samples and film tiles, except the renderer's kernels.
 
-    The scene's id is a hash of its files, so the same files uploaded again make the same picture. None for a job whose settings
-    are not fixed yet. All shots that differ only in their choice of frames have the same hash. A frame's settings follow from the
-    request and the frame's time, so a shot's request is hashed as it was sent.
+    None for a job whose settings are not fixed yet. The scene's id is a hash of its files, so uploading the same files again
+    gives the same key. Shots that differ only in their choice of frames have equal keys: a frame's settings follow from the
+    request and the frame's time, so the request is hashed as it was sent.
     """
     if job.settings is None or job.tile_size is None:
         return None

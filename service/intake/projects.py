@@ -1,4 +1,4 @@
-"""The owner of an upload, and the ids of content within a project."""
+"""Owners of uploads, and the ids of content inside projects."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ __all__ = ["NOBODY", "Owner", "id_in", "may_be_used_in", "usable_in"]
 
 @dataclass(frozen=True)
 class Owner:
-    """The owner of an upload.
+    """Who an upload belongs to.
 
-    project: the project whose members see it; empty: all users. user, key: the uploader and the id of its token, if known.
+    project: name of the project; empty: visible to all users. user, key: name of the uploader and id of the token used, or None.
     """
 
     project: str = ""
@@ -27,19 +27,19 @@ NOBODY = Owner()
 
 
 def id_in(project: str, id: str) -> str:
-    """Returns the id of content within a project.
+    """Returns the id of content inside a project: a hash of both. Without a project the id is unchanged.
 
-    The same content has another id in another project, so an id does not reveal to others that it exists there.
+    The same content has a different id in each project, so an id does not reveal that it exists in another one.
     """
     return hashlib.sha256(f"{project}\n{id}".encode()).hexdigest()[: len(id)] if project else id
 
 
 def may_be_used_in(thing: str, project: str) -> bool:
-    """Returns True if content of one project may be used in another: its own, and content of no project (empty)."""
+    """Whether content in one project may be used in another: it is in the same project, or in none ("")."""
     return thing in ("", project)
 
 
 def usable_in(column: Any, project: str) -> ColumnElement[bool]:
-    """Returns the condition of `may_be_used_in` for a table's column `project`."""
+    """Returns the SQL condition equivalent to `may_be_used_in`, for a table's `project` column."""
     found: ColumnElement[bool] = column.in_(["", project])
     return found

@@ -1,4 +1,4 @@
-"""Converts an uploaded image to a film that the page can read; a job of a confined process (renderer/confine/)."""
+"""Converts an uploaded image to a film packet that the page can read. Runs in a confined process (renderer/confine/)."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ ROWS = 64
 
 
 def as_film(image: bytes, name: str, film: bytes, link: Link) -> dict[str, object]:
-    """Writes an uploaded image as a film packet; returns width, height, is_display and the number of clipped pixels.
+    """Writes an uploaded image as a film packet; returns its width, height, is_display and number of clipped pixels.
 
-    image, film: paths as encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises
+    image, film: paths encoded by os.fsencode. is_display: whether the image is display-encoded (8 or 16 bits). Raises
     SceneError if the image cannot be read or is too large.
     """
     pixels = read(Path(os.fsdecode(image)).read_bytes(), name)

@@ -1,4 +1,4 @@
-"""Records a stored upload in the database as a scene, and starts its preparation."""
+"""Records a stored upload as a scene in the database and starts its preparation."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ __all__ = ["record"]
 
 
 def record(stored: Upload, sessions: Sessions, events: Events, of: str | None = None, owner: Owner = NOBODY) -> Scene:
-    """Records an upload, whose blobs are pinned, as a scene and starts its preparation; an existing scene stays as it is.
+    """Records an upload, whose blobs are pinned, as a scene and starts its preparation.
 
-    of: for a derived scene, the id of the upload. owner: the scene's owner. A failed scene is prepared again.
+    If the scene exists, it is unchanged, except that a failed one is prepared again. of: id of the uploaded scene, for a derived
+    scene.
     """
     try:
         scene = _write(stored, sessions, of, owner)

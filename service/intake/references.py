@@ -1,4 +1,4 @@
-"""Uploaded reference pictures for comparisons: read once, in a confined process, and stored as film packets."""
+"""Uploaded reference pictures for comparisons, converted once in a confined process and stored as film packets."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ PIECE = 1 << 20
 def keep_reference(
     name: str, file: BlobWriter, sessions: Sessions, blobs: BlobStore, garbage: Garbage, temporary: Path, owner: Owner = NOBODY
 ) -> Reference:
-    """Returns the row of a reference picture, storing it if its content is new.
+    """Stores an uploaded reference picture and returns its row; an existing row if the same content is stored already.
 
-    Raises Invalid if the file is no readable image, Failed if reading it failed, and what the stores raise.
+    Raises Invalid if the file is not a readable image, Failed if the process that reads it failed, and the errors of the stores.
     """
     id = id_in(owner.project, file.sha256[:20])
     if (known := _known(id, sessions)) is not None:

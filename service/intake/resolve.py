@@ -1,4 +1,4 @@
-"""Resolves a request and a scene to the settings that determine every sample."""
+"""Resolves a request and its scene to the settings that determine every sample of a job."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ MOST_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory whil
 
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
-    """Returns the tile size in pixels: small enough to keep all slots busy and show progress, large enough to keep batches few.
+    """Returns the tile size in pixels for an image: small enough to occupy all slots and show progress, large enough for few
+    batches.
 
-    A frame has about 16 to 200 tiles. Depends on the image size only, since noise is judged per tile.
-    of_shot: use larger tiles, since other frames keep the slots busy.
+    An image has about 16 to 200 tiles. The size depends only on the image's, since noise is judged per tile.
+    of_shot: larger tiles, since other frames of the shot occupy the slots too.
     """
     pixels = width * height
     if of_shot:
@@ -32,9 +33,9 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
 
 
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
-    """Sets the job's settings, sample count, tile size and picture key from its request and scene.
+    """Sets a job's settings, sample count, tile size and picture key from its request and scene.
 
-    A still with an open shutter becomes a shot of one frame. max_pixels: upper limit of width x height.
+    A still image with an open shutter becomes a shot of one frame. max_pixels: limit of width * height.
     Raises SettingsError if the request does not fit the scene.
     """
     request = job.request
@@ -73,9 +74,9 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
 
 
 def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
-    """Raises SettingsError with all warnings of a scene, if any.
+    """Raises SettingsError that lists all warnings of a scene, if there are any. For strict jobs.
 
-    The warning about a missing light is ignored if the request sets an environment.
+    The warning about missing lights is ignored if the request sets an environment.
     """
     said = [w for w in warnings if not (request.get("environment") and "lit by a soft studio light" in w)]
     if said:
@@ -83,7 +84,7 @@ def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
 
 
 def refusal(warnings: Sequence[str]) -> str:
-    """Returns the error of a strict scene or job with these warnings, without the final full stop."""
+    """Returns the error message for a strict scene or job with these warnings, without the final full stop."""
     listed = " ".join(warnings).rstrip(".")
     if len(warnings) == 1:
         return Sentence("strict-scene-warning", "strict makes the scene's 1 warning an error: {warning}", warning=listed)
@@ -104,7 +105,7 @@ def frame_settings(
 ) -> RenderSettings:
     """Returns the settings that determine every sample of one frame. Raises SettingsError.
 
-    view, defaults, views: those of the scene at the frame's time.
+    view, defaults, views: the scene's, at the frame's time.
     """
     seen = tuple(map(View.from_json, views))
     return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults, seen)
@@ -125,7 +126,7 @@ def _settings(
 
 
 def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
-    """Returns width and height; if only one is requested, the other follows from the scene's aspect ratio."""
+    """Returns width and height in pixels. If the request sets only one, the other follows from the scene's aspect ratio."""
     own = (int(defaults.get("width") or DEFAULT_SIZE[0]), int(defaults.get("height") or DEFAULT_SIZE[1]))
     width, height = request.get("width"), request.get("height")
     if width and height:

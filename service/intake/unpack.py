@@ -1,7 +1,7 @@
-"""Streams the bytes of a zip entry in chunks of at most one megabyte.
+"""Streaming extraction of zip entries in chunks of at most one megabyte.
 
-zipfile bounds the chunk size for deflate only: with bzip2 or LZMA it returns whatever the few kilobytes it reads expand to, which
-may be gigabytes in a zip bomb.
+zipfile limits the chunk size for deflate only. With bzip2 or LZMA it returns all that a few kilobytes of input expand to, which
+can be gigabytes in a zip bomb.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ UNKNOWN_SIZE = b"\xff" * 8
 
 
 def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
-    """Yields the extracted bytes of an entry in chunks. Raises the errors of zipfile, bz2 and lzma if it is damaged."""
+    """Yields the extracted bytes of an entry in chunks. Raises errors of zipfile, bz2 and lzma if the entry is damaged."""
     if entry.compress_type not in (zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         with file.open(entry) as source:
             while piece := source.read(CHUNK):
@@ -36,7 +36,7 @@ def pieces(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
 
 
 def _packed(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[bytes]:
-    """Yields the compressed bytes of an entry, by opening it as if it were stored uncompressed."""
+    """Yields the still compressed bytes of an entry, by reading it as if it were stored uncompressed."""
     as_stored = copy.copy(entry)
     as_stored.compress_type = zipfile.ZIP_STORED
     as_stored.file_size = entry.compress_size

@@ -1,4 +1,4 @@
-"""Converts an upload to the files of a scene: all of them, complete and checked, or none."""
+"""Converts an upload to the stored files of a scene. If a check fails, no file is stored."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Upload:
-    """The stored files of a scene. `id` is a hash of the other fields except name and notes.
+    """The stored files of a scene. `id`: hash of all other fields except name and notes.
 
-    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: of the materials
+    environment: path of an image among the files, or a preset or sky in the notation of renderer.scene. variant: material variant
     of a glTF file. strict: whether warnings make the scene fail.
     """
 
@@ -55,7 +55,7 @@ class Upload:
     strict: bool = False
 
     def as_strict(self) -> Upload:
-        """Returns the same files as a strict scene, which has its own id and so cannot make a non-strict scene fail."""
+        """Returns a copy that is strict. It has a different id, so its failure does not affect the non-strict scene."""
         if self.strict:
             return self
         return replace(self, id=hashlib.sha256(f"strict\n{self.id}".encode()).hexdigest()[: len(self.id)], strict=True)
@@ -67,9 +67,9 @@ class Upload:
 
 
 async def joined_chunks(chunks: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
-    """Yields the first chunk at once, and the others joined to pieces of at least PIECE bytes.
+    """Yields the first chunk at once, and joins the others to pieces of at least PIECE bytes.
 
-    Each piece is hashed and written in a thread, which small chunks would not be worth.
+    Each piece is hashed and written in a thread; for small chunks the overhead would be too high.
     """
     pieces: list[bytes] = []
     size, enough = 0, 1
@@ -92,9 +92,9 @@ async def receive(
     record: Callable[[Upload], T],
     find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Reads, unpacks, checks and stores an upload, and records it with `record`; returns its result.
+    """Receives, unpacks, checks and stores an upload. Returns the result of `record`, which is called with the stored upload.
 
-    find: returns a scene by its id, for uploads that add files to a scene. Raises FarmError; then nothing is stored.
+    find: returns an existing scene by its id, for uploads that add files to it. Raises FarmError; then nothing is stored.
     """
     check_disk = disk_checker(settings.data, settings.min_free_bytes)
     limits = settings.max_upload_files, settings.max_upload_bytes
@@ -115,9 +115,9 @@ def store_form(
     record: Callable[[Upload], T],
     find: Callable[[str], Scene] | None = None,
 ) -> T:
-    """Unpacks, checks and stores a received form and records it with `record`, with its blobs pinned meanwhile.
+    """Unpacks, checks and stores a received form. Returns the result of `record`, during which the new blobs are pinned.
 
-    Returns the result of `record`. find: see `receive`. Raises FarmError; then nothing is stored.
+    find: see `receive`. Raises FarmError; then nothing is stored.
     """
     sent: list[tuple[str, BlobWriter]] = []
     files: dict[str, BlobWriter] = {}
@@ -158,9 +158,9 @@ def _added(
     settings: Settings,
     record: Callable[[Upload], T],
 ) -> T:
-    """Records a scene with added or replaced files, or with another main file, so that missing files can be sent separately.
+    """Records a copy of a scene with added or replaced files or another main file, so that missing files can be sent later.
 
-    find: returns the scene; raises if it was deleted. asked: the form's main file; empty: unchanged.
+    find: returns the scene; raises an error if it was deleted. asked: the main file in the form; empty: unchanged.
     """
     if not asked and all(writer.size == 0 for writer in files.values()):
         raise Invalid(Sentence("upload-without-files", "The upload is empty. Choose the files that are to be added."))
@@ -198,7 +198,7 @@ def _added(
 
 
 def _flag(name: str, form: Form) -> bool | None:
-    """Returns a boolean field of a form, or None if it is absent. Raises Invalid for other values."""
+    """Returns the value of a boolean form field; None if it is absent. Raises Invalid for any other value."""
     text = form.fields.get(name, "").strip().lower()
     if text not in ("", "true", "false", "1", "0"):
         raise Invalid(
@@ -208,7 +208,7 @@ def _flag(name: str, form: Form) -> bool | None:
 
 
 def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:
-    """Commits the files; returns their BlobRefs sorted by path."""
+    """Commits the files to the blob store; returns their BlobRefs sorted by path."""
     hashes = commit_all(files.values())
     return sorted((BlobRef(path, sha256, files[path].size) for path, sha256 in zip(files, hashes, strict=True)), key=_path)
 
@@ -218,9 +218,9 @@ def _path(ref: BlobRef) -> str:
 
 
 def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
-    """Returns the requested main file among `names`, and notes about other scene files. Raises Invalid if there is none.
+    """Returns the main file among `names`, and notes about other scene files. Raises Invalid if there is no scene file.
 
-    asked: may include the common folders that were stripped from the upload.
+    asked: the main file in the form; it may include common folders, which are stripped from the names.
     """
     path = f"/{safe_name(asked)}"
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
@@ -231,10 +231,10 @@ def _chosen(names: list[str], asked: str) -> tuple[str, list[str]]:
 
 
 def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | None = None) -> Upload:
-    """Returns the scene's files with other lighting or another material variant.
+    """Returns a scene's files with other lighting or another material variant applied.
 
     light: a preset's name, a sky, or an image as a BlobRef with its path among the files; None: unchanged.
-    variant: None: unchanged; empty: the default materials of the file. Raises Invalid if the variant does not exist.
+    variant: None: unchanged; empty: the file's default materials. Raises Invalid if the variant does not exist.
     """
     files = [BlobRef(**ref) for ref in scene.files]
     environment = light.path if isinstance(light, BlobRef) else light or scene.environment
@@ -248,9 +248,9 @@ def changed(scene: Scene, light: str | BlobRef | None = None, variant: str | Non
 
 
 def _variant_of(scene: Scene, asked: str) -> str | None:
-    """Returns the name of a variant given by name or number, so that equal requests give equal scenes.
+    """Returns the name of a material variant given by name or number, so that equivalent requests share a scene.
 
-    A number is kept if the name at that position is ambiguous. Raises Invalid if there is no such variant.
+    A number is returned unchanged if the name at that index is not unique. Raises Invalid if there is no such variant.
     """
     if not asked or scene.info is None or "variants" not in scene.info:
         return asked or None  # not known yet; preparation checks it
@@ -277,7 +277,10 @@ def _variant_of(scene: Scene, asked: str) -> str | None:
 
 
 def sky_text(elevation: float, azimuth: float) -> str:
-    """Returns a sky in the notation of renderer.scene.sky, equal for equal skies. elevation, azimuth: degrees. Raises Invalid."""
+    """Returns a sky in the notation of renderer.scene.sky; equal skies give equal text. elevation, azimuth: degrees.
+
+    Raises Invalid.
+    """
     if not -90.0 <= elevation <= 90.0 or not abs(azimuth) <= 360.0:
         raise Invalid(
             Sentence(
@@ -289,7 +292,7 @@ def sky_text(elevation: float, azimuth: float) -> str:
 
 
 def light_text(preset: str) -> str:
-    """Returns a preset's name, or the equivalent sky for a preset that is one."""
+    """Returns the canonical text of a lighting preset: its name, or the sky that it stands for."""
     sky = PRESETS[preset].sky
     return preset if sky is None else sky_text(*sky)
 
@@ -314,7 +317,7 @@ def _id(files: list[BlobRef], main: str, environment: str | None, variant: str |
 
 
 def _refuse_files_as_folders(names: Iterable[str]) -> None:
-    """Raises Invalid if a file's name is also a folder's: a disk cannot hold both `a` and `a/b`."""
+    """Raises Invalid if a path is both a file and a folder: a disk cannot hold both `a` and `a/b`."""
     known = set(names)
     for name in known:
         for folder in PurePosixPath(name).parents:
@@ -359,7 +362,7 @@ def _expanded(
 
 
 def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
-    """Returns the main file, and the environment: an image among the files, a preset or a sky. Raises Invalid."""
+    """Returns the path of the main file, and the environment: an image's path, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
         raise Invalid(
             Sentence("upload-without-scene", "The upload is empty. Choose a scene file, and the textures that it needs.")
@@ -414,7 +417,7 @@ class _Stripped:
 
 
 def _strip_common_folder(files: dict[str, BlobWriter], main: str) -> _Stripped:
-    """Strips the folders that all files share, so that a folder or its zip gives the same scene as its contents."""
+    """Removes leading folders that all files share, so that a folder, or a zip of it, gives the same scene as its contents."""
     folder = "".join(f"{part}/" for part in PurePosixPath(main).parts[:-1])
     while folder and not all(name.startswith(folder) for name in files):
         folder = folder[: folder.rstrip("/").rfind("/") + 1]
