@@ -1,1 +1,1 @@
-"""Use cases of jobs: creating, changing, listing and describing them, without HTTP."""
+"""Operations on jobs, independent of HTTP: creating, changing, listing and describing them."""

@@ -1,4 +1,4 @@
-"""Changing a job: its state, goals, frames and place in the queue."""
+"""Changes to a job: its state, goals, frames and queue options."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TRIES = 20  # attempts to change a shot despite concurrent changes
 
 
 def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
-    """Applies all fields that are set in the patch, or none, and describes the job.
+    """Applies all fields that are set in the patch, or none of them, and returns the changed job.
 
     Raises NotFound, Conflict, Invalid and OverQuota.
     """
@@ -57,7 +57,7 @@ def change(id: str, patch: JobPatch, visit: Visit, farm: Farm) -> JobOut:
 def _apply(
     job: Job, patch: JobPatch, of_shot: ShotChange | None, is_anew: bool, session: Session, farm: Farm, visit: Visit
 ) -> bool:
-    """Applies a patch within a transaction; returns whether changes of frames remain to be carried out."""
+    """Applies a patch inside a transaction. Returns True if changes of frames remain, which need further transactions."""
     is_long = False
     state, samples = job.state, samples_of(job)
     if patch.priority is not None:

@@ -1,4 +1,4 @@
-"""Changing many jobs at once."""
+"""Changes to many jobs in one request."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AT_A_TIME = 100  # jobs in one transaction; a longer one would stall the engine 
 
 
 def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
-    """Applies changes to all jobs that allow them. Jobs that the caller may not see count as missing."""
+    """Applies each change to the jobs that allow it. Jobs hidden from the caller are reported as missing."""
     ids = list(dict.fromkeys(changes.jobs))
     answer = ChangesOut(changed=[], refused=[])
     with farm.sessions() as session:
@@ -77,7 +77,7 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
 
 
 def may_begin_anew(id: str, farm: Farm) -> bool:
-    """Returns True if a job that is set to running starts with an empty film. Reads the film of a job that has ended."""
+    """Whether setting a job to running would start it again with an empty film. Reads the film of a job that has ended."""
     return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
 
 

@@ -1,4 +1,4 @@
-"""Creating jobs: a new job, the repeat of a request, and a job begun anew."""
+"""Creation of jobs: new jobs, repeated requests, and jobs started again from the first sample."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ __all__ = ["Created", "begin_anew", "create"]
 
 @dataclass(frozen=True)
 class Created:
-    """The answer to a request. is_repeat: an earlier request with the same idempotency key created the job."""
+    """Result of a request to create a job. is_repeat: the job was created by an earlier request with the same idempotency key."""
 
     job: JobOut
     is_repeat: bool = False
@@ -49,7 +49,7 @@ class Created:
 def create(
     request: JobIn, visit: Visit, farm: Farm, idempotency_key: str | None = None, traceparent: str | None = None
 ) -> Created:
-    """Creates a job with its frames, or returns the job of an earlier request with the same key.
+    """Creates a job with its frames. For a repeated idempotency key, returns the job of the earlier request.
 
     Raises NotFound, Conflict, Invalid, OverQuota, NoRoom and NotAllowed.
     """
@@ -75,7 +75,10 @@ def create(
 
 
 def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
-    """Creates a job for the same picture from the first sample, and cancels this one. Raises Conflict, and as `create`."""
+    """Cancels a job and creates one that renders the same picture from the first sample.
+
+    Raises Conflict, and as `create` does.
+    """
     with farm.sessions.begin() as session:
         job = find_job(id, farm)
         if job.state in FINAL:
@@ -102,7 +105,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
 
 
 def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm) -> Job:
-    """Returns the new job's row. keys: of its frames, in order; asked: the request as stored."""
+    """Returns the row of a new job. keys: sorted frame keys. asked: the request as stored."""
     rendered = _rendered(request, asked, farm)
     return Job(
         id=uuid.uuid4().hex[:20],
@@ -130,7 +133,7 @@ def _row(request: JobIn, keys: list[int], asked: dict[str, Any], idempotency_key
 
 
 def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm) -> JobOut:
-    """Stores a job with its frames and dependencies, and returns its description."""
+    """Stores a job with its frames and dependencies; returns its description for the API."""
     with (
         farm.lighting.held(job.lit or job.scene),
         _with_reused_samples(job, keys, request.fresh or bool(request.verify), farm) as begun,
@@ -152,7 +155,7 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
 
 
 def _current_request(job: Job) -> JobIn:
-    """Returns a job's request with its later changes (goals, frames, name, priority), without dependencies and queue options."""
+    """Returns a job's request with later changes of goals, frames, name and priority, without dependencies and queue options."""
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.of(job.shot)) is not None:
         now |= {"frames": shot.frames, "order": shot.order}
@@ -161,7 +164,7 @@ def _current_request(job: Job) -> JobIn:
 
 
 def _omitted(request: JobIn) -> set[str]:
-    """Returns the names of default fields to omit from the stored request, so that those of older releases compare equal."""
+    """Returns the default-valued fields that are not stored, so that requests stored by older releases compare equal."""
     return {name for name in ("fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
@@ -169,9 +172,9 @@ def _omitted(request: JobIn) -> set[str]:
 
 @contextmanager
 def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[Begun]:
-    """Starts a new job with the films of earlier jobs of the same picture; yields the resulting numbers of its frames.
+    """Copies samples that earlier jobs rendered of the same picture into a new job's films; yields the sample numbers by frame.
 
-    Deletes the films again if the context raises.
+    Yields an empty dict if there is nothing to reuse. If the `with` block raises, deletes the films again.
     """
     begun: Begun = {}
     if not is_fresh and farm.settings.reuse_films:
@@ -187,9 +190,9 @@ def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) 
 
 
 def _shot(request: JobIn, keys: list[int]) -> Shot:
-    """Returns the requested shot.
+    """Returns the shot to render, with the frames in rendering order.
 
-    If only a time limit ends it, frames are rendered breadth-first, so that all get a share of the time.
+    If a time limit is the only goal, frames are rendered breadth-first, so that all frames get a share of the time.
     """
     only_time = request.seconds is not None and request.spp is None and request.noise is None
     order = request.order or ("breadth-first" if only_time else IN_TURN)
@@ -200,7 +203,7 @@ def _shot(request: JobIn, keys: list[int]) -> Shot:
 def _rendered(request: JobIn, asked: dict[str, Any], farm: Farm) -> str:
     """Returns the id of the scene to render.
 
-    For another environment or material variant this is a derived scene, which may be new.
+    If the request changes the environment or material variant, this is a derived scene, which is created if needed.
     """
     if asked["environment"] is None and request.variant is None:
         return request.scene
@@ -218,7 +221,7 @@ def _no_scene(id: str) -> NotFound:
 
 
 def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
-    """Fixes the job's settings if its scene is ready; raises an error for a request that can never be rendered."""
+    """Resolves the job's settings if its scene is ready. Raises an error if the request can never be rendered."""
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)
     if scene.status == "failed":

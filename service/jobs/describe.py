@@ -1,4 +1,4 @@
-"""Converts database rows, with the engine's current state, to the API's models."""
+"""Converts jobs from database rows, with the engine's current numbers, to the API's models."""
 
 from __future__ import annotations
 
@@ -58,25 +58,25 @@ UNREADABLE_SCENE = Sentence(
 
 
 def job_out(job: Job, session: Session, engine: Engine, view: Snapshot | None = None) -> JobOut:
-    """Returns a job for the API, with the engine's latest numbers if it is being rendered.
+    """Returns a job as the API's model, with the engine's latest numbers if it is being rendered.
 
-    A row that this release cannot interpret is described as far as possible, as failed.
+    A row that this release cannot interpret is described as failed, with the fields that could be read.
     """
     return jobs_out([job], session, engine, view)[0]
 
 
 def describe(id: str, farm: Farm) -> JobOut:
-    """Describes a job by its id. Raises NotFound."""
+    """Returns the API's model of the job with this id. Raises NotFound."""
     view = farm.engine.snapshot  # before the row, so that the numbers are not newer than the state
     with farm.sessions() as session:
         return job_out(find_job(id, farm), session, farm.engine, view)
 
 
 def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapshot | None = None) -> list[JobOut]:
-    """Returns jobs for the API, with one query for the frames of all of them.
+    """Returns jobs as the API's models, with one query for all their frames.
 
-    view: a snapshot of the engine, taken before the rows were read. A job leaves the engine once its numbers are stored, so a
-    later snapshot might miss numbers that the rows do not have yet.
+    view: a snapshot of the engine, taken before the rows were read. A job leaves the engine only after its numbers are stored, so
+    a snapshot taken later could lack numbers that the rows do not contain yet.
     """
     as_of = time.time()
     view = view or engine.snapshot
@@ -91,7 +91,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
-    """Returns the stored numbers of the frames of still jobs, by job."""
+    """Returns the stored frame numbers of still images, by job id."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
     for at in range(0, len(jobs), MOST_NAMED):
@@ -162,13 +162,13 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
 
 
 def _light_of(job: Job) -> dict[str, Any] | None:
-    """Returns the requested environment; None if it is the scene's own."""
+    """Returns the environment that a job's request sets; None if it uses the scene's own."""
     found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
     return {**found, "name": job.light} if "image" in found else found or None
 
 
 class _Sums(NamedTuple):
-    """Sums over all frames of a job."""
+    """Totals over all frames of a job: samples, discarded samples, and progress."""
 
     samples: int
     bad_samples: int
@@ -190,7 +190,7 @@ def _shot_out(job: Job, shot: Shot, now: ShotSums, known: JobNumbers | None) -> 
 
 
 def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
-    """Returns the reason why a job does not progress, as a sentence for the user; None if it does."""
+    """Returns a sentence that explains why an unfinished job makes no progress; None if it does, or is paused or ended."""
     if job.state == "paused" or job.state not in ACTIVE:
         return None
     if why := waits_sentence(waits):
@@ -237,19 +237,19 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
 
 
 def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
-    """Returns True if a job has started on a kind of worker of which none is connected."""
+    """Whether a job has started on a kind of worker of which none is connected now."""
     return job.kind is not None and not roster.slots(job.kind)
 
 
 def _unmet(job: Job, roster: WorkerSnapshot) -> str | None:
-    """Returns the reason why no worker that could render a job meets its requirements; None if one does."""
+    """Returns why no connected worker meets a job's requirements; None if one does."""
     needs = Needs.of(job.needs)
     able = [report.name for report in roster.ready() if job.kind in (None, report.kind)]
     return needs.lacking(map(roster.offers.get, able)) if needs else None
 
 
 def _holes(job: Job, shot: ShotOut | None) -> str | None:
-    """Returns a sentence about the frames that a finished job lacks; None if there are none."""
+    """Returns a sentence about the frames that failed in a finished shot; None if there are none."""
     if shot is None or not shot.failed or job.state != "finished":
         return None
     which = (
@@ -263,7 +263,7 @@ def _holes(job: Job, shot: ShotOut | None) -> str | None:
 
 
 def why_nothing_runs(roster: WorkerSnapshot) -> str | None:
-    """Returns the reason why the whole farm does not progress; None if a worker accepts work."""
+    """Returns why no worker of the farm accepts work; None if one does."""
     if roster.ready():
         return None
     if not roster.reports:

@@ -1,4 +1,4 @@
-"""Converts frame rows, with the engine's current state, to the API's models."""
+"""Converts frames from database rows, with the engine's current numbers, to the API's models."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
 def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known: JobNumbers | None, is_live: bool) -> Recorded:
-    """Returns the numbers of a still's frame, whose state follows from its job. is_live: it is being rendered."""
+    """Returns the numbers of a still image's only frame; its state follows from the job's. is_live: it is being rendered."""
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []
     for key, f in recorded:
@@ -59,9 +59,9 @@ def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], known:
 def frame_numbers(
     job: Job, session: Session, engine: Engine, keys: Iterable[int] | None = None, page: tuple[int, int | None] = (0, None)
 ) -> Recorded:
-    """Returns (key, numbers) pairs of a job's frames, in order, with the engine's latest values.
+    """Returns (key, numbers) pairs of a job's frames in order, with the engine's latest numbers.
 
-    keys: only these frames. page: offset and maximum number (None: no limit).
+    keys: only these frames. page: offset and maximum count (None: unlimited).
     """
     known = engine.snapshot.jobs.get(job.id)
     if live_numbers(job, known) is not None and known is not None:
@@ -82,7 +82,7 @@ def frame_numbers(
 def frames_json(
     job: Job, session: Session, engine: Engine, state: str | None = None, page: tuple[int, int | None] = (0, None)
 ) -> bytes:
-    """Returns the frames of a job as JSON. state: only frames in this state."""
+    """Returns the frames of a job as JSON. state: only frames in this state; None: all."""
     is_paged = state is None
     found = frame_numbers(job, session, engine, page=page if is_paged else (0, None))
     if state is not None:
@@ -92,7 +92,7 @@ def frames_json(
 
 
 def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
-    """Returns the fields of FrameOut as plain dicts. Skips validation, which would take seconds for a hundred thousand frames."""
+    """Returns the fields of FrameOut as plain dicts. Skips validation, which takes seconds for a hundred thousand frames."""
     size = job.settings or {}
     pixels = size.get("width", 1) * size.get("height", 1)
     return [
@@ -113,7 +113,10 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
 
 
 def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """Returns the latest numbers of a shot's frame. Shortly after a cancellation the engine's are newer than the database's."""
+    """Returns the more recent numbers of a shot's frame: the engine's (`known`) or the stored ones.
+
+    For a job that has ended, the engine's are used only if they have more samples, as shortly after a cancellation.
+    """
     live = known.frames.get(key) if known is not None else None
     if live is None or (job.state not in ACTIVE and live.samples <= recorded.samples):
         return recorded
@@ -121,7 +124,7 @@ def latest(job: Job, known: JobNumbers | None, key: int, recorded: FrameNumbers)
 
 
 def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut | None:
-    """Returns a job's frame for the API, with its first bad samples; None if the job has no such frame."""
+    """Returns the API's model of a job's frame, with its first bad samples; None if the job has no such frame."""
     found = next((one_frame(job, *each) for each in frame_numbers(job, session, engine, [key]) if each[0] == key), None)
     if found is not None:
         found.bad = bad_samples_of(job, found, engine)
@@ -129,7 +132,7 @@ def frame_out(job: Job, session: Session, engine: Engine, key: int) -> FrameOut 
 
 
 def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
-    """Returns a frame for the API, from its numbers."""
+    """Returns the API's model of a frame from its numbers."""
     size = job.settings or {}
     return FrameOut(
         number=frame_number(key),
@@ -145,7 +148,7 @@ def one_frame(job: Job, key: int, numbers: FrameNumbers) -> FrameOut:
 
 
 def bad_samples_of(job: Job, frame: FrameOut, engine: Engine) -> list[BadSampleOut]:
-    """Returns the first of a frame's samples that were discarded as not finite."""
+    """Returns the first samples of a frame that were discarded because they were NaN or infinite."""
     if not frame.bad_samples or job.settings is None or job.tile_size is None:
         return []
     try:

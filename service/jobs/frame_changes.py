@@ -1,4 +1,4 @@
-"""Changes of a job's frames that are too many for one transaction."""
+"""Changes of a job's frames that are too many for a single transaction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 def carried_out(id: str, farm: Farm, begun: Begun | None = None) -> JobOut:
-    """Carries out the pending changes of a job's frames and describes the job. Failed changes are retried in the background."""
+    """Applies the pending changes of a job's frames and returns the job. After an error they are retried in the background."""
     try:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:

@@ -1,6 +1,6 @@
-"""Idempotency keys: a repeated request with the same Idempotency-Key returns what the first one created.
+"""Idempotency keys: repeating a request with the same Idempotency-Key returns the job that the first request created.
 
-Keys are per user: the same key from two users means two requests.
+Keys are separate for each user: the same key from two users means two requests.
 """
 
 from __future__ import annotations
@@ -21,12 +21,15 @@ __all__ = ["earlier", "kept_key", "repeat"]
 
 
 def kept_key(key: str | None, user: str | None) -> str | None:
-    """Returns the key as stored in a job's row. user: None without authentication."""
+    """Returns the key in the form stored in a job's row, which includes the user. user: None without authentication."""
     return hashlib.sha256(f"{user or ''}\0{key}".encode()).hexdigest() if key else None
 
 
 def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
-    """Returns the user's job created with this key. Jobs of releases without per-user keys store the plain key."""
+    """Returns the job that this user created with this key; None if there is none.
+
+    Releases without per-user keys stored the plain key; those jobs are found too.
+    """
     if not key:
         return None
     with farm.sessions() as session:
@@ -38,7 +41,7 @@ def earlier(key: str | None, user: str | None, farm: Farm) -> Job | None:
 
 
 def repeat(found: Job, asked: dict[str, object], farm: Farm, sight: ProjectVisibility) -> JobOut:
-    """Returns the current answer for the job of the first request. Raises Conflict if the key was used for another request."""
+    """Returns the current state of the job that the first request created. Raises Conflict if that request was different."""
     if found.request != asked or not sight.sees(found.project):
         raise Conflict(
             Sentence(

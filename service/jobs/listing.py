@@ -1,4 +1,4 @@
-"""Filtered and sorted lists of jobs. A farm may have ten thousand, so only the rows of the page are read."""
+"""Filtered and sorted lists of jobs. Reads only the rows of the requested page, since a farm may have ten thousand jobs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _STATES = ("running", "queued", "paused", "failed", "cancelled", "finished")  # 
 
 @dataclass(frozen=True)
 class JobFilter:
-    """A filter on the jobs that the caller may see.
+    """Filter on the jobs visible to the caller.
 
-    words: each occurs in a name or note of the job or its scene, or is a prefix of an id.
+    words: a job matches if each occurs in a name or note of the job or its scene, or is a prefix of an id.
     """
 
     states: tuple[str, ...] = ()
@@ -43,7 +43,7 @@ class JobFilter:
         return session.scalar(self._of(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
-        """Returns the number of matching jobs by state, ignoring the filter on states."""
+        """Returns the number of matching jobs by state. The filter on states is not applied."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
         query = replace(self, states=())._of(query)
         return {row[0]: row[1] for row in session.execute(query)}
@@ -54,9 +54,9 @@ class JobFilter:
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
-        """Returns the rows of matching jobs, in order, as tuples with the names of a Job's columns.
+        """Returns the matching jobs in order, as tuples of a Job's columns.
 
-        Tuples, since a thousand ORM objects take a quarter of the time of a list.
+        Tuples, since creating a thousand ORM objects would take a quarter of the time of a list.
         """
         ids = self.ids_in(order, session, limit, offset)  # from an index; sorting rows would read them all
         query = select(*_SHOWN).where(Job.id.in_(ids))
@@ -81,7 +81,7 @@ class JobFilter:
 
 
 def words_of(search: str) -> tuple[str, ...]:
-    """Returns the words of a search text."""
+    """Splits a search text into words."""
     return tuple(search.lower().split()[:MOST_WORDS])
 
 

@@ -1,4 +1,4 @@
-"""Lookup of rows by the ids in paths."""
+"""Lookup of database rows by the ids in paths."""
 
 from __future__ import annotations
 
@@ -48,13 +48,16 @@ def find_scene(id: str, farm: Farm) -> Scene:
 
 
 def is_lit(id: str, session: Session) -> bool:
-    """Returns True if a scene is not an upload, but derived from one for a request's environment."""
+    """Whether a scene is derived from an uploaded one with another environment or material variant."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
 
 
 def find_film(id: str, n: float, farm: Farm) -> Film:
-    """Returns the film of a job that has frame n. Raises NotFound; Conflict if there is no film yet; FilmLost and FilmWaits."""
+    """Returns the film of a job that has frame n.
+
+    Raises NotFound, Conflict if there is no film yet, FilmLost if it is lost, FilmWaits if it cannot be read yet.
+    """
     job = find_job(id, farm)
     if not farm.records.has_frame(id, frame_key(n)):
         raise frame_not_found(n)
@@ -71,7 +74,7 @@ def find_film(id: str, n: float, farm: Farm) -> Film:
 
 
 def find_picture(id: str, n: float, farm: Farm) -> Film:
-    """Returns the film of a frame that has samples. Raises Conflict if it has none, and as `find_film`."""
+    """Returns the film of a frame that has samples. Raises Conflict if the frame has none, and as `find_film` does."""
     film = find_film(id, n, farm)
     if not film.samples(frame_key(n)):
         raise without_samples(find_job(id, farm), farm, n)
@@ -79,7 +82,7 @@ def find_picture(id: str, n: float, farm: Farm) -> Film:
 
 
 def without_samples(job: Job, farm: Farm, n: float | None = None) -> Conflict:
-    """Returns the error for frame n, or for all frames, without samples in the film."""
+    """Returns the error that explains why frame n has no samples in the film. n: None for all frames."""
     frames = select(func.max(Frame.samples), func.max(Frame.error)).where(Frame.job == job.id)
     with farm.sessions() as session:
         recorded, error = session.execute(frames if n is None else frames.where(Frame.number == frame_key(n))).one()
@@ -150,7 +153,7 @@ def reference_not_found(id: str) -> NotFound:
 
 
 def thing_not_found(kind: Kind, id: str) -> NotFound:
-    """Returns the error for a resource that is missing or not visible to the caller, with the same message for both."""
+    """Returns the error for an object that is missing or hidden from the caller. The message is the same for both."""
     return {"job": job_not_found, "scene": no_scene, "environment": environment_not_found, "reference": reference_not_found}[
         kind
     ](id)

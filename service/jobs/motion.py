@@ -1,4 +1,4 @@
-"""Motion vectors of a job's frames, made by workers on request."""
+"""Motion vectors of a job's frames, which workers compute on request."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ __all__ = ["motion_of"]
 
 
 async def motion_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
-    """Returns a function that opens a frame's motion vectors; waits for a worker to make them without occupying a thread.
+    """Returns a function that opens the file with a frame's motion vectors.
 
-    Raises Unavailable if no worker can make them, and the worker's error if it failed.
+    First waits for a worker to compute them, without occupying a thread. Raises Unavailable if no worker can compute them, and
+    the worker's error if it failed.
     """
     wish = await run_sync(_wish, job, n, film, farm)
     made = await run_sync(farm.engine.vectors, wish)

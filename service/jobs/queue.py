@@ -1,4 +1,4 @@
-"""Dependencies, deadlines and requirements of jobs: stored, and described."""
+"""Stores and describes the dependencies, deadlines and worker requirements of jobs."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ DAY_S, HOUR_S, MINUTE_S = 86400.0, 3600.0, 60.0
 
 
 def needs_of(texts: Sequence[str]) -> dict[str, Any] | None:
-    """Returns the requirements as stored in the job's row; None if there are none."""
+    """Parses worker requirements to the form stored in a job's row; None if there are none."""
     needs = Needs.parse(texts)
     return None if needs is None else needs.to_json()
 
 
 def warning_of(job: Job, expected: float | None, now: float) -> str | None:
-    """Returns a warning that an unfinished job is late, and by how much; None if it is not."""
+    """Returns a warning that an unfinished job is late, and by how much; None if it is on time.
+
+    expected: Unix time at which it is expected to finish.
+    """
     if job.deadline is None or job.late is None or job.state not in ACTIVE:
         return None
     if now > job.deadline:
@@ -44,9 +47,9 @@ def warning_of(job: Job, expected: float | None, now: float) -> str | None:
 
 
 def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
-    """Makes a new job depend on these, except finished ones. Raises NotFound and Conflict.
+    """Makes a new job wait for the jobs in `after`, except finished ones. Raises NotFound and Conflict.
 
-    A dependency belongs to the same project or to none, so that those who see the job may see it too.
+    A dependency must be in the same project or in none, so that everyone who sees the job also sees its dependencies.
     """
     for id in dict.fromkeys(after):
         other = session.get(Job, id)
@@ -73,7 +76,7 @@ def wait_for(job: Job, after: Sequence[str], session: Session) -> None:
 
 
 def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
-    """Reduces a job's dependencies to these. Raises Conflict."""
+    """Removes all dependencies of a job except those in `after`. Raises Conflict if `after` contains others."""
     waits = {wait.other: wait for wait in session.scalars(select(Wait).where(Wait.job == id))}
     unknown = [other for other in after if other not in waits]
     if unknown:  # a new dependency on an existing job could create a cycle
@@ -90,7 +93,7 @@ def wait_for_fewer(id: str, after: Sequence[str], session: Session) -> None:
 
 
 def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
-    """Returns the dependencies of jobs, by job id."""
+    """Returns the jobs that each job waits for, by job id."""
     ids = [job.id for job in jobs if job.state in ACTIVE and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
     for at in range(0, len(ids), MOST_NAMED):
@@ -102,7 +105,7 @@ def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
 
 
 def waits_sentence(waits: Sequence[WaitOut]) -> str | None:
-    """Returns a sentence about a job's unfinished dependencies; None if there are none."""
+    """Returns a sentence about the unfinished jobs that a job waits for; None if there are none."""
     if not waits:
         return None
     named = [f'"{wait.name}"' if wait.name else wait.id for wait in waits[:SHOWN]]

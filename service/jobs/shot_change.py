@@ -24,7 +24,7 @@ CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "rep
 class ShotChange:
     """A change of a shot. before, after: the job's columns. steps: changes of its frames.
 
-    samples: additional samples requested.
+    samples: number of samples that the change adds.
     """
 
     before: dict[str, Any]
@@ -34,9 +34,9 @@ class ShotChange:
 
     @classmethod
     def of(cls, id: str, request: ShotRequest, farm: Farm) -> Self | None:
-        """Computes a change; None for a still, for a request without frame fields, and for a missing job.
+        """Computes the change that a request makes. None for a still image, a request without frame fields, and a missing job.
 
-        Carries out pending changes first. Raises Invalid, Conflict, FarmError.
+        Applies pending changes of the job first. Raises Invalid, Conflict, FarmError.
         """
         with farm.sessions() as session:
             job = session.get(Job, id)
@@ -58,11 +58,11 @@ class ShotChange:
         return cls(before, _columns(job), steps, added_samples(job, frames, before["spp"], steps))
 
     def fits(self, job: Job, session: Session) -> bool:
-        """Returns True if the job is unchanged since, and no change of its frames is pending."""
+        """Whether the change can still be stored: the job's row is unchanged since, and no change of its frames is pending."""
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
     def give(self, job: Job, session: Session) -> bool:
-        """Stores the change within a transaction; returns whether changes of frames remain to be carried out."""
+        """Stores the change inside a transaction. Returns True if changes of frames remain, which need further transactions."""
         for name, value in self.after.items():
             setattr(job, name, value)
         session.flush()

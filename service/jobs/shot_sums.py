@@ -1,6 +1,6 @@
-"""Sums over a shot's frames, computed where they are: by the engine, or by the database.
+"""Totals over the frames of shots, computed by the engine for running shots and by the database for others.
 
-A shot may have very many frames, and is described in every list of jobs.
+Every list of jobs needs them, and a shot may have very many frames, so frames are not loaded one by one.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ LONG = 500  # number of frames above which sums are cached
 
 @dataclass(frozen=True)
 class ShotSums:
-    """Sums over all frames of a shot.
+    """Totals over all frames of a shot.
 
-    frames: the frame range as text. first: the first frame's key and numbers. failed: keys, in order. progress: sum over frames.
-    noise: maximum; None while it is unknown for a frame that has not failed.
+    frames: the frame range as text. first: key and numbers of the first frame. failed: sorted keys of the failed frames.
+    progress: sum over the frames. noise: maximum over the frames; None while it is unknown for a frame that has not failed.
     """
 
     frames: str = ""
@@ -48,7 +48,7 @@ class ShotSums:
 
 
 class _Memory:
-    """Cache of the sums of long shots that have ended, valid while the job's row is unchanged."""
+    """Cache of the totals of long shots that have ended. An entry is valid while the job's row is unchanged."""
 
     def __init__(self) -> None:
         self._known: OrderedDict[str, tuple[str, ShotSums]] = OrderedDict()
@@ -70,7 +70,7 @@ _memory = _Memory()
 
 
 def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Session) -> dict[str, ShotSums]:
-    """Returns the sums of shots, by job id. live: the engine's latest numbers, used for jobs that have not ended."""
+    """Returns the totals of shots, by job id. live: the engine's latest numbers, used for jobs that have not ended."""
     found: dict[str, ShotSums] = {}
     asked: list[Job] = []
     changing = set(session.scalars(select(FrameChange.job))) if jobs else set()
@@ -97,7 +97,7 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
 
 
 def live_numbers(job: Job, known: JobNumbers | None) -> JobNumbers | None:
-    """Returns the engine's numbers of a shot if it is being rendered in the current revision of its request, else None."""
+    """Returns the engine's numbers of a shot, if it is rendering the current revision of the request; else None."""
     shot = Shot.of(job.shot)
     is_as_asked = known is not None and shot is not None and known.revision == shot.revision
     return known if is_as_asked and known is not None and known.frames and job.state in ACTIVE else None
@@ -112,7 +112,7 @@ def _of_engine(job: Job, known: JobNumbers) -> ShotSums:
 
 
 def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
-    """Returns the sums of the stored numbers."""
+    """Returns the totals of the numbers stored in the database, by job id."""
     ids = [job.id for job in jobs]
     counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
     sums = (func.coalesce(func.sum(each), 0) for each in (Frame.samples, Frame.bad_samples, Frame.progress))
@@ -153,7 +153,10 @@ def _added_up(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] | No
 
 
 def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
-    """Returns the frame ranges of shots from their rows, or from their frames for jobs of earlier releases."""
+    """Returns the frame ranges of shots as text, by job id.
+
+    Earlier releases did not store it: then it is derived from the frames.
+    """
     shots = {job.id: Shot.of(job.shot) for job in jobs}
     texts = {id: shot.frames for id, shot in shots.items() if shot is not None and shot.frames is not None}
     numbers: dict[str, list[int]] = {id: [] for id in shots if id not in texts}
@@ -165,7 +168,7 @@ def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
 
 
 def _state(job: Job) -> str:
-    """Returns a fingerprint that changes with every request and progress of a job."""
+    """Returns a text that differs whenever a job's request or progress has changed."""
     return json.dumps(
         [job.state, job.started, job.finished, job.active_s, job.spp, job.noise, job.seconds, job.shot, job.doubted]
     )
