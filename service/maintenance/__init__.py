@@ -1,4 +1,4 @@
-"""Maintenance of a farm: films are checked (scrub), marked (taint), backed up (backup) and restored.
+"""Maintenance of a farm's data: checks films (scrub), marks jobs with distrusted samples (taint), backs up and restores.
 
-Old data is deleted (retention).
+Deletes old data (retention), and reuses samples of earlier jobs (reuse).
 """

@@ -1,9 +1,9 @@
-"""Backup of a farm's data while it runs; restore.py creates a data folder from it.
+"""Backs up a farm's data while the farm runs; restore.py creates a data folder from the backup.
 
-The order makes the backup consistent. First comes the database, by SQLite's online backup. Then the data that it refers to: blobs
-are immutable and named by their hash; films only gain samples, so each, copied in one read transaction, has at least the samples
-that the database records. If a blob or film is missing because it was deleted meanwhile, the database is copied once more.
-Samples that a film still lacks are rendered again when the restored farm is started (scrub.py).
+The order of copying makes the backup consistent. First comes the database, by SQLite's online backup. Then the data that it
+refers to: blobs are immutable and named by their hash; films only gain samples, so each, copied in one read transaction, has at
+least the samples that the database records. If a blob or film is missing because it was deleted meanwhile, the database is copied
+once more. Samples that a film still lacks are rendered again when the restored farm is started (scrub.py).
 
 manifest.json   the files with their sizes and hashes; written last, so a backup without it is incomplete
 rayfarm.sqlite  scenes, jobs, frames
@@ -51,7 +51,7 @@ Progress = Callable[[int, int, str], None]  # bytes copied, total bytes, and the
 
 @dataclass
 class Manifest:
-    """The content of a backup. files: path -> size in bytes and SHA-256. stamps: of films, to detect unchanged ones."""
+    """List of a backup's files. files: size in bytes and SHA-256 by path. stamps: of films, to detect unchanged ones."""
 
     version: str = __version__
     made: float = 0.0
@@ -60,7 +60,7 @@ class Manifest:
 
     @classmethod
     def of(cls, text: bytes | str) -> Manifest:
-        """Parses a manifest file. Raises Invalid."""
+        """Parses a manifest file. Raises Invalid if it is malformed."""
         try:
             data = json.loads(text)
             files = {str(path): (int(size), str(sha256)) for path, (size, sha256) in data["files"].items()}
@@ -77,13 +77,13 @@ class Manifest:
             ) from None
 
     def to_json(self) -> bytes:
-        """Returns the content of the manifest file."""
+        """Returns the manifest as JSON."""
         return json.dumps(asdict(self), indent=1).encode()
 
 
 @dataclass
 class Report:
-    """The result of a backup. lacking: data that is missing or damaged in the farm itself, as sentences."""
+    """Result of a backup. lacking: sentences about data that is missing or damaged in the farm itself."""
 
     films: int = 0
     blobs: int = 0
@@ -93,7 +93,7 @@ class Report:
 
 
 def back_up(data: Path, target: Target, progress: Progress = lambda done, total, what: None) -> Report:
-    """Backs up the farm of a data folder, which may be running. Raises Invalid, NotFound and OSError."""
+    """Backs up the farm in a data folder, which may be running. Raises Invalid, NotFound and OSError."""
     if not (data / DATABASE).is_file():
         raise NotFound(
             Sentence(
@@ -129,9 +129,9 @@ class _Run:
 
     @contextmanager
     def database(self) -> Iterator[tuple[set[str], set[str]]]:
-        """Context that copies the database and adds the copy to the backup at its end.
+        """Context manager that copies the database, and adds the copy to the backup on exit.
 
-        Yields the hashes of the blobs and the ids of the jobs with films that the copy refers to.
+        Yields the hashes of the blobs, and the ids of the jobs with films, to which the copied database refers.
         """
         with self.target.scratch() as folder:
             copy = folder / DATABASE
@@ -147,7 +147,7 @@ class _Run:
             self.keep(DATABASE, copy)
 
     def copy(self, blobs: set[str], films: set[str]) -> list[str]:
-        """Copies blobs and films; returns a sentence for each that is missing or damaged."""
+        """Copies blobs and films to the backup; returns one sentence for each that is missing or damaged."""
         paths = {sha256: self.data / "blobs" / sha256[:2] / sha256 for sha256 in sorted(blobs)}
         sources = {job: self.data / "films" / f"{job}.sqlite" for job in sorted(films)}
         total = sum(_size(path) for path in (*paths.values(), *sources.values()))
@@ -173,7 +173,7 @@ class _Run:
         return missing
 
     def copy_beside(self) -> None:
-        """Copies the optional files in their current state; ones deleted meanwhile are skipped."""
+        """Copies the optional files (logs and snapshots) as they are now. Skips files that are deleted meanwhile."""
         for folder in BESIDE:
             for path in sorted((self.data / folder).rglob("[!.]*")):
                 with suppress(FileNotFoundError), self.target.scratch() as scratch:
@@ -182,7 +182,7 @@ class _Run:
                         self.keep(path.relative_to(self.data).as_posix(), scratch / "copy")
 
     def keep(self, name: str, path: Path) -> None:
-        """Adds a file to the backup under this name."""
+        """Adds a file to the backup under this name, and to its manifest."""
         size, sha256 = _hash(path)
         self.target.put(name, path)
         self.manifest.files[name] = (size, sha256)
@@ -224,7 +224,7 @@ class _Run:
 
 
 def _snapshot(source: Path, copy: Path) -> None:
-    """Copies a database in one read transaction; in WAL mode, concurrent writers continue."""
+    """Copies an SQLite database in one read transaction. In WAL mode other processes can write meanwhile."""
     _must_be(source)
     uri = f"{source.resolve().as_uri()}?mode=rw"
     with closing(sqlite3.connect(uri, uri=True, timeout=PATIENCE_S)) as a, closing(sqlite3.connect(copy)) as b:

@@ -1,4 +1,4 @@
-"""Deletion of jobs with their films and frames."""
+"""Deletes jobs with their films and frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = ["DeletedJob", "JobDeleter"]
 
 
 class DeletedJob(NamedTuple):
-    """A deleted job, with its last state and priority."""
+    """A job that was deleted, with its last state and priority."""
 
     id: str
     state: str
@@ -40,9 +40,9 @@ class JobDeleter:
         self.frames = FrameChanges(sessions, events, self._forget_one)
 
     def delete(self, ids: Sequence[str]) -> list[DeletedJob]:
-        """Deletes jobs and their pictures, and stops active ones; returns those that existed.
+        """Deletes jobs with their films, and stops those that are being rendered. Returns the jobs that existed.
 
-        A long shot may be deleted in the background afterwards. Raises FarmError.
+        Frames of a long shot may be deleted later, in the background. Raises FarmError.
         """
         long = self._condemn(ids)
         for job in long:
@@ -51,7 +51,10 @@ class JobDeleter:
         return [long.get(each.id, each) for each in self._forget(ids)]
 
     def _condemn(self, ids: Sequence[str]) -> dict[str, DeletedJob]:
-        """Cancels long shots and records that their frames are to be deleted in parts."""
+        """Cancels the long shots among these jobs, and marks their frames to be deleted in several transactions.
+
+        Returns those shots.
+        """
         with self._sessions() as session:
             counted = select(Frame.job).where(Frame.job.in_(ids)).group_by(Frame.job).having(func.count() > AT_A_TIME)
             many = list(session.scalars(counted))

@@ -1,6 +1,6 @@
-"""Creation of a data folder from a backup.
+"""Creates a data folder from a backup.
 
-All files are checked against the manifest's hashes before the folder gets its name.
+All files are checked against the manifest's hashes before the folder is moved to its final name.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ Opener = Callable[[], BinaryIO]
 
 
 def restore(source: Path, data: Path, progress: Progress = lambda done, total, what: None) -> Manifest:
-    """Creates a data folder, which must be new or empty. Raises NotFound, Conflict, Invalid and OSError.
+    """Restores a backup into a data folder, which must be new or empty. Raises NotFound, Conflict, Invalid and OSError.
 
-    Leaves nothing behind after an error.
+    After an error, no files remain.
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
         raise Conflict(
@@ -95,7 +95,7 @@ def restore(source: Path, data: Path, progress: Progress = lambda done, total, w
 
 
 def _forget_who_was_in(database: Path) -> None:
-    """Deletes all sessions and login links, since some may have been revoked after the backup; users log in again."""
+    """Deletes all sessions and login links, since they may have been revoked after the backup. Users have to log in again."""
     if not database.exists():
         return
     with closing(sqlite3.connect(database)) as connection, suppress(sqlite3.DatabaseError):  # from a release without logins
@@ -106,7 +106,7 @@ def _forget_who_was_in(database: Path) -> None:
 def _copy(
     files: Iterator[tuple[str, int, Opener]], folder: Path, total: int, progress: Progress
 ) -> tuple[dict[str, str], bytes | None]:
-    """Copies files into a folder; returns their SHA-256 hashes by name, and the manifest."""
+    """Copies files into a folder. Returns their SHA-256 hashes by name, and the content of the manifest (None if absent)."""
     hashes: dict[str, str] = {}
     manifest: bytes | None = None
     done = 0
@@ -142,7 +142,10 @@ def _write(opened: Opener, path: Path) -> str:
 
 @contextmanager
 def _opened(source: Path) -> Iterator[tuple[int, Iterator[tuple[str, int, Opener]]]]:
-    """Context that opens a backup; yields its size in bytes, and its files: name, size, and a function to open each."""
+    """Context manager that opens a backup: a folder or a tar file.
+
+    Yields its size in bytes, and an iterator of its files: name, size, and a function that opens the file.
+    """
     if source.is_dir():
         paths = [path for path in sorted(source.rglob("*")) if path.is_file() and ".part" not in path.parts]
         files = ((path.relative_to(source).as_posix(), path.stat().st_size, lambda path=path: path.open("rb")) for path in paths)

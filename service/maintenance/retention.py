@@ -1,12 +1,12 @@
-"""Retention of films, compiled scenes and uploads: deletion by age and by size, except of pinned jobs.
+"""Retention rules: deletes films, compiled scenes and uploads by age and by total size, except those of pinned jobs.
 
-Without rules, which is the default, nothing is deleted. Data that can be deleted, and how to get it back:
+Without rules, which is the default, nothing is deleted. What can be deleted, and how to get it back:
 
 film      of a finished job: the job and its request stay, and setting it to running renders the same bits again
 compiled  of a scene unused for long: compiled again at its next use
 upload    a scene that no job needs, unused for long: it has to be uploaded again
 
-A pinned job keeps its film, and the upload from which it was rendered.
+A pinned job keeps its film, and the upload that it was rendered from.
 """
 
 from __future__ import annotations
@@ -48,19 +48,19 @@ class WallClock:
         self._apart = time.time() - _since_boot()
 
     def jumped_s(self) -> float:
-        """Returns the seconds by which the clock was set forward since the last call; negative if set back."""
+        """Returns the seconds by which the wall clock was set since the last call: positive if forward, negative if back."""
         before, self._apart = self._apart, time.time() - _since_boot()
         return self._apart - before
 
 
 def _since_boot() -> float:
-    """Returns the seconds since boot, including sleep on systems that count it."""
+    """Returns the seconds since boot, including time in standby on systems that measure it."""
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
 @dataclass(frozen=True)
 class Rules:
-    """Limits: ages in days since the last use, sizes in bytes; None: no limit."""
+    """Retention rules: maximum ages in days since the last use, and maximum sizes in bytes. None: no limit."""
 
     films_days: float | None = None
     films_bytes: int | None = None
@@ -69,13 +69,13 @@ class Rules:
 
     @property
     def is_empty(self) -> bool:
-        """True if there are no limits."""
+        """Whether there are no limits."""
         return self == Rules()
 
 
 @dataclass(frozen=True)
 class Item:
-    """An item that may be deleted. bytes: on disk; data shared by scenes counts for each of them."""
+    """An item that the rules allow to delete. bytes: size on disk; data shared by scenes is included in each of them."""
 
     what: Literal["film", "compiled", "upload"]
     id: str
@@ -87,7 +87,7 @@ class Item:
 
 @dataclass
 class Run:
-    """A requested deletion and its progress. Changed by one thread."""
+    """A deletion in progress, started by `Retention.begin`. Only its thread changes it."""
 
     state: Literal["running", "finished", "failed", "stopped"] = "running"
     planned: int | None = None  # number of items; None during the search
@@ -97,7 +97,7 @@ class Run:
 
 
 class Retention:
-    """Applies the rules once an hour, except after the clock was set forward, since deletion is final.
+    """Applies the rules once an hour. Skips a round after the clock was set forward, since deletion is final.
 
     `plan` and `carry_out` are thread-safe.
     """
@@ -129,7 +129,7 @@ class Retention:
             self._thread.start()
 
     def stop(self) -> None:
-        """Stops after the current item."""
+        """Stops the thread after the item that it is deleting."""
         self._stopping.set()
         for thread in (self._thread, self._asked_thread):
             if thread is not None and thread.is_alive():
@@ -150,7 +150,7 @@ class Retention:
                 log.exception("a fault while it was looked what may go")
 
     def begin(self, rules: Rules) -> Run:
-        """Starts a deletion by these rules in a thread. Raises Conflict while an earlier one is in progress."""
+        """Starts a thread that deletes by these rules, and returns its progress. Raises Conflict if a deletion is in progress."""
         with self._asked_lock:
             if self.latest is not None and self.latest.state == "running":
                 raise Conflict(
@@ -182,13 +182,13 @@ class Retention:
             run.state, run.error = "failed", f"The service has a fault ({type(error).__name__}); its log says more."
 
     def plan(self, rules: Rules) -> list[Item]:
-        """Returns the items that these rules allow to delete, oldest first. Changes nothing."""
+        """Returns the items that these rules allow to delete, oldest first. Deletes nothing."""
         now = time.time()
         with self._sessions() as session:
             return [*self._old_films(session, rules, now), *self._unused(session, rules, now)]
 
     def carry_out(self, items: Iterable[Item]) -> list[Item]:
-        """Deletes the items that may still be deleted, and returns those."""
+        """Deletes those of the items that may still be deleted; returns them."""
         act = {"film": self._drop_film, "compiled": self._drop_compiled, "upload": self._drop_upload}
         gone = []
         for item in items:
@@ -300,13 +300,13 @@ class Retention:
 
 
 def _needed(session: Session) -> set[str]:
-    """Returns the scenes of unfinished and pinned jobs."""
+    """Returns the ids of the scenes that unfinished or pinned jobs need."""
     rows = session.execute(select(Job.scene, Job.lit).where(or_(Job.state.in_(ACTIVE), Job.pinned)))
     return {id for row in rows for id in row if id is not None}
 
 
 def _compiled_bytes(scene: Scene) -> int:
-    """Returns the bytes compiled for all kinds of workers; shared parts count once."""
+    """Returns the total size of a scene's compiled forms for all kinds of workers, in bytes. Shared parts are counted once."""
     sizes: dict[str, int] = {}
     for ref in (scene.compiled if isinstance(scene.compiled, dict) else {}).values():
         sizes |= _sizes(ref)

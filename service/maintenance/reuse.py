@@ -1,4 +1,4 @@
-"""Reuse of samples: a new job starts with the samples in the films of earlier jobs of the same picture.
+"""Reuse of samples: a new job starts with the samples that earlier jobs rendered of the same picture.
 
 A film contains exact sums of numbered samples, so a job of 256 samples that starts with another's 64 yields the same bits as one
 that renders all of them. The film is copied, so later changes of the earlier job do not affect the new one. A shot is copied
@@ -48,14 +48,14 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Source:
-    """A job whose samples can be reused. samples: by frame key, over all pixels, for frames that have any."""
+    """An earlier job whose samples can be reused. samples: number of samples by frame key, over all pixels, if not 0."""
 
     job: Job
     samples: Mapping[int, int]
 
     @property
     def end(self) -> tuple[str, int | None, float | None, float | None, str, str]:
-        """The fields that a concurrent change of the job may affect."""
+        """The fields whose concurrent change makes the copied samples unusable."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
@@ -64,7 +64,7 @@ class SampleReuse:
     """Copies films of earlier jobs to new ones. Thread-safe."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, board: SnapshotBoard, data: Path, min_free_bytes: int) -> None:
-        """Creates the copier. data: folder of the films, on whose disk `min_free_bytes` remain free."""
+        """Stores the parameters. data: folder of the films; `min_free_bytes` of its disk remain free."""
         self._sessions = sessions
         self._films = films
         self._board = board
@@ -72,10 +72,10 @@ class SampleReuse:
         self._min_free_bytes = min_free_bytes
 
     def begin(self, job: Job, keys: Collection[int] = (0,)) -> Begun:
-        """Creates the film of a new job from earlier jobs, and updates the job's row, which is not stored yet.
+        """Creates the film of a new job from films of earlier jobs, and updates the job's row, which is not stored yet.
 
-        keys: of its frames. Returns the initial columns of the frames with reused samples; empty if there are none or the job's
-        settings are not known yet. The caller deletes the film if it does not store the job.
+        keys: frame keys of the new job. Returns the initial columns of the frames with reused samples, by frame key; empty if
+        there are none or the job's settings are not known yet. The caller deletes the film if it does not store the job.
         """
         shot = Shot.of(job.shot)
         is_laid_out = shot is not None and shot.order == NOISIEST
@@ -98,7 +98,10 @@ class SampleReuse:
         return {}
 
     def _take(self, job: Job, sources: Mapping[str, _Source]) -> dict[int, tuple[str, int]]:
-        """Copies each frame from the job with most samples of it; returns job and sample count by frame key. Raises FarmError."""
+        """Copies each frame from the job with most samples of it. Returns job id and sample count by frame key.
+
+        Raises FarmError.
+        """
         assert job.settings is not None and job.tile_size is not None
         found: dict[int, tuple[str, int]] = {}
         refused: set[str] = set()
@@ -128,7 +131,7 @@ class SampleReuse:
         return found
 
     def _sources(self, job: Job, keys: set[int]) -> dict[str, _Source]:
-        """Returns the jobs that can be reused, all of one kind of workers, by id, most samples first."""
+        """Returns the jobs whose samples can be reused, by id, those with most samples first. All are of one kind of workers."""
         kinds = {report.kind for report in self._board.roster.reports.values()}
         with self._sessions() as session:
             jobs = session.scalars(
@@ -150,7 +153,7 @@ class SampleReuse:
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_as_it_was(self, source: _Source) -> bool:
-        """Returns True if a job exists and its goals are unchanged."""
+        """Whether an earlier job still exists with unchanged goals."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
         return job is not None and _Source(job, {}).end == source.end
@@ -183,7 +186,7 @@ class SampleReuse:
         return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in taken.items()}
 
     def _rows(self, taken: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
-        """Returns the rows of the reused frames, by key."""
+        """Returns the database rows of the reused frames, by frame key."""
         found: dict[int, Frame] = {}
         with self._sessions() as session:
             for id in {id for id, _ in taken.values()}:
@@ -194,7 +197,7 @@ class SampleReuse:
 
 
 def _is_part(source: Job, job: Job) -> bool:
-    """Returns True if the samples that `source` has rendered are a subset of those that `job` requires."""
+    """Whether the samples that job `source` has rendered are a subset of those that `job` requires."""
     if source.noise is None and source.seconds is None and (source.spp or 0) > (job.spp or MAX_SPP):
         return False  # decided without reading its film
     if job.noise is None or (source.spp or MAX_SPP) <= FIRST_CHECK:
@@ -204,9 +207,9 @@ def _is_part(source: Job, job: Job) -> bool:
 
 
 def _frame(job: Job, source: Job, frame: Frame | None, samples: int, pixels: int) -> dict[str, Any]:
-    """Returns the initial columns of a shot's frame with reused samples; a complete frame is finished.
+    """Returns the initial columns of a shot's frame with reused samples. If no samples are missing, the frame is finished.
 
-    samples: reused, over all pixels. pixels: of the frame.
+    samples: number of reused samples, over all pixels. pixels: number of the frame's pixels.
     """
     if job.noise is None:
         is_whole = samples == (job.spp or 0) * pixels

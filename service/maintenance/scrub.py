@@ -1,9 +1,9 @@
-"""Checks of films at rest: each is read completely from time to time, and missing samples are rendered again.
+"""Checks stored films: reads each completely from time to time, and queues jobs whose films lack samples.
 
 A disk may return wrong bytes, a folder may be restored in part, a file may be deleted by hand. The engine notices damage to films
-of active jobs, but a finished job's film may not be read for months. So a thread checks whether each film exists when the service
-starts; then reads one after another, longest unchecked first, using a twentieth of a core; and checks a film at once when a
-reader found damage. A job whose film lacks samples is queued again, and ends with the same bits.
+of active jobs, but a finished job's film may not be read for months. So when the service starts, a thread checks that each film
+exists. Then it reads one film after another, the longest unchecked first, using a twentieth of a core. A film is checked at once
+if reading it failed. A job whose film lacks samples is queued again, and ends with the same bits.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ log = logging.getLogger(__name__)
 
 
 def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: int, recorded: Mapping[int, int]) -> None:
-    """Reads a whole film. recorded: samples of each frame by the database. Raises FilmDamaged, FilmLost, FilmWaits."""
+    """Reads a whole film and checks it. recorded: sample count of each frame in the database.
+
+    Raises FilmDamaged, FilmLost, FilmWaits.
+    """
     if not any(recorded.values()):
         return
     if not films.size(job):
@@ -61,7 +64,7 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
 
 
 class Scrubber:
-    """The checking thread, woken by `FilmSuspected`. `suspect` is thread-safe."""
+    """Checks films in a thread. `FilmSuspected` events trigger an immediate check. `suspect` is thread-safe."""
 
     def __init__(
         self,
@@ -71,9 +74,10 @@ class Scrubber:
         events: Events,
         every_days: float,
     ) -> None:
-        """Creates the checker.
+        """Stores the parameters.
 
-        prepare: restores the scene that a job renders, by the job's id. every_days: the period of checks; 0: never.
+        prepare: function that restores the scene of a job, given the job's id. every_days: period of the checks in days; 0: no
+        checks.
         """
         self._sessions = sessions
         self._films = films
@@ -88,19 +92,19 @@ class Scrubber:
         self._thread = threading.Thread(target=self._run, name="scrub", daemon=True)
 
     def start(self) -> None:
-        """Starts the thread, if films are checked at all."""
+        """Starts the thread, unless checks are disabled."""
         if self._every_s > 0:
             self._thread.start()
 
     def stop(self) -> None:
-        """Stops after the current film, within seconds."""
+        """Stops the thread within seconds, after the film that it is reading."""
         self._stopping.set()
         self._suspects.put(None)
         if self._thread.is_alive():
             self._thread.join(5)
 
     def suspect(self, job: str) -> None:
-        """Checks a film before all others."""
+        """Puts a job's film at the front of the films to check."""
         if self._every_s > 0 and job not in self._waiting:
             self._waiting.add(job)
             self._suspects.put(job)
@@ -152,7 +156,7 @@ class Scrubber:
                 self.suspect(job)
 
     def _oldest(self) -> str | None:
-        """Returns the finished job whose film is due for the longest time; None if none is due."""
+        """Returns the id of the finished job whose check is longest overdue; None if no check is due."""
         due = time.time() - self._every_s
         with self._sessions() as session:
             for looked_at in (Job.checked.is_(None), Job.checked < due):
@@ -215,6 +219,6 @@ class Scrubber:
 
 
 def _is_at_rest(job: Job) -> bool:
-    """Returns True if a job is finished, or failed because its film was found damaged."""
+    """Whether a job's film is not being changed: the job is finished, or failed because its film was damaged."""
     is_over = job.state == "finished" or (job.state == "failed" and FILM in (job.error or ""))
     return is_over and job.settings is not None and job.tile_size is not None

@@ -1,8 +1,8 @@
-"""Marking of finished jobs that contain samples of a worker with wrong results.
+"""Marks finished jobs that contain samples of a distrusted worker, one whose results were wrong.
 
-In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture stays as delivered:
-its job names the workers, and a PATCH to running renders those samples again. A thread searches the films at rest, using a fifth
-of a core; when the service starts, it does so for all distrusted workers.
+In unfinished jobs such samples are removed at once (service/scheduling/trust/trust.py). A finished picture is not changed: its
+job lists the workers, and a PATCH to running renders those samples again. A thread searches the stored films, using a fifth of a
+core; when the service starts, it searches for all distrusted workers.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 class TaintMarker:
-    """One thread, notified by `WorkerSetAside`."""
+    """Searches films in a thread, triggered by `WorkerSetAside` events."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, events: Events) -> None:
         self._sessions = sessions
@@ -46,7 +46,7 @@ class TaintMarker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops after the current film."""
+        """Stops the thread after the film that it is reading."""
         self._stopping.set()
         self._wanted.put(None)
         if self._thread.is_alive():

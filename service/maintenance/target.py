@@ -1,4 +1,4 @@
-"""Destination of a backup: a folder, to which the next backup adds only new files, or one tar file."""
+"""Destinations of a backup: a folder, to which later backups add only new files, or a tar file."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ ARCHIVES = (".tar", ".tar.gz", ".tgz", ".tar.xz")
 
 
 class Target(Protocol):
-    """Protocol of a destination for files, whose names contain slashes."""
+    """Interface of a backup's destination. File names contain slashes."""
 
     def manifest(self, name: str) -> bytes | None:
-        """Returns the manifest of a previous backup; None if there is none."""
+        """Returns the content of a previous backup's manifest; None if there is no previous backup."""
 
     def has(self, name: str, size: int) -> bool:
-        """Returns True if a file with this size exists."""
+        """Whether the destination already contains a file with this name and size."""
 
     def put(self, name: str, path: Path) -> None:
         """Stores a copy of a file."""
 
     def write(self, name: str, data: bytes) -> None:
-        """Stores a small file with this content."""
+        """Stores a small file with this content under a name."""
 
     def prune(self, keep: set[str]) -> None:
-        """Deletes the files of a previous backup that this one does not contain."""
+        """Deletes files of the previous backup whose names are not in `keep`."""
 
     def scratch(self) -> AbstractContextManager[Path]:
         """Returns a context with a folder for temporary files."""
 
 
 class FolderTarget:
-    """A folder as destination. Unchanged files of a previous backup are kept."""
+    """A folder as a backup's destination. Unchanged files of a previous backup are reused."""
 
     def __init__(self, folder: Path, marker: str) -> None:
-        """Opens the folder. Raises Invalid for a folder with other content. marker: the file that identifies a backup."""
+        """Opens the folder. Raises Invalid if it has other content. marker: name of the file that identifies a backup."""
         if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).exists() and not (folder / ".part").exists():
             raise Invalid(
                 Sentence(
@@ -64,7 +64,7 @@ class FolderTarget:
         self._part.mkdir(PRIVATE_FOLDER)
 
     def manifest(self, name: str) -> bytes | None:
-        """See Target. Removes the manifest until this backup is complete."""
+        """See Target. Deletes the manifest, so that the backup is marked incomplete until the new one is written."""
         path = self._folder / name
         if not path.exists():
             return None
@@ -105,7 +105,7 @@ class FolderTarget:
 
 
 class TarTarget:
-    """A tar file as destination, which gets its name when it is complete."""
+    """A tar file as a backup's destination, moved to its final name once it is complete."""
 
     def __init__(self, path: Path) -> None:
         if path.exists():
@@ -130,7 +130,7 @@ class TarTarget:
         return self._has.get(name) == size
 
     def put(self, name: str, path: Path) -> None:
-        """See Target. Of several files with one name, the last is valid."""
+        """See Target. If a name is stored twice, the later file is used."""
         self._tar.add(path, name, filter=_private)
         self._has[name] = path.stat().st_size
 
@@ -141,7 +141,7 @@ class TarTarget:
         self._tar.addfile(_private(info), io.BytesIO(data))
 
     def prune(self, keep: set[str]) -> None:
-        """See Target. Closes the tar file and gives it its name; there are no previous files."""
+        """See Target. Closes the tar file and moves it to its final name; there are no previous files to delete."""
         self._tar.close()
         self._file.close()
         move_whole(self._part, self._path)
@@ -154,7 +154,7 @@ class TarTarget:
 
 
 def target_at(path: Path, marker: str) -> Target:
-    """Returns the destination for a path: a tar file or a folder, by its name. Raises Invalid."""
+    """Returns the destination for a path: a tar file if the name has its suffix, else a folder. Raises Invalid."""
     if path.name.endswith(ARCHIVES):
         return TarTarget(path)
     if path.suffix in (".zip", ".gz", ".xz", ".zst", ".7z") or path.is_file():
