@@ -1,4 +1,7 @@
-"""Fields of the API's models, made from the declarations of renderer/settings.py: type, range, names, default, description."""
+"""Fields of the API's models, generated from the setting declarations in renderer/settings.py.
+
+Each has the declaration's type, range, names, default and description.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def with_fields(settings: Mapping[str, DeclaredSetting], of_scene: bool = False) -> Callable[[type[Model]], type[Model]]:
-    """Decorator that adds these settings to a model as fields, replacing those declared in the class for the type checker.
+    """Decorator that adds these settings to a model as fields. Replaces the fields that the class declares for the type checker.
 
-    of_scene: a value missing from a request is taken from the scene file, and then from the setting's default.
+    of_scene: if the request omits a field, the scene file's value is used, or else the setting's default.
     """
 
     def add(model: type[Model]) -> type[Model]:

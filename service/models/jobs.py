@@ -48,7 +48,7 @@ def _plain_text(value: str, field: str) -> str:
 
 
 def _frames_text(value: str | int | float) -> str:
-    """Validates and returns the text of a frame range. Raises ValueError."""
+    """Validates the text of a frame range and returns it. Raises ValueError."""
     text = str(value).strip()
     try:
         if len(text) > 10_000:
@@ -184,12 +184,12 @@ class JobIn(QueueIn):
         return self
 
     def numbers(self) -> list[float]:
-        """The requested frame numbers."""
+        """Returns the requested frame numbers."""
         return parse_frames(str(self.frames)) if self.frame is None else [self.frame]
 
     @property
     def is_shot(self) -> bool:
-        """True if the request is for more than a still of the scene's beginning."""
+        """Whether the request is for a shot: for anything other than one still image of the scene's beginning."""
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 
@@ -223,7 +223,7 @@ class JobPatch(QueuePatch):
 
     @property
     def is_of_frames(self) -> bool:
-        """True if the change has a field that only shots have."""
+        """Whether the patch sets a field that only shots have."""
         return any(getattr(self, name) is not None for name in ("frames", "extend", "again", "first", "order"))
 
     @field_validator("name", "note")

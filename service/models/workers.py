@@ -48,7 +48,7 @@ class WorkerPatch(Strict):
 
     @property
     def terms(self) -> dict[str, Any]:
-        """The requested terms, by the field names of protocol.terms.Terms; None resets a term."""
+        """Returns the requested terms by the field names of protocol.terms.Terms. None resets a term to its start value."""
         said = {name: getattr(self, name) for name in self.model_fields_set - {"state"}}
         if "memory_gb" in said:
             gigabytes = said.pop("memory_gb")
@@ -94,7 +94,7 @@ class WorkerOut(Coded):
 
 
 def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerOut:
-    """A worker for the API. why: the reason of a pause, which counts as paused although running tasks may still finish."""
+    """Returns the API's model of a worker. why: the reason if it is paused, even while it still finishes its tasks."""
     current = [{**doing, "frame": frame_number(doing["frame"])} if _counts(doing) else doing for doing in report.current]
     vitals = view.roster.vitals.get(report.name)
     offer = view.roster.offers.get(report.name)
@@ -110,5 +110,5 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
 
 
 def _counts(doing: dict[str, Any]) -> bool:
-    """Returns True if a slot's work names a frame (frame keys count in halves)."""
+    """Whether a slot's current work is a frame of a job (frame keys are counted in halves of a frame)."""
     return isinstance(doing.get("frame"), int)
