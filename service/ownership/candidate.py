@@ -1,8 +1,8 @@
-"""A service that wants to own the farm: it takes a free farm at once, and otherwise stands by.
+"""A service process that wants to own the farm: takes a free farm at once, and otherwise waits as a standby.
 
-An owner is dead if it has released the farm, if the lock it held on the folder is free, or if its process is gone from this
-machine. An owner that hangs shows none of these. It is asked for a sign of life through the database, and after `lease_s` seconds
-without an answer the farm is taken over; later writes of the old owner are refused (ownership.py).
+An owner is dead if it has released the farm, if its lock on the folder is free, or if its process no longer exists on this
+machine. A hanging owner shows none of these. So the candidate requests an answer through the database, and takes over the farm
+after `lease_s` seconds without one. Later writes of the old owner are rejected (ownership.py).
 """
 
 from __future__ import annotations
@@ -37,7 +37,10 @@ log = logging.getLogger(__name__)
 
 
 class Candidate:
-    """Attempts to own the farm. Not thread-safe. Raises CannotStart for settings or a database that this service cannot use."""
+    """Attempts to become the owner of the farm. Not thread-safe.
+
+    Raises CannotStart if this service cannot use the settings or the database.
+    """
 
     def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
         settings.make_folders()
@@ -56,7 +59,7 @@ class Candidate:
         self.known: Owner | None = None  # the row as last read
 
     def attempt(self) -> Ownership | None:
-        """Takes the farm if it is free or its owner is dead; returns None otherwise. Cheap enough to call often.
+        """Returns the ownership if the farm is free or its owner dead; else None. Cheap enough to be called often.
 
         Raises Unavailable and CannotStart.
         """
@@ -83,12 +86,15 @@ class Candidate:
         return Ownership(self._engine, self._sessions, self._lock, epoch, self._settings.lease_s, self._clock)
 
     def close(self) -> None:
-        """Stops standing by, and closes the database."""
+        """Stops being a candidate, and closes the database."""
         self._lock.release()
         self._engine.dispose()
 
     def _may_be_dead(self) -> bool:
-        """Returns True if holding the folder's lock shows that the owner is dead; True before the row was first read."""
+        """Whether the owner held the folder's lock, so that a free lock shows that it is dead.
+
+        True until the row was first read.
+        """
         return self.known is None or self.known.locked
 
     def _asked_for_epoch(self, has_lock: bool) -> int | None:
@@ -138,7 +144,7 @@ class Candidate:
         self._stuck_since = None
 
     def _free_the_database(self, row: Owner) -> None:
-        """Kills an owner that is stopped while it holds SQLite's write lock."""
+        """Kills the owner's process if it is suspended while it holds SQLite's write lock."""
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
         if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and end(row.process or {}):
@@ -146,14 +152,14 @@ class Candidate:
 
 
 def _is_damage(error: DatabaseError) -> bool:
-    """Returns True if the database file is corrupt; other errors are bugs."""
+    """Whether a database error means that the file is corrupt. Other errors are bugs."""
     return getattr(error.orig, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT)
 
 
 def take_farm(settings: Settings, patience_s: float) -> Ownership:
-    """Takes the farm, for a service that does not stand by. Raises CannotStart if another service owns it.
+    """Takes the farm for a service that does not run as a standby. Raises CannotStart if another service owns it.
 
-    patience_s: how long to wait for an earlier service to end, in seconds.
+    patience_s: maximum time to wait for an earlier service to end, in seconds.
     """
     candidate = Candidate(settings)
     deadline = time.monotonic() + patience_s

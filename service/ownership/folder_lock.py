@@ -1,4 +1,4 @@
-"""The lock of a data folder: acquiring it proves that its previous holder has ended."""
+"""Lock on a data folder. Whoever acquires it knows that the previous holder's process has ended."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["FolderLock"]
 
 
 class FolderLock:
-    """A file lock of this process, released by the system when the process ends."""
+    """File lock held by this process. The operating system releases it when the process ends."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "service.lock"
@@ -21,11 +21,11 @@ class FolderLock:
 
     @property
     def is_held(self) -> bool:
-        """True if this process holds it."""
+        """Whether this process holds the lock."""
         return self._file is not None
 
     def attempt(self) -> bool:
-        """Acquires the lock if it is free; returns whether it is held. On a file system without locks it is never held."""
+        """Acquires the lock if it is free. Returns True if this process holds it; always False on file systems without locks."""
         if self._file is None:
             file = os.fdopen(os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, PRIVATE), "w")
             try:

@@ -1,4 +1,4 @@
-"""Decides when an owner that does not answer counts as dead."""
+"""Decides when an owner that does not answer is considered dead."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ LEAST_LOOKS = 4  # checks of the row; a candidate that was suspended itself must
 
 
 class OwnerTimeout:
-    """Measures how long the owner has not answered, by this process's monotonic clock: clocks of machines differ and jump."""
+    """Measures how long the owner has not answered.
+
+    Uses this process's monotonic clock, since clocks differ between machines and can jump.
+    """
 
     def __init__(self, lease_s: float, clock: Callable[[], float]) -> None:
         self._lease_s = lease_s
@@ -24,16 +27,16 @@ class OwnerTimeout:
         self._looks = 0
 
     def asked(self, epoch: int, number: int) -> None:
-        """Records that the owner with this epoch was sent request `number` just now."""
+        """Records that request `number` was sent to the owner of this epoch just now."""
         self._epoch, self._number = epoch, number
         self._since, self._looks = self._clock(), 0
 
     def has_answered(self, row: Owner) -> bool:
-        """Returns True if the owner has answered the recorded request."""
+        """Whether the owner has answered the recorded request."""
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
     def is_broken(self, row: Owner) -> bool:
-        """Returns True if a new request is due: the owner has answered, or is a new one. Must be called once per check."""
+        """Whether a new request must be sent: the owner has answered the last one, or is a new owner. Call once per check."""
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True
         self._looks += 1
@@ -41,5 +44,5 @@ class OwnerTimeout:
 
     @property
     def is_too_long(self) -> bool:
-        """True if the owner counts as dead, so that the farm may be taken over."""
+        """Whether the owner has not answered for so long that it is considered dead."""
         return self._looks >= LEAST_LOOKS and self._clock() - self._since > self._lease_s

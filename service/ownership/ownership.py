@@ -1,8 +1,8 @@
-"""Ownership of the farm: this service has the latest epoch, and all its writes are checked against it.
+"""Ownership of the farm: this service has the latest epoch, and each of its writes is checked against it.
 
-Time decides when another service may take over, but never whether a write is allowed. That is decided in the writing transaction
-itself: the database's row has the latest epoch (`fence`), and every film a copy of it (service/store/film_file.py). A service
-that was suspended for an hour in the middle of a merge can write nothing when it resumes.
+Timeouts decide when another service may take over, but never whether a write is allowed. That is checked in the writing
+transaction itself: against the epoch in the database's row (`fence`), and in a film against a copy of it
+(service/store/film_file.py). So a service that was suspended in the middle of a merge cannot write anything when it resumes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ log = logging.getLogger(__name__)
 
 
 class Ownership:
-    """Held from `Candidate.attempt` until `stop`, or until it is lost. Thread-safe."""
+    """Ownership of the farm, from `Candidate.attempt` until `stop` or until another service takes over. Thread-safe."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Ownership:
         lease_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Starts with confirmed ownership. sessions: database sessions without a fence."""
+        """Stores a newly confirmed ownership. sessions: database sessions without a fence."""
         self.engine = engine
         self.epoch = epoch
         self.sessions = sessions.fenced(self.fence)
@@ -69,16 +69,16 @@ class Ownership:
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
 
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
-        """Starts answering candidates.
+        """Starts the thread that answers candidates.
 
-        on_lost: called once, in a thread, after another service has taken over. moves: whether this service makes progress; if
-        not, candidates get no answer, so that one can take over.
+        on_lost: called once, from a thread, after another service has taken over. moves: function that returns whether this
+        service makes progress; if not, candidates get no answer, so that one of them takes over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops answering, releases the farm, and closes the database."""
+        """Stops answering candidates, releases the farm, and closes the database."""
         self._stop.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()
@@ -92,16 +92,16 @@ class Ownership:
 
     @property
     def is_lost(self) -> bool:
-        """True if another service has taken over."""
+        """Whether another service has taken over."""
         return self._lost.is_set()
 
     @property
     def is_doubtful(self) -> bool:
-        """True if another service may have taken over since the last check."""
+        """Whether the last check is so long ago that another service may have taken over since."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
     def fence(self, session: Session) -> None:
-        """Lets a transaction continue only if this service is the owner. Raises NotOwner."""
+        """Raises NotOwner, which aborts the transaction, if this service is no longer the owner."""
         if session.get_bind().dialect.name == "postgresql":
             found = session.execute(OF_POSTGRES, {"what": rows.FARM, "stuck": str(STUCK_S)}).scalar()
         else:
@@ -111,7 +111,7 @@ class Ownership:
             raise NotOwner
 
     def guard(self) -> None:
-        """Checks ownership before an action; costs nothing if it was confirmed recently.
+        """Checks ownership before an action. Does not access the database if ownership was confirmed recently.
 
         Raises NotOwner, or Unavailable if another service may own the farm and the database does not respond.
         """
@@ -134,7 +134,10 @@ class Ownership:
             )
 
     def confirm(self) -> None:
-        """Reads the row, and answers a candidate's request. Raises Unavailable."""
+        """Confirms ownership by reading the owner's row, and answers a candidate's request if there is one.
+
+        Raises Unavailable.
+        """
         began = self._clock()
         row = rows.current_owner(self._bare)
         if row is None or row.epoch != self.epoch:

@@ -1,6 +1,6 @@
-"""Another process on this machine: whether it has ended or is suspended; and killing it.
+"""Checks whether another process on this machine has ended or is suspended, and kills it.
 
-Linux only. On other systems, and for processes of other machines or containers, no statement is possible.
+Linux only. Elsewhere, and for processes of other machines or containers, the functions return that nothing is known.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ STATE, STARTED = 0, 19  # indexes of fields in /proc/PID/stat after the command'
 
 
 def this_process() -> dict[str, Any] | None:
-    """Returns an identity of this process that is unique over time; None if the system provides none."""
+    """Returns an identification of this process that is never reused: boot, PID namespace, PID, start time.
+
+    None if unavailable.
+    """
     try:
         return {**_where(), "pid": os.getpid(), "started": _stat(os.getpid())[STARTED]}
     except (OSError, IndexError):
@@ -26,17 +29,17 @@ def this_process() -> dict[str, Any] | None:
 
 
 def is_gone(known: dict[str, Any] | None) -> bool:
-    """Returns True if a process has certainly ended. known: the result of its `this_process`."""
+    """Whether a process has ended; False if unknown. known: result of `this_process` in that process."""
     return known is not None and _is_here(known) and _state(known) in (None, "Z", "X")
 
 
 def is_stopped(known: dict[str, Any] | None) -> bool:
-    """Returns True if a process is stopped (SIGSTOP, or by a debugger). known: the result of its `this_process`."""
+    """Whether a process is suspended (by SIGSTOP or a debugger). known: result of `this_process` in that process."""
     return known is not None and _is_here(known) and _state(known) in ("T", "t")
 
 
 def end(known: dict[str, Any]) -> bool:
-    """Kills a process, also a stopped one; returns whether that succeeded."""
+    """Kills a process, even a suspended one. Returns whether it was killed. known: result of `this_process` in that process."""
     try:
         handle = os.pidfd_open(known["pid"])
     except (OSError, AttributeError, KeyError, TypeError):
@@ -53,7 +56,7 @@ def end(known: dict[str, Any]) -> bool:
 
 
 def _where() -> dict[str, str]:
-    """Returns the ids of this boot and of this PID namespace: a container has its own."""
+    """Returns the ids of the current boot and of this process's PID namespace, which differs between containers."""
     boot = (PROC / "sys" / "kernel" / "random" / "boot_id").read_text().strip()
     return {"boot": boot, "numbers": os.readlink(PROC / "self" / "ns" / "pid")}  # noqa: PTH115 - it is no path
 
@@ -65,7 +68,7 @@ def _is_here(known: dict[str, Any]) -> bool:
 
 
 def _state(known: dict[str, Any]) -> str | None:
-    """Returns the process's state letter; None if it is gone, "?" if it cannot be read."""
+    """Returns a process's state letter from /proc; None if the process has ended, "?" if the state cannot be read."""
     try:
         found = _stat(int(known["pid"]))
         return found[STATE] if found[STARTED] == known["started"] else None

@@ -1,4 +1,4 @@
-"""The database row of the farm's owner. Each function is one transaction; raises Unavailable if the database does not respond."""
+"""Database row of the farm's owner. Each function runs one transaction; raises Unavailable if the database does not respond."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ FARM = "farm"
 
 @dataclass(frozen=True)
 class Claimant:
-    """One run of a service that claims ownership.
+    """One run of a service process that can become the owner.
 
-    place: machine and port, for display. url: for other services. folder: id of its data folder. process:
-    service/ownership/process.py
+    place: machine and port, for display. url: its URL for other services. folder: id of its data folder. process: its
+    identification (service/ownership/process.py).
     """
 
     id: str
@@ -39,9 +39,10 @@ def current_owner(sessions: Sessions) -> Owner | None:
 
 
 def take_ownership(sessions: Sessions, seen: Owner | None, claimant: Claimant, has_lock: bool) -> int | None:
-    """Takes ownership; returns the new epoch, or None if another service was faster.
+    """Takes ownership. Returns the new epoch, or None if another service was faster.
 
-    seen: the row that was found to be free; None if there was none. has_lock: whether the folder's lock is held too.
+    seen: the owner's row that was found to be free; None if there was no row. has_lock: whether this service holds the folder's
+    lock.
     """
     try:
         with sessions.begin() as session:
@@ -65,7 +66,10 @@ def take_ownership(sessions: Sessions, seen: Owner | None, claimant: Claimant, h
 
 
 def request_answer(sessions: Sessions, place: str) -> int:
-    """Requests a sign of life from the owner; returns the number that it has to answer with. place: of the requesting service."""
+    """Requests a sign of life from the owner. Returns the request's number, which the owner must write back.
+
+    place: machine and port of the requesting service.
+    """
     with sessions.begin() as session:
         session.execute(
             update(Owner).where(Owner.what == FARM).values(asked=Owner.asked + 1, asked_by=place, asked_at=time.time())
@@ -74,7 +78,7 @@ def request_answer(sessions: Sessions, place: str) -> int:
 
 
 def record_answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) -> bool:
-    """Records the owner's answer to a candidate; returns False if this service is no longer the owner."""
+    """Records the owner's answer to request number `asked`. Returns False if this service is no longer the owner."""
     with sessions.begin() as session:
         changed = session.execute(
             update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(answered=asked, locked=has_lock)
@@ -83,6 +87,6 @@ def record_answer(sessions: Sessions, epoch: int, asked: int, has_lock: bool) ->
 
 
 def give_up(sessions: Sessions, epoch: int) -> None:
-    """Marks the farm as free."""
+    """Records that this service has released the farm."""
     with sessions.begin() as session:
         session.execute(update(Owner).where(Owner.what == FARM, Owner.epoch == epoch).values(owner=None, process=None))
