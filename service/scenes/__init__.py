@@ -1,1 +1,1 @@
-"""Use cases of scenes: uploading, opening examples, listing, describing and deleting them, without HTTP."""
+"""Operations on scenes, independent of HTTP: uploading, opening examples, listing, describing and deleting them."""

@@ -1,4 +1,4 @@
-"""Deleting a scene."""
+"""Deletion of a scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["delete"]
 
 
 def delete(id: str, farm: Farm) -> None:
-    """Deletes a scene with the scenes derived from it and its files. Raises NotFound; Conflict if unfinished jobs need it."""
+    """Deletes a scene with its files and the scenes derived from it. Raises NotFound; Conflict if unfinished jobs need it."""
     derived: list[str] = []
 
     def forget(session: Session) -> set[str]:

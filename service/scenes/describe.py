@@ -1,4 +1,4 @@
-"""Converts rows of scenes, with the engine's current state, to the API's model."""
+"""Converts scenes from database rows, with the engine's current state, to the API's model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 def scene_out(scene: Scene, engine: Engine) -> SceneOut:
-    """Returns a scene for the API. A row that this release cannot interpret is described as far as possible, as failed."""
+    """Returns the API's model of a scene. A row that this release cannot interpret is described as failed."""
     try:
         return _scene_out(scene, engine)
     except Exception as error:
@@ -72,7 +72,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
 
 
 def _why_preparing(scene: str, view: Snapshot) -> str:
-    """Returns the current step of preparing a scene, or the reason why it waits."""
+    """Returns a sentence with the current step of a scene's preparation, or the reason why it waits."""
     progress = view.preparing.get(scene)
     return view.waits.get(scene) or (
         progress.step

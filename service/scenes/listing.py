@@ -1,4 +1,4 @@
-"""Pages of the scenes that a caller may see."""
+"""Paginated lists of the scenes visible to a caller."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["SceneFilter"]
 
 
 class SceneFilter:
-    """Uploaded scenes that the caller may see. search: words that the name contains, or a prefix of the id."""
+    """Filter on the uploaded scenes visible to the caller. search: words in the scene's name, or a prefix of its id."""
 
     def __init__(self, sight: ProjectVisibility, project: str | None, search: str) -> None:
         self._conditions: list[ColumnElement[Any]] = [Scene.of.is_(None), sight.clause(Scene.project)]
@@ -27,6 +27,6 @@ class SceneFilter:
         return session.scalar(select(func.count()).select_from(Scene).where(*self._conditions)) or 0
 
     def rows(self, session: Session, limit: int, offset: int) -> list[Scene]:
-        """Returns a page of the matching scenes, newest first."""
+        """Returns one page of the matching scenes, newest first."""
         query = select(Scene).where(*self._conditions).order_by(Scene.created.desc(), Scene.id)
         return list(session.scalars(query.limit(limit).offset(offset)))

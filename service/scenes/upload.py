@@ -1,4 +1,4 @@
-"""Storing scenes: from an upload, or from one of the examples."""
+"""Creates scenes from uploads and from the examples."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["UploadRequest", "open_example", "upload"]
 
 @dataclass(frozen=True)
 class UploadRequest:
-    """The body of an upload, as multipart/form-data. project: empty for none. strict: whether warnings fail the scene.
+    """Body of an upload, as multipart/form-data. project: name, or empty. strict: whether warnings make the scene fail.
 
     traceparent: W3C Trace Context of the client.
     """
@@ -39,7 +39,7 @@ class UploadRequest:
 
 
 async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
-    """Stores the files of an upload as a scene, which workers then prepare. The same files give the same scene.
+    """Stores the files of an upload as a scene, which workers then prepare. The same files always give the same scene.
 
     Raises FarmError.
     """
@@ -65,7 +65,7 @@ async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
 
 
 def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
-    """Stores an example as a scene, as if its files had been uploaded. Raises FarmError."""
+    """Stores an example as a scene, as if its files had been uploaded. name: of the example. Raises FarmError."""
     owner = _owner(project, visit, farm)
     found = next((each for each in examples(farm.settings.examples) if each[0].name == name), None)
     if found is None:
