@@ -1,1 +1,1 @@
-"""Live views: pictures of scenes without jobs, which leave nothing behind."""
+"""Live views: interactive pictures of scenes, rendered without jobs and not stored."""

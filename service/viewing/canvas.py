@@ -1,4 +1,4 @@
-"""The picture of a live view: exact sums of colour, noise, and the tiles that have to be shown again."""
+"""Accumulated picture of a live view: exact sums of colour, noise estimates, and the tiles to send to the viewer again."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ GROWTH = 1.5  # a tile is shown again with so many times the samples: less is ha
 
 
 class Canvas:
-    """The sums of one level of a view. Pieces are added once each, in any order.
+    """Sums of one resolution level of a view. Each piece is added once; the order does not matter.
 
-    noise: relative noise at which a tile is complete, as in jobs, checked at 32, 64, 128 ... samples; None: all samples.
+    noise: relative noise at which a tile is complete, checked at 32, 64, 128 ... samples as in jobs; None: tiles get all samples.
     Tiles of few pixels are checked later (`first_check`).
     """
 
@@ -44,7 +44,7 @@ class Canvas:
 
     @property
     def samples(self) -> int:
-        """Minimum number of samples over all pixels."""
+        """Minimum over all tiles of the samples per pixel."""
         return int(self._counts.min())
 
     @property
@@ -54,23 +54,26 @@ class Canvas:
 
     @property
     def is_complete(self) -> bool:
-        """True if all tiles are complete."""
+        """Whether all tiles are complete."""
         return bool((self._ended | (self._counts >= self.level.samples)).all())
 
     @property
     def noise(self) -> float | None:
-        """Relative noise, the root mean square over all tiles as for a job's frame; None before every tile is measured."""
+        """Relative noise: the root mean square over all tiles, as for a job's frame; None until every tile is measured."""
         if not self._measured_at.all() or not np.isfinite(self._noise).all():
             return None
         squares = self._noise**2 * self._measured_at / self._counts  # scaled to the current number of samples
         return math.sqrt(float((squares * self._areas).sum() / self._areas.sum()))
 
     def tile_is_complete(self, tile: int) -> bool:
-        """Returns True if the tile needs no more samples."""
+        """Whether a tile needs no more samples."""
         return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:
-        """Adds the sums of a piece, shape (CHANNELS, h, w), all of whose samples are in the same half (renderer.film.in_half)."""
+        """Adds the sums of a piece, shape (CHANNELS, h, w).
+
+        first, count: the piece's sample numbers, all of which are in the same half (renderer.film.in_half).
+        """
         place = self._place(tile)
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
@@ -85,7 +88,10 @@ class Canvas:
             self.changed[tile] = None
 
     def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
-        """Returns a tile's mean, shape (3, h, w), its samples per pixel, and whether it is complete; marks it as shown."""
+        """Returns a tile's mean colour, shape (3, h, w), its samples per pixel, and whether it is complete.
+
+        Marks the tile as sent.
+        """
         self.changed.pop(tile, None)
         self._shown[tile] = self._counts[tile]
         rows, columns = self._place(tile)

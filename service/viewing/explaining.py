@@ -1,4 +1,4 @@
-"""Explanations of pixels: a worker renders a pixel's samples again while the request waits for its answer."""
+"""Explains pixels: a worker renders a pixel's samples again, with a record of each path, while the request waits."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ ASKED_AT_MOST = 2
 
 
 class PixelExplainer:
-    """Sends explanations to workers and waits for the answers. Thread-safe; the calling thread blocks."""
+    """Sends explanation requests to workers and waits for their answers. Thread-safe; blocks the calling thread."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard) -> None:
-        """Keeps what requests share. connection, dispatcher: closed by `stop`."""
+        """Stores what all requests share. `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board
@@ -42,16 +42,16 @@ class PixelExplainer:
         self._stop = threading.Event()
 
     def stop(self) -> None:
-        """Ends all waiting requests."""
+        """Ends all waiting requests with an error, and closes the connections."""
         self._stop.set()
         self._dispatcher.close()
         self._redis.close()
 
     def kinds(self) -> list[str]:
-        """Returns the kinds of workers of which all ready workers explain pixels, most slots first.
+        """Returns the worker kinds that can explain pixels, those with most slots first.
 
-        A message for a kind is taken by any of its workers, so one that cannot explain excludes the kind. Raises Unavailable if
-        there is none.
+        Any worker of a kind may receive the message, so a kind is included only if all its ready workers support explanations.
+        Raises Unavailable if there is no such kind.
         """
         roster = self._board.roster
         ready = roster.ready()
@@ -75,9 +75,9 @@ class PixelExplainer:
         return kinds
 
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
-        """Returns a worker's explanation (worker/work/explain.py), with the worker's name under `worker`.
+        """Returns a worker's explanation (worker/work/explain.py); its key `worker` is the worker's name.
 
-        The message id of `work` is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
+        work: the message; its id is replaced. Raises Unavailable or TooLate, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)
@@ -106,9 +106,10 @@ class PixelExplainer:
             self._room.release()
 
     def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | Fault | None:
-        """Sends one message and returns its answer; the fault if the worker's machine cannot do it, None if the worker was lost.
+        """Sends one message and returns its answer.
 
-        Raises redis.RedisError and QueueError as well.
+        Returns the fault if the worker's machine cannot do it, None if the worker was lost. Raises redis.RedisError and
+        QueueError too.
         """
         self._dispatcher.send_explain(work, queue)
         holder: str | None = None
@@ -179,7 +180,7 @@ def _understood(data: bytes) -> dict[str, Any]:
 
 
 def unreadable_answer() -> Failed:
-    """The error for an answer that is not an explanation."""
+    """Returns the error for an answer that is not a valid explanation."""
     return Failed(
         Sentence(
             "worker-answer-unreadable",

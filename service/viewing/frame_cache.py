@@ -1,4 +1,4 @@
-"""Compiled frames of animations that live views use, kept while a session shows their scene, then deleted."""
+"""Cache of compiled animation frames for live views. A frame stays while any session shows its scene, and is then deleted."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ MOST = 48  # enough for scrubbing to and fro
 
 
 class FrameCache:
-    """Least recently used cache of frames by FrameRequest.cache_key. Used in the scheduler's thread only."""
+    """LRU cache of frames, by FrameRequest.cache_key. Used in the scheduler's thread only."""
 
     def __init__(self, events: Events) -> None:
         self._events = events
         self._infos: OrderedDict[str, tuple[str, FrameInfo]] = OrderedDict()  # (scene, frame) by cache key
 
     def get(self, name: str) -> FrameInfo | None:
-        """Returns a cached frame, or None."""
+        """Returns a cached frame and marks it as used; None if it is not cached."""
         if name not in self._infos:
             return None
         self._infos.move_to_end(name)
         return self._infos[name][1]
 
     def put(self, name: str, scene: str, info: FrameInfo) -> None:
-        """Adds a frame and evicts the least recently used one of more than MOST."""
+        """Adds a frame. If there are more than MOST frames, evicts the least recently used one."""
         earlier = self._infos.pop(name, None)
         self._infos[name] = scene, info
         gone = [earlier[1]] if earlier else []
@@ -38,16 +38,16 @@ class FrameCache:
         self.delete_unused_blobs(*gone)
 
     def keep_only(self, scenes: set[str]) -> None:
-        """Evicts the frames of all other scenes."""
+        """Evicts the frames of all scenes that are not in `scenes`."""
         names = [name for name, (scene, _) in self._infos.items() if scene not in scenes]
         self.delete_unused_blobs(*[self._infos.pop(name)[1] for name in names])
 
     def forget(self) -> None:
-        """Evicts all frames, so that they are prepared again."""
+        """Evicts all frames, so that workers prepare them again."""
         self.keep_only(set())
 
     def delete_unused_blobs(self, *infos: FrameInfo) -> None:
-        """Deletes the blobs of frames, except those that cached frames share."""
+        """Deletes the blobs of evicted frames, except those that cached frames still refer to."""
         gone = Counter[str]()
         for info in infos:
             gone.update(_blobs(info))

@@ -1,4 +1,4 @@
-"""The limit on the memory of all live views together, at 52 bytes per pixel."""
+"""Limit on the total memory of all live views, at 52 bytes per pixel."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ FULL = Sentence(
 
 
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
-    """Returns True if another view of this many pixels fits.
+    """Whether another view of this many pixels fits into the memory limit.
 
-    Paused sessions give up their pictures if that is needed, and start again later.
+    If necessary, frees the pictures of paused sessions, which start again when they are resumed.
     """
     room = MAX_PIXELS - pixels - sum(session.pixels for session in sessions)
     for session in sessions:

@@ -1,9 +1,10 @@
-"""The pieces in which a view is rendered: a small picture first, then the whole view with ever more samples.
+"""Divides a view into pieces to render: first a small picture, then the whole view with more and more samples.
 
-The first picture is as large as the farm can render in FIRST_S at the measured cost of a sample; if the whole view takes much
-longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. The samples of a
-piece lie in one half (renderer.film.in_half), so that sums of colour yield the noise. A piece takes about PIECE_S, so that a new
-view starts soon; several pieces form a message, enough to be worth its round trip.
+The first picture is as large as the farm can render in FIRST_S seconds at the measured cost of a sample. If the whole view takes
+much longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel. All samples
+of a piece are in one half (renderer.film.in_half), so that the noise can be estimated from the sums of the halves. A piece takes
+about PIECE_S seconds, so that slots soon become free for a new view. A message has several pieces, so that its round trip is
+short compared with its rendering.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ STEP = 8.0  # largest ratio of pixels between two levels
 
 @dataclass(frozen=True)
 class Piece:
-    """Sample numbers first ... first + count - 1 of a tile of a level."""
+    """A unit of work: the samples first ... first + count - 1 of one tile of one level."""
 
     level: int
     tile: int
@@ -36,7 +37,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Level:
-    """A resolution at which the view is rendered, its tiles from the centre outwards, and its samples per pixel."""
+    """One resolution at which a view is rendered, with its tiles ordered from the centre outwards and its samples per pixel."""
 
     width: int
     height: int
@@ -45,7 +46,10 @@ class Level:
 
 
 def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) -> list[Level]:
-    """Returns the levels by size, the view's own last. cost_s: seconds per sample of a pixel on one slot."""
+    """Returns the levels of a view ordered by size; the last is the view's full size.
+
+    cost_s: seconds per pixel sample on one slot.
+    """
     whole = width * height
     first = max(SMALLEST, slots * FIRST_S / cost_s)
     sizes = []
@@ -62,7 +66,7 @@ def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) 
 
 
 class Passes:
-    """The order in which the pieces of a view are rendered."""
+    """Order in which the pieces of a view are rendered."""
 
     def __init__(self, levels: list[Level], cost_s: float) -> None:
         self.levels = levels
@@ -73,7 +77,7 @@ class Passes:
         self._ended: set[tuple[int, int]] = set()
 
     def next(self) -> list[Piece]:
-        """Returns the pieces of the next message, all of one level; an empty list if all are handed out."""
+        """Returns the pieces of the next message, all from one level; an empty list if no pieces remain."""
         chosen: list[Piece] = []
         expected = 0.0
         while (piece := self._take()) is not None:
@@ -85,15 +89,15 @@ class Passes:
         return chosen
 
     def requeue(self, pieces: list[Piece]) -> None:
-        """Puts lost pieces at the front of the order."""
+        """Puts pieces that were lost back at the front of the order."""
         self._lost.extend(pieces)
 
     def end(self, level: int, tile: int) -> None:
-        """Removes a complete tile from the order."""
+        """Removes the remaining pieces of a complete tile."""
         self._ended.add((level, tile))
 
     def expected_s(self, piece: Piece) -> float:
-        """Expected seconds of a piece on one slot."""
+        """Returns the expected time to render a piece on one slot, in seconds."""
         tile = self.levels[piece.level].tiles[piece.tile]
         return self._cost_s * tile.w * tile.h * piece.count
 
@@ -125,7 +129,10 @@ class Passes:
 
 
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
-    """Cuts a level into tiles of about PIECE_S per sample, and at least `at_least` tiles unless the picture is tiny."""
+    """Divides a level into tiles that take about PIECE_S seconds per sample.
+
+    at_least: minimum number of tiles, unless the picture is tiny.
+    """
     pixels = min(PIECE_S / cost_s, width * height / at_least)
     side = min(256, max(16, 4 * round(math.sqrt(pixels) / 4)))
     middle = (width / 2, height / 2)

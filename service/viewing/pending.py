@@ -1,4 +1,4 @@
-"""Messages that were sent to workers and are not finished."""
+"""Messages that were sent to workers and have not been answered completely."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["PendingMessage"]
 
 @dataclass
 class PendingMessage:
-    """Pieces of a view, a picked pixel, or the frame that the view shows."""
+    """A message sent to a worker: pieces of a view, a pixel to pick, or an animation frame to prepare."""
 
     session: ViewSession
     view: int
@@ -28,7 +28,7 @@ class PendingMessage:
     has_started: bool = False
 
     def requeue(self) -> None:
-        """Returns unanswered work to its session, to be sent again if the view is still shown."""
+        """Returns the unanswered parts to the session, which sends them again if the view is still shown."""
         if self.pieces and self.session.passes is not None and self.view == self.session.view:
             self.session.passes.requeue(list(self.pieces.values()))
         if not self.session.is_closed:

@@ -1,4 +1,4 @@
-"""Requests for frames of views, so that an answer is matched even after the view has changed."""
+"""Requested animation frames of views, remembered so that an answer can be matched after the view has changed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ANSWER_TIMEOUT_S = 10.0  # for a message that is neither queued nor held by a sl
 
 
 class PendingFrames:
-    """Requests by message id. Used in the scheduler's thread only."""
+    """Pending frame requests by message id. Used in the scheduler's thread only."""
 
     def __init__(self) -> None:
         self._asked: dict[str, tuple[str, str, float]] = {}
@@ -24,16 +24,16 @@ class PendingFrames:
         self._asked[message] = name, scene, time.monotonic()
 
     def about(self, message: str) -> tuple[str, str]:
-        """Returns the frame's cache key and scene; empty strings for unknown messages."""
+        """Returns the cache key and the scene of the requested frame; two empty strings for an unknown message."""
         return self._asked.get(message, ("", "", 0.0))[:2]
 
     def forget(self, messages: Iterable[str]) -> None:
-        """Removes requests that are answered or withdrawn."""
+        """Removes requests that were answered or withdrawn."""
         for message in messages:
             self._asked.pop(message, None)
 
     def review(self, *alive: Container[str]) -> None:
-        """Removes requests older than ANSWER_TIMEOUT_S whose ids are in none of the containers."""
+        """Removes requests older than ANSWER_TIMEOUT_S seconds, except those whose message ids are in one of `alive`."""
         too_old = time.monotonic() - ANSWER_TIMEOUT_S
         gone = [id for id, (*_, at) in self._asked.items() if at < too_old and not any(id in each for each in alive)]
         self.forget(gone)

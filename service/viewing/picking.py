@@ -1,4 +1,4 @@
-"""Picking: the surface under a pixel of a view, by one sample with all AOVs."""
+"""Picking: finds the surface under a pixel of a view by rendering one sample with all AOVs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ FILM_EXPONENT = 24
 
 
 def pick_message(session: ViewSession, message: str, x: int, y: int) -> ViewParts:
-    """Returns the message that renders the pixel, without depth of field: a wide lens would see several surfaces."""
+    """Returns the message that renders one sample of the pixel.
+
+    Without depth of field, since a wide lens would hit several surfaces.
+    """
     assert session.settings is not None
     view = replace(session.settings.view, aperture=0.0)
     settings = replace(session.settings, view=view, film_exponent=FILM_EXPONENT)
@@ -28,9 +31,9 @@ def pick_message(session: ViewSession, message: str, x: int, y: int) -> ViewPart
 
 
 def record_pick(out: PendingMessage, pick: tuple[int, int], answer: ViewAnswer) -> None:
-    """Reports a picked pixel to the page: its direction, and depth, position and normal of the surface.
+    """Sends the result of a pick to the page: the pixel's direction, and depth, position and normal of the surface.
 
-    The last three are None where the ray misses; the direction is None while the view starts again.
+    Depth, position and normal are None if the ray misses. The direction is None while the view is restarted.
     """
     session, (x, y) = out.session, pick
     sums = unpack_sums(answer.sums, Tile(x, y, 1, 1))

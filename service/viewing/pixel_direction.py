@@ -1,4 +1,4 @@
-"""The direction of a pixel's ray, as computed by the kernel's camera (renderer/kernel/camera.py)."""
+"""Direction of a pixel's camera ray, equal to the kernel's camera (renderer/kernel/camera.py)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["pixel_direction"]
 
 
 def pixel_direction(view: View, width: int, height: int, x: float, y: float) -> Vec3:
-    """Returns the unit world-space direction from the eye through the point (x, y) of the film, in pixels from the upper left."""
+    """Returns the unit direction in world space from the eye through film point (x, y), in pixels from the upper left corner."""
     forward = _unit(_minus(view.target, view.eye))
     right = _unit(_cross(forward, view.up))
     up = _cross(right, forward)

@@ -1,4 +1,4 @@
-"""The cost of a sample in each scene, measured on the pieces of its views."""
+"""Estimates of the cost of a sample in each scene, measured on the pieces of its views."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ MOST = 256
 
 
 class SampleCosts:
-    """Seconds per sample of a pixel on one slot, by scene, integrator and depth. Used in the scheduler's thread only."""
+    """Measured seconds per pixel sample on one slot, by scene, integrator and depth. Used in the scheduler's thread only."""
 
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
     def estimate(self, request: ViewRequest, kind: str, roster: WorkerSnapshot) -> float:
-        """Returns the measured seconds per sample, or a guess from the workers' speeds for a new scene."""
+        """Returns the measured seconds per pixel sample; for a new scene an estimate from the workers' speeds."""
         known = self._known.get(_name(request))
         if known is not None:
             return known

@@ -1,6 +1,6 @@
-"""A viewer's session: the requested view, its pictures so far, and the messages to the page.
+"""Session of a live view: the requested view, its pictures so far, and the messages to the page.
 
-The scheduler's thread adds sums, threads of the event loop take pictures; a lock is held while sums are read or added.
+The scheduler's thread adds sums; threads of the event loop read pictures. A lock protects the sums.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ HOLD_S = 0.5  # a view without a picture is replaced only after this time, so th
 
 
 class ViewSession:
-    """The state of one WebSocket's view, created by its route and passed to the scheduler."""
+    """State of a live view on one WebSocket. Created by the route and passed to the scheduler."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
-        """wake: called in the scheduler's thread when there is news or a picture."""
+        """wake: called in the scheduler's thread when there is a message or a picture to send."""
         self.id = uuid.uuid4().hex[:16]
         self.wake = wake
         self.is_paused = False
@@ -58,14 +58,17 @@ class ViewSession:
 
     @property
     def is_ready_for_next(self) -> bool:
-        """True if the requested view may replace the current one."""
+        """Whether the requested view may replace the current one now.
+
+        True once the current view has shown a picture, an error or a message, or has run for HOLD_S seconds.
+        """
         if self.wanted is None:
             return False
         is_over = self.request is None or self.has_picture or self.error is not None or self.message is not None
         return is_over or time.monotonic() - self.begun > HOLD_S
 
     def turn_to(self, request: ViewRequest, view: int) -> None:
-        """Replaces the view and drops its pictures."""
+        """Replaces the view and discards its pictures."""
         with self._lock:
             self.request, self.view, self.wanted = request, view, None
             self.settings, self.passes = None, None
@@ -74,24 +77,24 @@ class ViewSession:
             self._canvases, self._shown, self._shown_samples = [], -1, 0
 
     def forget(self) -> None:
-        """Frees the pictures of a closed session, even if it is still referenced."""
+        """Frees the pictures of a closed session even while other objects still refer to it."""
         with self._lock:
             self.settings, self.passes, self._canvases = None, None, []
 
     @property
     def pixels(self) -> int:
-        """Pixels of the picture held in memory."""
+        """Number of pixels of the picture that is held in memory."""
         return self.settings.width * self.settings.height if self.settings else 0
 
     def begin_again(self) -> None:
-        """Starts the current view again, since the workers that rendered it are gone."""
+        """Restarts the current view, because the workers that rendered it are gone."""
         if self.request is not None:
             wanted = self.wanted
             self.turn_to(self.request, self.view)
             self.wanted = wanted
 
     def begin(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:
-        """Sets what is rendered, and creates the levels."""
+        """Sets what to render, and creates the view's levels."""
         assert self.request is not None
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
@@ -100,7 +103,7 @@ class ViewSession:
             self._canvases = [Canvas(level, settings.film_exponent, self.request.noise) for level in levels]
 
     def settings_of(self, level: int) -> RenderSettings:
-        """Returns the settings of the pieces of a level."""
+        """Returns the render settings for the pieces of a level: the view's, with the level's size."""
         assert self.settings is not None
         assert self.passes is not None
         of = self.passes.levels[level]
@@ -119,7 +122,7 @@ class ViewSession:
 
     @property
     def samples(self) -> int:
-        """Minimum number of samples per pixel of the whole view."""
+        """Minimum over all tiles of the whole view's samples per pixel."""
         with self._lock:
             return self._canvases[-1].samples if self._canvases else 0
 
@@ -131,28 +134,28 @@ class ViewSession:
 
     @property
     def noise(self) -> float | None:
-        """Relative noise of the whole view; None while unknown."""
+        """Relative noise of the whole view; None until it is measured."""
         with self._lock:
             return self._canvases[-1].noise if self._canvases else None
 
     @property
     def is_done(self) -> bool:
-        """True if the whole view has its samples, or its noise target."""
+        """Whether the whole view has all its samples or has reached its noise target."""
         with self._lock:
             return bool(self._canvases) and self._canvases[-1].is_complete
 
     @property
     def bound(self) -> int:
-        """Samples per pixel at which the view is done."""
+        """Number of samples per pixel at which the view ends."""
         return self.request.samples if self.request else 0
 
     def is_due(self) -> bool:
-        """Returns True if a picture is due."""
+        """Whether it is time to send a picture."""
         with self._lock:
             return self._due() is not None
 
     def take(self, seq: int) -> bytes | None:
-        """Returns the changed tiles of the due picture as a packet; None if nothing is due."""
+        """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
             level = self._due()
             if level is None or self.request is None:
@@ -170,7 +173,7 @@ class ViewSession:
         return encode_view(shown, size, whole, request.id, seq)
 
     def _due(self) -> int | None:
-        """Returns the level whose picture is due, or None."""
+        """Returns the index of the level whose picture is due, or None."""
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]
             if not canvas.changed:

@@ -1,4 +1,4 @@
-"""The view to be rendered: from the page's request to a compiled scene and settings."""
+"""Resolves the page's request for a view to a compiled scene and render settings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 @dataclass(frozen=True)
 class FrameRequest:
-    """A frame of an animated scene."""
+    """Request for one frame of an animated scene."""
 
     key: int  # twice the frame number
     fps: float | None
@@ -36,20 +36,20 @@ class FrameRequest:
     auto: dict[str, Any]  # the camera that frames the scene at its first frame
 
     def message(self, scene: str, base: str, session: str, message: str) -> PrepareFrames:
-        """Returns the message that has a worker prepare the frame. base: SHA-256 of the scene compiled at its first frame."""
+        """Returns the message by which a worker prepares the frame. base: SHA-256 of the scene compiled at its first frame."""
         return PrepareFrames(
             *(message, session, scene, [self.key], base, self.auto, self.fps, self.clip, self.camera, self.view, self.turntable),
             shutter=self.shutter,
         )
 
     def cache_key(self, scene: str, base: str) -> str:
-        """Returns a key that is equal for equal frames."""
+        """Returns the key of the frame in `FrameCache`; equal frames have equal keys."""
         return json.dumps([scene, base, asdict(self)], sort_keys=True)
 
 
 @dataclass(frozen=True)
 class ViewRequest:
-    """A view with resolved settings."""
+    """A request for a view with its settings resolved."""
 
     id: int  # number chosen by the page
     upload: str  # id of the uploaded scene
@@ -62,12 +62,12 @@ class ViewRequest:
     frame_request: FrameRequest | None = None  # None: the scene's first frame
 
     def at(self, info: FrameInfo) -> RenderSettings:
-        """Returns the settings at the frame. Raises SettingsError."""
+        """Returns the render settings at a frame with this information. Raises SettingsError."""
         return frame_settings(self.job_request, self.settings, info.view, info.defaults, info.views)
 
 
 def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float) -> ViewRequest:
-    """Resolves a request for a scene that is ready and lit as requested. Raises Conflict and Invalid.
+    """Resolves a request for a view. The scene must be ready and have the requested lighting. Raises Conflict and Invalid.
 
     request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
     """

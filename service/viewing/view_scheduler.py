@@ -1,8 +1,8 @@
-"""The scheduler of live views: one thread that sends pieces of views to workers and adds up their results.
+"""Scheduler of live views: one thread sends pieces of the views to workers and adds up their results.
 
-Views bypass jobs, films and the database: their pieces have a queue that slots check first, their sums are held in memory, and
-everything is dropped when the viewer leaves. Lost pieces are sent again. A view that is already whole shares the slots with other
-waiting work, such as preparing the next light.
+Views use no jobs, films or database. Their pieces have a queue that slots check first, the sums are held in memory, and all is
+discarded when the viewer leaves. Lost pieces are sent again. While a view already shows a complete picture, it shares the slots
+with other waiting work, such as preparing the next lighting.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ log = logging.getLogger(__name__)
 
 
 class ViewScheduler:
-    """Serves all view sessions from `start` to `stop`. Other methods are thread-safe."""
+    """Renders the views of all sessions, from `start` to `stop`. The other methods are thread-safe."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotBoard, events: Events) -> None:
-        """Creates the scheduler without starting its thread. connection, dispatcher: closed by `stop`."""
+        """Stores the parameters; `start` starts the thread, and `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board
@@ -84,7 +84,7 @@ class ViewScheduler:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread and drops all views."""
+        """Stops the thread and discards all views."""
         self._stop.set()
         self._wake()
         if self._thread.is_alive():
@@ -94,7 +94,7 @@ class ViewScheduler:
         self._redis.close()
 
     def has_unfinished(self) -> bool:
-        """Returns True if any session shows a view that is not done."""
+        """Whether any session shows a view that is not finished."""
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
 
@@ -113,7 +113,7 @@ class ViewScheduler:
         self._order(order)
 
     def pick(self, session: ViewSession, x: int, y: int) -> None:
-        """Requests the surface under a pixel of the view."""
+        """Requests the surface under a pixel of the view; the session receives the answer."""
 
         def order() -> None:
             session.pick = (x, y)
@@ -121,7 +121,7 @@ class ViewScheduler:
         self._order(order)
 
     def pause(self, session: ViewSession, is_paused: bool) -> None:
-        """Pauses a session whose page is hidden, or resumes it."""
+        """Pauses a session while its page is hidden (is_paused), or resumes it."""
 
         def order() -> None:
             session.is_paused = is_paused
@@ -133,7 +133,7 @@ class ViewScheduler:
         self._order(order)
 
     def leave(self, session: ViewSession) -> None:
-        """Closes a session."""
+        """Ends a session and discards its view."""
         session.is_closed = True
 
         def order() -> None:
@@ -190,7 +190,7 @@ class ViewScheduler:
             self._review()
 
     def _turn(self, session: ViewSession) -> None:
-        """Switches to the requested view, and resolves what has to be rendered."""
+        """Switches a session to its requested view, and resolves what to render."""
         if session.is_ready_for_next and session.wanted is not None:
             self._withdraw(session)
             self._views += 1
@@ -226,7 +226,7 @@ class ViewScheduler:
         self._tell(session, None, slots)
 
     def _fill(self) -> None:
-        """Sends messages so that every slot has one in hand and one queued."""
+        """Sends messages until each slot has one in progress and one queued."""
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:
@@ -286,7 +286,7 @@ class ViewScheduler:
         self._send(out, pick_message(session, out.id, x, y))
 
     def _withdraw(self, session: ViewSession) -> None:
-        """Withdraws the messages of a session; results of pieces in progress are discarded."""
+        """Withdraws the unfinished messages of a session. Results that still arrive are discarded."""
         gone = [out for out in self._out.values() if out.session is session]
         for out in gone:
             del self._out[out.id]
@@ -357,7 +357,7 @@ class ViewScheduler:
             session.wake()
 
     def _hear_frame(self, answer: ViewAnswer) -> None:
-        """Caches a frame even if the view has moved on, since the viewer may return to it."""
+        """Caches the frame in an answer, even if its session shows another view now: the viewer may return to it."""
         info = FrameInfo.from_json(answer.more["info"])
         name, scene = self._frames.about(answer.message)
         if any(each.request is not None and each.request.scene == scene for each in self._sessions.values()):
@@ -366,7 +366,7 @@ class ViewScheduler:
             self._frame_cache.delete_unused_blobs(info)
 
     def _end(self, out: PendingMessage) -> None:
-        """Finishes a message; its unanswered pieces are sent again."""
+        """Removes a message that has ended; its unanswered pieces will be sent again."""
         self._out.pop(out.id, None)
         out.requeue()
 
@@ -379,7 +379,7 @@ class ViewScheduler:
             self._fail(out.session, error)
 
     def _review(self) -> None:
-        """Renews the sessions' keys, resends lost messages, and reports why pictures are missing."""
+        """Renews the sessions' Redis keys, sends lost messages again, and reports to viewers why pictures are missing."""
         now = time.monotonic()
         in_hand = {str(doing["message"]) for doing in self._board.roster.current() if "view" in doing and "message" in doing}
         self._frames.review(self._out, in_hand)

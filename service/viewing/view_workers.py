@@ -1,4 +1,4 @@
-"""The workers that can render views: ready, and of a release that supports them."""
+"""Selects the workers that can render views: those that are ready and run a release with support for views."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ __all__ = ["ViewWorkers"]
 
 
 class ViewWorkers:
-    """Selects workers by their latest reports."""
+    """Selects the workers for a view by their latest reports."""
 
     def __init__(self, board: SnapshotBoard, events: Events) -> None:
         self._board = board
         self._events = events
 
     def slots(self, kind: str) -> int:
-        """Number of slots of a kind that render views."""
+        """Returns the number of slots of this worker kind that can render views."""
         return sum(report.slots for report in self._board.roster.ready() if report.kind == kind and report.views)
 
     def best_kind(self, request: ViewRequest) -> str | None:
-        """Returns the kind with most slots among those for which the scene is compiled; None if no such worker is ready."""
+        """Returns the worker kind with most slots for which the scene is compiled; None if no such worker is ready."""
         kinds = [kind for kind in request.compiled if self.slots(kind)]
         return max(sorted(kinds), key=self.slots, default=None)
 
     def why_unavailable(self, request: ViewRequest) -> str:
-        """Returns why no worker renders the view, and requests compilation for ready workers of another kind."""
+        """Returns a sentence on why no worker renders the view.
+
+        If workers of another kind are ready, requests compilation for them.
+        """
         ready = [report for report in self._board.roster.ready() if report.views]
         if ready:
             self._events.publish(PreparationRequested(request.scene, ready[0].kind))

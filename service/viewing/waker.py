@@ -1,4 +1,4 @@
-"""Wakes the scheduler, which blocks on answers in Redis, without blocking the caller on a Redis that hangs."""
+"""Wakes the scheduler, which waits for answers in Redis. The caller does not block even if Redis hangs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Waker"]
 
 
 class Waker:
-    """Pushes an empty answer into the list of answers, in a separate thread."""
+    """Wakes the scheduler by pushing an empty answer to its list in Redis, from a separate thread."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
@@ -25,14 +25,14 @@ class Waker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread, without waiting for a Redis that hangs."""
+        """Stops the thread without waiting for Redis."""
         self._stopped = True
         self._requested.set()
         if self._thread.is_alive():
             self._thread.join(1)
 
     def wake(self) -> None:
-        """Wakes the scheduler soon. Does not block."""
+        """Makes the scheduler continue soon. Does not block."""
         self._requested.set()
 
     def _run(self) -> None:
