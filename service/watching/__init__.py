@@ -1,1 +1,1 @@
-"""Data for viewers: pictures of a film at any time, live tiles, and notifications of changes."""
+"""Data for viewers: pictures from films, live tiles, and notifications of changes."""

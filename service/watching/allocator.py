@@ -1,4 +1,4 @@
-"""Tuning of glibc's allocator for large short-lived arrays."""
+"""Configures glibc's allocator for large, short-lived arrays."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ KEPT = 128 << 20
 
 
 def keep_one_heap() -> None:
-    """Makes all threads share one heap that keeps some free memory for the next allocation.
+    """Makes all threads share one heap that retains some free memory for the next allocations.
 
-    Pictures and merges allocate and free a tile's sums (10 MB) again and again. Memory from the system is zeroed page by page
-    every time, which took three quarters of a picture's processor time; with a heap per thread, free memory would remain in each
-    of them.
+    Pictures and merges repeatedly allocate and free a tile's sums (10 MB). The system zeroes newly allocated pages each time,
+    which took three quarters of a picture's processor time. With one heap per thread, each heap would retain free memory.
     """
     _call("mallopt", M_MMAP_THRESHOLD, LARGE)
     _call("mallopt", M_TRIM_THRESHOLD, KEPT)
@@ -26,7 +25,7 @@ def keep_one_heap() -> None:
 
 
 def give_back() -> None:
-    """Returns free memory to the system."""
+    """Returns free heap memory to the operating system."""
     _call("malloc_trim", 0)
 
 

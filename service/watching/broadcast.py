@@ -1,6 +1,7 @@
-"""Notifications for viewers: published by any thread, received by listeners on the event loop.
+"""Notifications for viewers: published from any thread, received by listeners on the event loop.
 
-A listener holds sets of changes, not a list of messages: a slow listener gets fewer and newer messages and costs no memory.
+A listener holds sets of changed items instead of a list of messages, so a slow listener gets fewer and newer notifications and
+needs no more memory.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ __all__ = ["Broadcast", "Listener"]
 
 
 class Listener:
-    """The changes since the listener last read them. Used on the event loop only."""
+    """Set of the changes since the listener last read them. Used on the event loop only."""
 
     def __init__(self, job: str | None, frame: int) -> None:
         self.job = job
@@ -27,23 +28,23 @@ class Listener:
         self._wake = asyncio.Event()
 
     def wake(self) -> None:
-        """Makes `wait` return."""
+        """Makes a pending `wait` return."""
         self._wake.set()
 
     async def wait(self, seconds: float) -> None:
-        """Waits until something has changed or the time is over."""
+        """Waits until something has changed, at most this many seconds."""
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._wake.wait(), seconds)
         self._wake.clear()
 
     async def pause(self, seconds: float) -> None:
-        """Waits while changes accumulate; the next `wait` returns at once."""
+        """Waits this many seconds while changes accumulate. The next `wait` returns at once."""
         await asyncio.sleep(seconds)
         self._wake.set()
 
 
 class _OfJob:
-    """The listeners of a job, and counters of the changes of the job and of its tiles."""
+    """Listeners to one job, and counters of the changes of the job and its tiles."""
 
     def __init__(self, life: int) -> None:
         self.life = life  # distinguishes counters after all listeners had left: uncounted changes may lie between
@@ -53,7 +54,7 @@ class _OfJob:
 
 
 class Broadcast:
-    """All listeners. `tell` and `tell_tiles` are thread-safe, and cheap if nobody listens."""
+    """All listeners. `tell` and `tell_tiles` are thread-safe, and cheap if there are no listeners."""
 
     def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -67,18 +68,18 @@ class Broadcast:
         events.subscribe(TilesChanged, lambda event: self.tell_tiles(event.job, event.frame, event.tiles))
 
     def open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Starts delivery on this event loop."""
+        """Starts delivering notifications on this event loop."""
         self._loop = loop
 
     def close(self) -> None:
-        """Releases all listeners. Safe in a signal handler."""
+        """Marks the broadcast as closing and wakes all listeners. Safe to call in a signal handler."""
         self.closing = True
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._wake_all)
 
     @contextlib.contextmanager
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
-        """Listens to one job and its tiles, or to all jobs, scenes and workers."""
+        """Context manager that yields a listener to one job and its tiles; job None: to all jobs, scenes and workers."""
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _OfJob(next(self._lives))).listeners
         group.add(listener)
@@ -97,22 +98,22 @@ class Broadcast:
         return len(self._everything) + self.watchers
 
     def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
-        """Returns a version that differs after each reported change of a tile; counted only for jobs with listeners."""
+        """Returns a version that changes with each reported change of a tile. Valid only while the job has listeners."""
         of = self._of_job[job]
         return of.life, of.tiles[frame, tile]
 
     def changes(self, job: str) -> tuple[int, int]:
-        """Returns a version that differs after each reported change of a job; counted only for jobs with listeners."""
+        """Returns a version that changes with each reported change of a job. Valid only while the job has listeners."""
         of = self._of_job[job]
         return of.life, of.changes
 
     def tell(self, what: str, id: str) -> None:
-        """Reports a change of a job, a scene or a worker."""
+        """Notifies listeners that a job, a scene or a worker has changed. what: which of them."""
         if self._everything or (what == "job" and id in self._of_job):
             self._call(self._deliver, what, id)
 
     def tell_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        """Reports changes of a frame's tiles."""
+        """Notifies listeners that tiles of a frame have changed."""
         if job in self._of_job:
             self._call(self._deliver_tiles, job, frame, tiles)
 

@@ -1,4 +1,4 @@
-"""Reduced copies of pictures that arrive in bands: means over squares of whole pixels."""
+"""Downscales pictures that are read in bands of rows, by averaging squares of pixels."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ __all__ = ["side_of", "smaller"]
 
 
 def side_of(wanted: int | None, width: int, height: int) -> int:
-    """Returns the side of the squares in pixels, so that the copy is at least `wanted` wide; 1 for the picture itself."""
+    """Returns the side of the averaged squares in pixels, so that the copy is at least `wanted` pixels wide; 1: original size."""
     return max(1, min(width // (wanted or width), height))
 
 
 def smaller(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
-    """Yields bands (rows, width, channels) of the copy, of the same dtype.
+    """Yields bands (rows, width, channels) of the downscaled picture, with the input's dtype.
 
-    Incomplete squares at the right and lower edges are cut off.
+    Incomplete squares at the right and lower edges are dropped.
     """
     if side == 1:
         yield from bands

@@ -1,4 +1,4 @@
-"""The packet of a whole frame (protocol.pictures), for a page that opens it: made from a film, and compressed."""
+"""Packet of a whole frame (protocol.pictures) for the page, generated from a film and compressed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PIECE = 1 << 18
 
 
 def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> PictureBody:
-    """Returns the packet of a frame. folder: for temporary files. Raises what reading a film raises."""
+    """Returns the compressed packet of a frame. folder: for temporary files. Raises the errors of reading a film."""
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]
     planes = np.empty((4, film.height, film.width), np.uint8)
@@ -45,7 +45,10 @@ def film_packet(film: Readable, frame: int, folder: Path, gzip: bool) -> Picture
 
 
 def packed_picture(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
-    """Yields a gzip-compressed packet of an uploaded picture, RGB9E5 words (h, w), as one tile with one sample per pixel."""
+    """Yields a gzip-compressed packet of an uploaded picture: one tile with one sample per pixel.
+
+    words: RGB9E5 values, shape (h, w).
+    """
     height, width = words.shape
     yield from _compressed(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
 
@@ -67,6 +70,6 @@ def _compressed(pieces: Iterable[memoryview]) -> Iterator[bytes]:
 
 
 def memory(film: Readable) -> int:
-    """Returns the estimated peak memory of `film_packet`, in bytes."""
+    """Returns the estimated peak memory of `film_packet` for this film, in bytes."""
     tile = film.tiles[0]
     return 5 * film.width * tile.h * 12 + 3 * CHANNELS * tile.w * tile.h * 8 + 9 * film.width * film.height

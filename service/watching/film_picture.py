@@ -1,4 +1,4 @@
-"""Picture files from a stored packet (film_packet.py), for frames whose film is gone."""
+"""Picture files from a stored packet (film_packet.py), for frames whose film was deleted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["memory", "picture", "radiance_of"]
 
 
 def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
-    """Returns the radiance of a gzip-compressed packet, shape (h, w, 3). Raises Failed if it is damaged."""
+    """Returns the radiance in a gzip-compressed packet, shape (h, w, 3). Raises Failed if the packet is damaged."""
     try:
         data = zlib.decompress(b"".join(packed), GZIP)
         words = decode_film(data).words
@@ -33,10 +33,10 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
 
 
 def picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
-    """Returns the picture file. folder: for temporary files."""
+    """Returns a picture file made from a packet. extension: its format. folder: for temporary files."""
     return PictureBody.of(encode(radiance_of(packed), extension, exposure, curve), folder)
 
 
 def memory(width: int, height: int) -> int:
-    """Returns the estimated peak memory of `picture`, in bytes."""
+    """Returns the estimated peak memory of `picture` at this size, in bytes."""
     return 48 * width * height

@@ -1,6 +1,7 @@
-"""Movies: H.264 in MP4, AV1 in WebM, or an animated WebP.
+"""Movie files: H.264 in MP4, AV1 in WebM, or animated WebP.
 
-MP4 and WebM are 4:2:0, limited range, BT.709, and tagged so. Odd sides are padded by repeating the last row or column.
+MP4 and WebM use 4:2:0 chroma subsampling, limited range and BT.709, and are tagged so. Odd sizes are padded by repeating the last
+row or column.
 """
 
 from __future__ import annotations
@@ -39,12 +40,12 @@ _CODECS: dict[str, tuple[tuple[str, dict[str, str]], ...]] = {
 
 
 def is_movie(name: str | Path) -> bool:
-    """Returns True if a file name's suffix is that of a movie."""
+    """Whether a file name has the suffix of a movie."""
     return Path(name).suffix.lower().lstrip(".") in MOVIES
 
 
 def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
-    """Writes sRGB pictures (h, w, 3) of one size, and returns their number.
+    """Writes sRGB pictures of equal size (h, w, 3) as a movie, and returns their number.
 
     path: its suffix, .mp4, .webm or .webp, selects the format. Raises SettingsError if there are no pictures or FFmpeg on this
     machine cannot write the format.

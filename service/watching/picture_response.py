@@ -1,4 +1,4 @@
-"""A picture file that is being sent, on disk if it is large, since a slow client would hold memory for long."""
+"""Body of a picture response. Large bodies are stored on disk, since a slow client would occupy the memory for long."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ PIECE = 1 << 18
 
 
 class PictureBody:
-    """Bytes that any number of clients can read in chunks. A file on disk has no name, and is freed with its last reference."""
+    """Picture bytes that any number of clients can read in chunks.
+
+    On disk it is an unlinked file, freed with the last reference.
+    """
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
-        """Wraps bytes in memory, or an open file. file: descriptor, closed when this object is freed."""
+        """Stores the bytes, or an open file. file: descriptor, closed when this object is freed."""
         self.span: tuple[float, float] | None = None  # range of a heat map
         self._data = data
         self._file = file
@@ -29,7 +32,7 @@ class PictureBody:
 
     @classmethod
     def of(cls, data: bytes, folder: Path) -> PictureBody:
-        """Wraps bytes, in memory if they are few or the disk of `folder` is full."""
+        """Returns a body with these bytes: in a temporary file in `folder`, or in memory if they are few or the disk is full."""
         if len(data) > SMALL:
             with contextlib.suppress(OSError):
                 return cls.written(lambda path: path.write_bytes(data), folder, "")
@@ -37,14 +40,14 @@ class PictureBody:
 
     @classmethod
     def written(cls, write: Callable[[Path], object], folder: Path, suffix: str) -> PictureBody:
-        """Wraps what `write` writes to a path with this suffix. Raises what `write` raises."""
+        """Returns a body with the file that `write` writes to a path with this suffix in `folder`. Raises what `write` raises."""
         with tempfile.TemporaryDirectory(prefix="picture-", dir=folder) as own:
             path = Path(own) / f"picture{suffix}"
             write(path)
             return cls(b"", os.open(path, os.O_RDONLY | os.O_CLOEXEC))
 
     def pieces(self) -> Iterator[bytes]:
-        """Yields all bytes from the beginning."""
+        """Yields the content in chunks, from the beginning."""
         if self._file is None:
             yield self._data
             return

@@ -1,7 +1,7 @@
-"""A frame as a picture file: colour, denoised colour, one AOV, or all of them.
+"""Picture files of a frame: colour, denoised colour, one AOV, or all of them as layers.
 
-Files are made of bands from the top, so that only a few rows of tiles are in memory at a time. `memory` accounts for what must be
-complete first: display-encoded pictures, and AOVs whose range is needed before the first row is drawn.
+Files are written in bands from the top, so that only a few rows of tiles are in memory. Some pictures must be complete in memory
+first: display-encoded ones, and AOVs that are scaled to their range. `memory` accounts for this.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ MEDIA = {
 
 @dataclass(frozen=True)
 class PictureWish:
-    """A client's request for a picture.
+    """A client's choice of picture.
 
-    planes: AOVs by name; empty for colour. in_layers: as layers in addition to the colour, instead of one plane alone. denoised:
-    opens the denoised colour to use instead of the film's. motion: opens motion vectors, which the film lacks; they come last
-    among the planes.
+    planes: names of AOVs; empty for colour. in_layers: write the planes as layers in addition to the colour, instead of one plane
+    alone. denoised: function that opens the denoised colour, used in place of the film's; None: not denoised. motion: function
+    that opens motion vectors, which films do not contain; they are the last of the planes.
     """
 
     extension: str
@@ -58,7 +58,7 @@ class PictureWish:
     motion: Callable[[], BinaryIO] | None = None
 
     def check(self) -> None:
-        """Raises Invalid for a combination that no file format supports."""
+        """Raises Invalid for a combination that the file format does not support."""
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
@@ -80,7 +80,7 @@ class PictureWish:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the channels read from the film, in order."""
+        """Returns the names of the channels to read from the film, in order."""
         return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
 
@@ -112,7 +112,7 @@ def picture(film: Film, frame: int, wish: PictureWish, folder: Path) -> PictureB
 
 
 def display_picture(film: Film, frame: int, wish: PictureWish) -> npt.NDArray[np.uint8]:
-    """Returns display-encoded colour, shape (h, w, 3) uint8."""
+    """Returns the display-encoded colour of a frame, shape (h, w, 3) uint8."""
     side = side_of(wish.width, film.width, film.height)
     return _filled_from_top(np.empty((film.height // side, film.width // side, 3), np.uint8), _toned(film, frame, wish, side))
 
@@ -132,7 +132,7 @@ def memory(film: Film, wish: PictureWish) -> int:
 
 
 def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
-    """Yields values of shape (rows, width, channels) from the top."""
+    """Yields the picture's values in bands of shape (rows, width, channels), from the top."""
     if wish.motion is not None:
         yield from _with_motion(film, frame, [name for name in wish.names if name != aovs.MOTION], wish.motion)
         return
@@ -146,7 +146,7 @@ def _values(film: Film, frame: int, wish: PictureWish) -> Iterator[F32]:
 
 
 def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], BinaryIO]) -> Iterator[F32]:
-    """Yields bands with motion vectors appended."""
+    """Yields bands with the motion vectors appended as channels."""
     with motion() as file:
         for band in bands(film, frame, names or ["samples"]):
             size = aovs.size(aovs.MOTION)
@@ -160,7 +160,7 @@ def _toned(film: Film, frame: int, wish: PictureWish, side: int) -> Iterator[npt
 
 
 def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
-    """Returns a whole plane, which is drawn relative to its minimum and maximum."""
+    """Returns a complete plane, for AOVs that are scaled to their minimum and maximum."""
     (name,) = wish.planes
     size = aovs.size(name)
     plane = _filled_from_top(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
@@ -168,12 +168,12 @@ def _whole(film: Film, frame: int, wish: PictureWish) -> F32:
 
 
 def _threefold(band: F32) -> F32:
-    """Repeats a single channel three times."""
+    """Repeats a single channel three times, so that the result has shape (rows, width, 3)."""
     return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
 
 
 def _filled_from_top(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Fills `out` with parts from the top."""
+    """Copies the parts into `out` from the top, and returns it."""
     y = 0
     for part in parts:
         out[y : y + len(part)] = part

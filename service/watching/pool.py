@@ -1,7 +1,7 @@
-"""Thread pool with a memory budget for pictures and digests. Each user has a queue; the queues take turns.
+"""Thread pool with a memory budget, for pictures and digests. Each user has a queue; the queues are served in turn.
 
-Requests beyond the length limit of a user's own queue are refused. Without limits, many clients of a large picture would each
-hold copies of it in memory at the same time, and together they would occupy the threads of all other requests.
+A user's requests beyond the queue's limit are rejected. Without limits, many clients of a large picture would each hold copies of
+it in memory at the same time, and would occupy the threads of all other requests.
 """
 
 from __future__ import annotations
@@ -34,10 +34,14 @@ T = TypeVar("T")
 
 
 class Pool:
-    """A queue of expensive work, used on the event loop only. Concurrent requests for the same key share one result."""
+    """Runs expensive functions. Concurrent requests with the same key share one result. Used on the event loop only."""
 
     def __init__(self, memory: int, threads: int = THREADS, in_line: int = IN_LINE, most_in_line: int = MOST_IN_LINE) -> None:
-        """memory: budget in bytes. Work that needs more runs alone."""
+        """Stores the limits.
+
+        memory: budget in bytes; a function that needs more runs alone. threads: number of concurrent functions. in_line,
+        most_in_line: waiting requests per user, while the expected wait is long and while it is short.
+        """
         self._turns = _Turns(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
         self._threads = threads
@@ -49,13 +53,13 @@ class Pool:
 
     @property
     def pending_count(self) -> int:
-        """Number of different keys that are queued or running."""
+        """Number of different keys that are queued or being computed."""
         return len(self._made)
 
     async def make(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any, user: Hashable = None) -> T:
-        """Runs function(*arguments) in a thread when its turn comes; returns the result.
+        """Runs `function` in a thread when the user's turn comes, and returns its result.
 
-        memory: its estimated peak, in bytes. user: whose queue it waits in. Raises Unavailable if that queue is too long.
+        memory: estimated peak in bytes. user: whose queue to wait in. Raises Unavailable if that queue is full.
         """
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
@@ -66,7 +70,10 @@ class Pool:
         return await asyncio.shield(task)  # a client that leaves does not cancel it for others
 
     def _check_room(self, user: Hashable) -> None:
-        """Raises Unavailable if a user's queue is full; the limit is lower if the expected wait exceeds LONGEST_WAIT_S."""
+        """Raises Unavailable if a user's queue is full.
+
+        Its limit decreases if the expected wait exceeds LONGEST_WAIT_S seconds.
+        """
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
         is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
@@ -101,7 +108,7 @@ class Pool:
 
 
 class _Turns:
-    """The free threads and bytes. Users take turns; each user's requests are served in order of arrival."""
+    """Allocates threads and memory. Users are served in turn, the requests of each in order of arrival."""
 
     def __init__(self, threads: int, memory: int) -> None:
         self._threads = threads
@@ -109,7 +116,7 @@ class _Turns:
         self._waiting: OrderedDict[Hashable, deque[tuple[int, asyncio.Future[None]]]] = OrderedDict()  # the next user first
 
     async def take(self, user: Hashable, memory: int) -> int:
-        """Waits for a turn; returns the number of bytes to pass to `give`."""
+        """Waits for a free thread and for memory. Returns the number of bytes to pass to `give`."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.setdefault(user, deque()).append((memory, turn))
@@ -118,7 +125,7 @@ class _Turns:
         return memory
 
     def give(self, memory: int) -> None:
-        """Ends a turn, freeing its thread and `memory` bytes."""
+        """Frees a thread and `memory` bytes."""
         self._threads += 1
         self._memory += memory
         self._next()

@@ -1,7 +1,7 @@
-"""Restores the priority of threads that an encoder made real-time.
+"""Resets the priority of threads that a video encoder has made real-time.
 
-SVT-AV1 running as root gives the highest real-time priority to its own threads and to the thread that opened it, which children
-inherit. Such threads keep every other program off their core while they work.
+SVT-AV1, when run as root, sets the highest real-time priority for its own threads and for the thread that opened it; child
+processes inherit it. Such threads take their core from every other program.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["restored_priorities"]
 
 @contextlib.contextmanager
 def restored_priorities() -> Iterator[Callable[[], None]]:
-    """Yields a function to be called after each step that may have raised priorities; it is called once more at the end."""
+    """Context manager that yields a function to call after each step that may have raised priorities. Resets them on exit too."""
     if sys.platform != "linux":  # the encoder changes priorities on Linux only
         yield lambda: None
         return

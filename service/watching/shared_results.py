@@ -1,6 +1,6 @@
-"""Results shared by all viewers of a job: packed tiles, and the job's state as JSON.
+"""Results shared by all viewers of a job: encoded tiles, and the job's state as JSON.
 
-Used on the event loop only, which never waits for a film: a counter of each tile's changes shows whether its packet is valid.
+Used on the event loop only, which does not wait for the film: change counters of the tiles show which encoded tiles are current.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 
 class Body(NamedTuple):
-    """A packed tile: its number, samples per pixel and words (protocol.pictures)."""
+    """An encoded tile: its number, samples per pixel, and colour as RGB9E5 words (protocol.pictures)."""
 
     tile: int
     spp: int
@@ -59,7 +59,7 @@ class _Making:
 
 
 class SharedResults:
-    """The shared results. memory: approximate bytes for packed tiles and for data in transit to all viewers together."""
+    """Cache of results for viewers. memory: approximate limit in bytes, for encoded tiles plus data in transit to viewers."""
 
     def __init__(self, broadcast: Broadcast, memory: int) -> None:
         self._broadcast = broadcast
@@ -72,17 +72,17 @@ class SharedResults:
 
     @property
     def state_every_s(self) -> float:
-        """Seconds between two states of a job that changes continuously; grows with the number of viewers."""
+        """Minimum time between two state messages of a changing job, in seconds. Increases with the number of viewers."""
         return STATE_EVERY_S * max(1.0, self._broadcast.watchers / MANY)
 
     @property
     def round_pixels(self) -> int:
-        """Pixels sent to a viewer per round; decreases with the number of viewers."""
+        """Number of pixels sent to a viewer per round. Decreases with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
         return int(min(ROUND_PIXELS, self._memory * (1 - FOR_PACKED) / (UNDER_WAY * watchers)))
 
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
-        """Returns current packets of tiles, without those that have no samples. Raises FilmWaits, FilmLost and FilmClosed."""
+        """Returns the current encodings of the tiles that have samples. Raises FilmWaits, FilmLost and FilmClosed."""
         found: dict[int, Body | None] = {}
         tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
         missing: dict[int, tuple[int, int]] = {}
@@ -108,7 +108,7 @@ class SharedResults:
         return [body for body in found.values() if body is not None]
 
     async def shared(self, job: str, what: str, make: Callable[[], T]) -> T:
-        """Returns the result of `make`, shared as long as the job does not change, at most TRUE_FOR_S seconds."""
+        """Returns the result of `make`, cached until the job changes, at most TRUE_FOR_S seconds."""
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._told.get((job, what))
         if known is None or known[0] != changes or now - known[1] > TRUE_FOR_S or _has_failed(known[2]):
@@ -145,7 +145,7 @@ class SharedResults:
 
 
 async def _result(task: asyncio.Task[T]) -> T:
-    """Awaits a shared task; a viewer that leaves does not cancel it for others."""
+    """Returns the result of a shared task. Cancelling one waiting viewer does not cancel the task."""
     return task.result() if task.done() else await asyncio.shield(task)
 
 
@@ -155,7 +155,7 @@ def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:
 
 
 def tile_body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
-    """Returns a tile's samples per pixel and its mean colour as RGB9E5 words; None without samples."""
+    """Returns a tile's samples per pixel, and its mean colour as RGB9E5 words; None if it has no samples."""
     sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:
         return None
@@ -171,6 +171,6 @@ def _has_failed(task: asyncio.Task[Any]) -> bool:
 
 
 def _retrieve_exception(task: asyncio.Task[Any]) -> None:
-    """Retrieves the exception of a shared task, so that one without viewers is not reported as unhandled."""
+    """Marks the exception of a shared task as retrieved, so that asyncio does not report it if no viewer waits."""
     if not task.cancelled():
         task.exception()

@@ -1,4 +1,4 @@
-"""A shot in one file: its frames as a streamed zip, or as a movie."""
+"""Downloads of a whole shot as one file: a streamed zip of its frames, or a movie."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ ENCODER = 96  # approximate bytes per pixel of an encoder's lookahead
 
 
 class ZipStream:
-    """A zip produced as a stream. Entries are stored uncompressed, since pictures are compressed already."""
+    """A zip archive generated as a stream. Entries are stored uncompressed, since pictures are compressed already."""
 
     def __init__(self) -> None:
         self._out = _Pipe()
         self._zip = zipfile.ZipFile(self._out, "w", zipfile.ZIP_STORED)
 
     def file(self, name: str, made: PictureBody) -> Iterator[bytes]:
-        """Adds a file; yields the bytes that this adds to the zip."""
+        """Adds a file and yields the bytes to append to the stream."""
         with self._zip.open(zipfile.ZipInfo(name), "w", force_zip64=made.size >= 1 << 31) as file:
             for piece in made.pieces():
                 file.write(piece)
@@ -36,37 +36,37 @@ class ZipStream:
         yield self._out.take()
 
     def end(self) -> bytes:
-        """Returns the bytes that end the zip."""
+        """Returns the final bytes of the zip archive."""
         self._zip.close()
         return self._out.take()
 
 
 class _Pipe(io.RawIOBase):
-    """A writable file that buffers its bytes until they are taken."""
+    """Writable file object that buffers bytes until they are taken."""
 
     def __init__(self) -> None:
         super().__init__()
         self._written = bytearray()
 
     def writable(self) -> bool:
-        """True, as zipfile expects."""
+        """Returns True, as zipfile requires."""
         return True
 
     def write(self, data: object) -> int:
-        """Accepts all bytes."""
+        """Buffers all bytes and returns their number."""
         view = memoryview(data)  # type: ignore[arg-type]
         self._written += view
         return view.nbytes
 
     def take(self) -> bytes:
-        """Returns the bytes written since the last call."""
+        """Returns the bytes written since the last call, and empties the buffer."""
         taken = bytes(self._written)
         self._written.clear()
         return taken
 
 
 def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, folder: Path) -> PictureBody:
-    """Returns the movie of the given frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
+    """Returns a movie of the frames, in the format of `wish.extension`. Raises Conflict if it cannot be written."""
     pictures = (display_picture(film, frame, wish) for frame in frames)
     try:
         return PictureBody.written(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
@@ -75,5 +75,5 @@ def movie(film: Film, frames: Sequence[int], wish: PictureWish, fps: float, fold
 
 
 def movie_memory(film: Film, wish: PictureWish) -> int:
-    """Returns the estimated peak memory of `movie`, in bytes."""
+    """Returns the estimated peak memory of `movie` for this film, in bytes."""
     return memory(film, wish) + ENCODER * film.width * film.height
