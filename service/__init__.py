@@ -1,1 +1,1 @@
-"""The farm's service: accepts scenes and jobs, schedules batches, stores films, and serves viewers."""
+"""The farm's service: receives scenes and jobs, schedules batches of samples on workers, stores films, and serves viewers."""

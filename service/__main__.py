@@ -1,4 +1,4 @@
-"""`python -m service --host 0.0.0.0 --port 8000 ...`: runs the service with uvicorn's options and bounded connections."""
+"""`python -m service --host 0.0.0.0 --port 8000 ...`: runs the service in uvicorn, with limits on its connections."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ PROBES = ("/healthz", "/readyz")
 
 
 def serve(arguments: Sequence[str]) -> None:
-    """Runs the service until it is stopped. arguments: further options of uvicorn.
+    """Runs the service until it is stopped. arguments: further command line options of uvicorn.
 
-    Whether a login is required, and which host names are accepted, depends on the listening address; RAYFARM_HOST and
-    RAYFARM_PORT are therefore set to the options' values, from which the settings are read.
+    Sets RAYFARM_HOST and RAYFARM_PORT to the options' values: the settings, which read these variables, derive from the listening
+    address whether a login is required and which host names are accepted.
     """
     gc.disable()  # during imports, as in service/standby.py
     Connection.most = most_connections()
@@ -52,7 +52,7 @@ def serve(arguments: Sequence[str]) -> None:
 
 
 def _is_no_probe(record: logging.LogRecord) -> bool:
-    """Returns whether an access log record is kept: successful probes, which come every few seconds, are dropped.
+    """Logging filter: drops access log records of successful health probes, which come every few seconds.
 
     uvicorn's arguments of the record are client, method, path, HTTP version and status.
     """

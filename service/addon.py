@@ -20,7 +20,7 @@ BL_INFO_VERSION = '"version": (0, 0, 0)'
 
 
 def addon_zip(version: str = __version__) -> bytes:
-    """Returns the zip archive. Blender 4.2 and later install it as an extension (by its manifest) or as a legacy add-on."""
+    """Returns the add-on's zip archive. Blender 4.2 and later install it as an extension, older ones as a legacy add-on."""
     folder = shipped("blender") / FOLDER
     found = io.BytesIO()
     with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:

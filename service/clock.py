@@ -1,4 +1,4 @@
-"""Clocks as their users see them, and parsing of deadlines."""
+"""Clock interfaces for code that tests run with a simulated clock, and parsing of deadlines."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ FURTHEST = timedelta(days=3660)
 
 
 class Clock(Protocol):
-    """A clock that never goes back. The module `time` is one, and a test has its own."""
+    """Interface of a monotonic clock. The `time` module implements it; tests substitute a simulated clock."""
 
     def monotonic(self) -> float:
-        """Returns seconds since some moment."""
+        """Returns seconds since an arbitrary moment."""
 
 
 class WorkClock(Clock, Protocol):
-    """A clock that also measures work."""
+    """Interface of a clock that also measures the processor time of threads."""
 
     def thread_time(self) -> float:
-        """Returns this thread's processor time in seconds."""
+        """Returns the processor time that the current thread has used, in seconds."""
 
 
 def deadline_of(text: str, now: datetime | None = None) -> float:
-    """Returns a deadline as Unix time, from an ISO time or a time of day such as 08:00, which is its next occurrence.
+    """Returns a deadline as Unix time. text: an ISO time, or a time of day such as 08:00, which means its next occurrence.
 
-    Times without a zone are in this machine's zone. now: the local time without a zone; by default the present.
-    Raises ValueError, with a sentence, for malformed, past or too distant times.
+    Times without a zone are in this machine's zone. now: the present as local time without a zone; None: read from the clock.
+    Raises ValueError with a sentence for a malformed, past or too distant time.
     """
     # Without a zone, so that changes to and from daylight saving time are taken into account.
     now = now or local_now()
@@ -52,7 +52,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
 
 
 def _next(today: datetime, now: datetime) -> datetime:
-    """Returns the next occurrence of a time of day; when clocks are set back, it occurs twice in a night."""
+    """Returns the next occurrence of a time of day. When clocks are set back, a time can occur twice in one night."""
     for found in (today, today.replace(fold=1)):
         if found.timestamp() > now.timestamp() and (found > now or found.fold):
             return found

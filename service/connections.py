@@ -1,7 +1,7 @@
-"""Limits on connections: time and bytes of an incomplete request, and the number of connections.
+"""Limits on connections: duration and size of an incomplete request, and the number of connections.
 
-uvicorn waits without limit for the rest of a request, and buffers whatever a client sends as its head. Anyone who reaches the
-port could thus fill the service's memory or use up its file descriptors, which films and the database need too.
+uvicorn waits without limit for the rest of a request, and buffers request heads of any size. So any client could fill the
+service's memory or use up its file descriptors, which films and the database need too.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ REFUSED = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: %d\r\ncon
 
 
 def most_connections() -> int:
-    """Returns the limit of connections that leaves enough file descriptors; raises the process's descriptor limit if possible."""
+    """Returns how many connections leave enough file descriptors for files.
+
+    First raises the process's descriptor limit if possible.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = FILES if hard == resource.RLIM_INFINITY else min(FILES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -40,7 +43,7 @@ def most_connections() -> int:
 
 
 class Connection(HttpToolsProtocol):
-    """A connection with limits, as uvicorn's HTTP protocol class."""
+    """uvicorn's HTTP protocol class, with limits."""
 
     most = 1 << 16  # limit of all connections, set by the caller that runs the server
     _saying: dict[Connection, None] = {}  # noqa: RUF012 - all connections with an incomplete request, oldest first
@@ -57,7 +60,8 @@ class Connection(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accepts a connection.
 
-        Above the limit, aborts the connection that has waited longest for its request, or refuses this one.
+        Above the limit, aborts the connection whose request has been incomplete for longest; if there is none, rejects the new
+        one.
         """
         super().connection_made(transport)
         if len(self.connections) > self.most:
@@ -70,12 +74,12 @@ class Connection(HttpToolsProtocol):
         self._wait(HEAD_WITHIN_S)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Stops the timeout of a closed connection."""
+        """Cancels the timeout of a closed connection."""
         self._rest()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Parses received data; refuses a request whose head is larger than LARGEST_HEAD."""
+        """Parses received data. Rejects a request whose head is larger than LARGEST_HEAD bytes."""
         self._has_begun = self._is_silent = False
         super().data_received(data)
         if self.transport.is_closing() or self._head is None or self._has_begun:
@@ -85,35 +89,38 @@ class Connection(HttpToolsProtocol):
             self._refuse(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
 
     def handle_websocket_upgrade(self) -> None:
-        """Hands the connection to the WebSocket protocol, without a timeout."""
+        """Passes the connection to the WebSocket protocol and cancels its timeout."""
         self._rest()
         super().handle_websocket_upgrade()
 
     def on_message_begin(self) -> None:
-        """Starts the timeout of a new request's head."""
+        """Starts the timeout for a new request's head."""
         super().on_message_begin()
         self._head, self._has_begun = 0, True
         if self._timer is None:
             self._wait(HEAD_WITHIN_S)
 
     def on_headers_complete(self) -> None:
-        """Starts the timeout of the request's body."""
+        """Starts the timeout for the request's body."""
         self._head, self._received, self._body_since = None, 0, time.monotonic()
         super().on_headers_complete()
         self._wait(BODY_WITHIN_S)
 
     def on_body(self, body: bytes) -> None:
-        """Counts the bytes of the body, which extend its timeout."""
+        """Extends the timeout by the received bytes of the body."""
         self._received += len(body)
         super().on_body(body)
 
     def on_message_complete(self) -> None:
-        """Stops the timeout of a complete request."""
+        """Cancels the timeout, since the request is complete."""
         self._rest()
         super().on_message_complete()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """Starts the application; for a short body only once it is complete, so that stalled requests cost little."""
+        """Starts the application.
+
+        If the body is short, first waits until it is complete, so that stalled requests use few resources.
+        """
         super()._start_asgi_task(cycle, partial(_once_whole, cycle, app) if _is_short(cycle) else app)
 
     def _wait(self, seconds: float) -> None:
@@ -154,13 +161,13 @@ class Connection(HttpToolsProtocol):
 
 
 def _is_short(cycle: RequestResponseCycle) -> bool:
-    """Returns True if a request announces a short body, and does not wait for `100 Continue` before sending it."""
+    """Whether a request has a short body that it sends without waiting for `100 Continue`."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
     return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= SHORT_BODY
 
 
 async def _once_whole(cycle: RequestResponseCycle, app: Any, *request: Any) -> None:
-    """Runs the application once the request is complete; does nothing if the client disconnects before."""
+    """Runs the application once the request is complete. Does nothing if the client disconnects first."""
     while cycle.more_body and not cycle.disconnected:
         cycle.message_event.clear()
         await cycle.message_event.wait()

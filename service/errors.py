@@ -1,9 +1,9 @@
 """Errors of the service, independent of HTTP: service/http/problems.py maps them to status codes.
 
-FarmError           base class; its message is a sentence on which a user can act
+FarmError           base class; its message is a sentence that tells users what to do
 ├── NotFound        the object does not exist, or no longer
 ├── Conflict        not possible in the present state
-├── NotAllowed      the caller may see the object but not do this
+├── NotAllowed      the caller may see the object but not change it
 ├── Invalid         malformed or contradictory request
 ├── TooLarge        beyond a limit of this farm
 ├── UnknownFormat   a format that this farm does not read
@@ -11,7 +11,7 @@ FarmError           base class; its message is a sentence on which a user can ac
 ├── OverQuota       the caller's quota of jobs or samples is used up
 ├── Unavailable     a part of the farm is unreachable or busy; a retry may succeed
 │   └── NotOwner        another service has taken over the farm
-├── Failed          a worker failed to do it
+├── Failed          a worker failed to process a request
 ├── TooLate         a worker did not answer in time
 ├── CannotStart     the service cannot start on this data folder or with these settings
 ├── FilmWaits       temporary fault of a film: full disk, lock, read-only disk
@@ -47,9 +47,9 @@ __all__ = [
 
 
 class FarmError(Exception):
-    """Base class of the service's errors. `str(error)` is a sentence on which a user can act.
+    """Base class of the service's errors. `str(error)` is a sentence that tells users what is wrong and what to do.
 
-    `fact`: the sentence without the advice, for background work without a caller.
+    `fact`: the sentence without the advice, for logs of background work.
     """
 
     def __init__(self, sentence: str = "", *, advice: str = "") -> None:
@@ -66,11 +66,11 @@ class Conflict(FarmError):  # noqa: N818
 
 
 class NotAllowed(FarmError):  # noqa: N818
-    """The caller may see the object but not do this."""
+    """The caller may see the object but lacks permission for this action."""
 
 
 class Invalid(FarmError):  # noqa: N818
-    """The request is malformed or contradictory. field: the field at fault, if there is one."""
+    """The request is malformed or contradictory. field: name of the field at fault, if there is one."""
 
     def __init__(self, sentence: str = "", *, field: str | None = None, advice: str = "") -> None:
         super().__init__(sentence, advice=advice)
@@ -82,7 +82,7 @@ class TooLarge(FarmError):  # noqa: N818
 
 
 class UnknownFormat(FarmError):  # noqa: N818
-    """The format is not one that this farm reads."""
+    """The file format is not supported by this farm."""
 
 
 class NoRoom(FarmError):  # noqa: N818
@@ -98,7 +98,7 @@ class OverQuota(FarmError):  # noqa: N818
 
 
 class Unavailable(FarmError):  # noqa: N818
-    """A part of the farm is unreachable or busy; a retry may succeed. retry_after_s: after how many seconds, if known."""
+    """A part of the farm is unreachable or busy; a retry may succeed. retry_after_s: recommended delay in seconds, or None."""
 
     def __init__(self, sentence: str, retry_after_s: float | None = None, *, advice: str = "") -> None:
         super().__init__(sentence, advice=advice)
@@ -106,14 +106,14 @@ class Unavailable(FarmError):  # noqa: N818
 
 
 class NotOwner(Unavailable):
-    """Another service has taken over the farm; this one must not act as its owner."""
+    """Another service has taken over the farm, so this one may no longer act as its owner."""
 
     def __init__(self) -> None:
         super().__init__(Sentence("farm-taken-over", "Another service has taken this farm over. Ask again."), 1.0)
 
 
 class Failed(FarmError):  # noqa: N818
-    """A worker failed to do it."""
+    """A worker failed to process a request. The message is its error."""
 
 
 class TooLate(FarmError):  # noqa: N818
@@ -125,11 +125,11 @@ class CannotStart(FarmError):  # noqa: N818
 
 
 class FilmWaits(FarmError):  # noqa: N818
-    """A film temporarily cannot be read or written: full disk, lock, read-only disk."""
+    """A film cannot be read or written at present: full disk, lock, read-only disk."""
 
 
 class FilmLost(FarmError):  # noqa: N818
-    """A film permanently cannot be read or written: missing permission, newer release."""
+    """A film cannot be read or written, and waiting does not help: missing permission, newer release."""
 
 
 class FilmDamaged(FilmLost):
@@ -137,4 +137,4 @@ class FilmDamaged(FilmLost):
 
 
 class QueueError(Exception):
-    """Redis cannot be reached; nothing was sent."""
+    """Redis cannot be reached. No message was sent."""

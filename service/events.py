@@ -1,7 +1,7 @@
-"""Typed events by which the parts of the service notify each other, and the bus that carries them.
+"""Typed events by which parts of the service notify each other, and the event bus.
 
-Handlers run in the publisher's thread, in the order of subscription, and only enqueue work or set flags. A handler that writes to
-the database or the disk is subscribed with `in_background`: one thread runs these in the order of their events.
+Handlers run in the publisher's thread, in the order of subscription, and only enqueue work or set flags. Handlers that write to
+the database or the disk are subscribed with `in_background`: a single thread runs them in the order of the events.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ItemKind = Literal["job", "scene", "worker"]
 
 @dataclass(frozen=True, slots=True)
 class RowWritten:
-    """The row of a job or scene was created, changed or deleted outside the engine, and is committed."""
+    """The row of a job or scene was created, changed or deleted outside the engine, and the transaction is committed."""
 
     kind: Literal["job", "scene"]
     id: str
@@ -50,7 +50,7 @@ class ItemChanged:
 
 @dataclass(frozen=True, slots=True)
 class TilesChanged:
-    """Samples were added to tiles of a frame."""
+    """New samples were added to tiles of a frame."""
 
     job: str
     frame: int
@@ -59,14 +59,14 @@ class TilesChanged:
 
 @dataclass(frozen=True, slots=True)
 class BlobsReleased:
-    """References to blobs ended: how many, by SHA-256. Other references may remain."""
+    """References to blobs were removed: how many, by SHA-256. Other references may remain."""
 
     references: Counter[str]
 
 
 @dataclass(frozen=True, slots=True)
 class PreparationRequested:
-    """A scene is to be compiled for a kind of workers, independently of any job."""
+    """A scene must be compiled for a kind of worker, independently of any job."""
 
     scene: str
     worker_kind: str
@@ -74,14 +74,17 @@ class PreparationRequested:
 
 @dataclass(frozen=True, slots=True)
 class FilmSuspected:
-    """A job's film may be damaged and is to be checked."""
+    """A job's film may be damaged and must be checked."""
 
     job: str
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerSetAside:
-    """A worker's results differ from those of others. details: as webhooks report it; None if it was found in an earlier run."""
+    """A worker was quarantined because its results differ from those of others.
+
+    details: the content of the webhook message; None if it was found in an earlier run of the service.
+    """
 
     worker: str
     details: dict[str, Any] | None
@@ -91,14 +94,14 @@ Event = TypeVar("Event")
 
 
 class Events:
-    """The bus. `subscribe` is called while the service is assembled; `publish` from any thread."""
+    """Event bus. `subscribe` is called while the service is assembled; `publish` can be called from any thread."""
 
     def __init__(self) -> None:
         self._handlers: defaultdict[type, list[Callable[[Any], object]]] = defaultdict(list)
         self._background = ThreadPoolExecutor(1, "events")
 
     def subscribe(self, kind: type[Event], handler: Callable[[Event], object], *, in_background: bool = False) -> None:
-        """Calls `handler` with every event of this type that is published from now on."""
+        """Registers a handler for all events of type `kind` that are published later."""
 
         def submit(event: Event) -> None:
             self._background.submit(_guarded, handler, event)
@@ -106,12 +109,12 @@ class Events:
         self._handlers[kind].append(submit if in_background else handler)
 
     def publish(self, event: object) -> None:
-        """Passes an event to the handlers of its type."""
+        """Calls the handlers of the event's type."""
         for handler in self._handlers.get(type(event), ()):
             handler(event)
 
     def close(self) -> None:
-        """Waits for the background handlers of all events published so far."""
+        """Waits until the background handlers have processed all events published so far."""
         self._background.shutdown()
 
 

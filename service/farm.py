@@ -1,4 +1,4 @@
-"""Everything that the HTTP side works with, made once and handed to the routes."""
+"""Assembles the parts of the service that routes use."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ OWN_PATIENCE_S = 10.0  # an earlier service may still be ending
 
 
 class Farm:
-    """The parts of the service."""
+    """The parts of a service that owns the farm: database, engine, stores, live views, hooks and maintenance."""
 
     def __init__(self, settings: Settings, owning: Ownership | None = None) -> None:
-        """Assembles the parts without starting them.
+        """Creates the parts without starting them.
 
-        owning: the ownership of the farm; None: acquired here. Raises CannotStart if that fails.
+        owning: the ownership of the farm; None: acquires it. Raises CannotStart if that fails.
         """
         self.settings = settings
         self.owning = owning or take_farm(settings, OWN_PATIENCE_S)
@@ -90,7 +90,7 @@ class Farm:
         self._inherited.daemon = True
 
     def _assemble_store(self, settings: Settings) -> None:
-        """Blobs, films and kernels on disk."""
+        """Creates the stores of blobs, films and kernels."""
         self.blobs = open_blobs(settings)
         self.garbage = Garbage(self.sessions, self.blobs, settings.prepare_deadline, self.owning.guard)
         self.events.subscribe(BlobsReleased, self.garbage.release, in_background=True)
@@ -102,7 +102,7 @@ class Farm:
         self.kernels = KernelStore(settings.data / "kernels", settings.token)
 
     def _assemble_scheduling(self, settings: Settings) -> None:
-        """The engine, live views, explanations and quotas."""
+        """Creates the engine, live views, pixel explanations and quotas."""
         self.records = Records(self.sessions.with_patience(ENGINE_PATIENCE_S), settings.max_pixels)
         board = SnapshotBoard(self.events)
         self.views = ViewScheduler(*_broker(settings), board, self.events)
@@ -120,7 +120,7 @@ class Farm:
         self.quotas = Quotas(self.sessions, usual, self.films.size)
 
     def _assemble_keeping(self, settings: Settings) -> None:
-        """Deletion, checks of films and retention."""
+        """Creates the deletion of jobs, the checks of films, and retention."""
         self.deleting = JobDeleter(self.sessions, self.garbage, self.reserve, self.events)
         self.frame_changes = self.deleting.frames
         self.taint = TaintMarker(self.sessions, self.films, self.events)
@@ -130,7 +130,7 @@ class Farm:
         self.retention = Retention(self.sessions, self.films, self.garbage, self.reserve, self.events, self.rules)
 
     def _assemble_delivery(self, settings: Settings) -> None:
-        """Events for pages and webhooks, and limits on the threads that serve requests."""
+        """Creates the notifications of pages and webhooks, and the limited thread pools that serve requests."""
         self.broadcast = Broadcast(self.events)
         self.shared = SharedResults(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
@@ -141,7 +141,7 @@ class Farm:
         self.logins = CapacityLimiter(2)  # password checks, which are slow by design
 
     def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
-        """Cleans up after an earlier run and starts all parts. on_lost: called in some thread if another service takes over."""
+        """Deletes remains of an earlier run and starts all parts. on_lost: called from a thread if another service takes over."""
         self.owning.start(on_lost, self.engine.moves)
         self.broadcast.open(loop)
         self.reserve.fill()
@@ -165,9 +165,9 @@ class Farm:
         self.owning.stop()
 
     def film(self, job: Job, frame: int = 0) -> Film | None:
-        """Returns a job's film; None if it has none yet.
+        """Returns a job's film; None if the job has none yet. frame: frame key whose samples are checked.
 
-        Raises FilmLost if the film has fewer samples of a frame than the database records.
+        Raises FilmLost if the film has fewer samples of this frame than the database records.
         """
         if job.settings is None or job.tile_size is None:
             return None
@@ -182,18 +182,18 @@ class Farm:
 
 
 def _redis(settings: Settings, **options: Any) -> redis.Redis:
-    """Returns connections to the broker, opened when they are needed."""
+    """Returns a Redis client for the broker. It connects at its first command."""
     return redis.Redis.from_url(settings.redis_url, socket_timeout=5, socket_connect_timeout=2, **options)
 
 
 def _broker(settings: Settings) -> tuple[redis.Redis, CeleryDispatcher]:
-    """Returns connections to the broker, and a dispatcher that uses them."""
+    """Returns a Redis client for the broker, and a dispatcher that uses it."""
     connection = _redis(settings)
     return connection, CeleryDispatcher(settings.redis_url, connection)
 
 
 def open_blobs(settings: Settings) -> BlobStore:
-    """The blob store that is set."""
+    """Returns the blob store selected by the settings: an S3 bucket, or a folder. Raises CannotStart."""
     temporary = settings.data / "tmp"
     if not settings.blobs:
         return BlobFolder(settings.data / "blobs", temporary)

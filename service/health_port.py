@@ -1,7 +1,7 @@
-"""/healthz on a separate port, served by a thread, so that a busy service is not considered dead.
+"""/healthz on a port and thread of its own, so that a busy service is not considered dead.
 
-On the farm's own port, /healthz is answered by the event loop, and may be delayed. Here the loop is judged by how long its last
-turn is ago: a restart helps if it hangs, but not if it is busy.
+On the main port the event loop answers /healthz, possibly late. Here the loop's health is judged by the time since its last
+iteration: a loop that hangs needs a restart, one that is busy does not.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PATIENCE_S = 5.0  # seconds; timeout of a client's connection
 
 
 class HealthPort:
-    """The health server. Must be started and stopped in the event loop's thread."""
+    """Health server. Start and stop it in the event loop's thread."""
 
     def __init__(self, host: str, port: int, is_engine_alive: Callable[[], bool]) -> None:
         """Binds the port. Raises CannotStart if that fails."""
@@ -42,7 +42,7 @@ class HealthPort:
         self.port = self._server.server_port
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Starts serving, and measures this event loop's turns."""
+        """Starts serving, and monitors the iterations of this event loop."""
         self._tick(loop)
         threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
 
@@ -54,7 +54,7 @@ class HealthPort:
         self._server.server_close()
 
     def trouble(self) -> str | None:
-        """Returns the reason why the process should be restarted, as a sentence; None if it is healthy."""
+        """Returns a sentence on why the process should be restarted; None if it is healthy."""
         if not self._is_engine_alive():
             return "The engine has ended. Restart the service."
         if self.waited_s > HANGS_S:
@@ -63,7 +63,7 @@ class HealthPort:
 
     @property
     def waited_s(self) -> float:
-        """Seconds that the event loop's turn is overdue."""
+        """Time by which the event loop's next iteration is overdue, in seconds."""
         return max(0.0, time.monotonic() - self._ticked - TICK_S)
 
     def _tick(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -96,4 +96,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(data)
 
     def log_message(self, *_: Any) -> None:
-        """Discards access log messages, since probes come every second."""
+        """Does nothing: probes come every second and are not logged."""

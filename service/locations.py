@@ -1,7 +1,7 @@
-"""Locations of the page, the examples, Blender's add-on, and the data.
+"""Locations of the web page, the examples, Blender's add-on, and the data.
 
-In a clone, the page, the examples and the add-on are folders at its top, and the data is in the clone as well, so that removing
-the clone removes everything. In an installed Rayfarm they are inside this package, and the data is in the user's data folder.
+In a clone these are folders at its top, including the data, so removing the clone removes everything. In an installed Rayfarm
+the page, examples and add-on are in this package, and the data is in the user's data folder.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ CLONE = _ABOVE if (_ABOVE / "farm.py").is_file() and (_ABOVE / "web").is_dir() e
 
 
 def shipped(name: str) -> Path:
-    """Returns a folder that is shipped with Rayfarm: `web`, `scenes` or `blender`."""
+    """Returns the path of a folder shipped with Rayfarm: `web`, `scenes` or `blender`."""
     return CLONE / name if CLONE else _PACKAGE / ("examples" if name == "scenes" else name)
 
 
 def default_data_folder() -> Path:
-    """Returns $RAYFARM_DATA; else `data` in the clone; else the user's data folder, on Linux ~/.local/share/rayfarm."""
+    """Returns $RAYFARM_DATA if set; else `data` in the clone; else the user's data folder, on Linux ~/.local/share/rayfarm."""
     named = os.environ.get("RAYFARM_DATA")
     if named:
         return Path(named).expanduser().resolve()
@@ -33,7 +33,7 @@ def default_data_folder() -> Path:
 
 
 def sqlite_url(path: Path) -> str:
-    """Returns the URL of an SQLite database file; SQLAlchemy escapes characters such as % and ? in the path."""
+    """Returns the URL of an SQLite database file, with characters such as % and ? escaped by SQLAlchemy."""
     from sqlalchemy import URL
 
     return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)

@@ -1,4 +1,4 @@
-"""The FastAPI application, which `python -m service` serves."""
+"""The FastAPI application that `python -m service` serves."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ DOCS = Path(__file__).parent / "docs_page"
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Returns the service as an ASGI application. settings: by default read from the environment."""
+    """Returns the service as an ASGI application. settings: None: read from the environment."""
     try:
         settings = settings or Settings.read()
     except CannotStart as error:
@@ -107,7 +107,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 @contextlib.contextmanager
 def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
-    """Ends event streams when the server is stopped: it waits for open responses, and streams do not end by themselves."""
+    """Context manager that ends event streams when the server gets a stop signal.
+
+    The server waits for open responses, and event streams would never end. close: called in the signal handler.
+    """
     previous: dict[signal.Signals, Any] = {}
 
     def end(number: int, frame: FrameType | None) -> None:

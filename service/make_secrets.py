@@ -23,7 +23,7 @@ BYTES = 32
 
 
 def make_secrets(folder: Path) -> None:
-    """Writes the secrets that are given by the environment or missing. Raises OSError, VariableError."""
+    """Writes the secrets that are set in the environment or have no file yet. Raises OSError, VariableError."""
     for name, variable in SECRETS.items():
         path, given = folder / name, value_of(variable)
         known = path.read_text().strip() if path.exists() else ""
@@ -35,7 +35,7 @@ def make_secrets(folder: Path) -> None:
 
 
 def main() -> int:
-    """Creates the secrets; returns the exit status: 0 if all exist, 1 on an error."""
+    """Creates the secrets. Returns exit code 0, or 1 after an error."""
     (folder,) = map(Path, sys.argv[1:])
     try:
         make_secrets(folder)

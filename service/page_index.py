@@ -1,9 +1,9 @@
-"""Generates the served index.html: the browser loads what it needs first in as few requests as possible.
+"""Generates the served index.html so that the browser loads what it needs first in few requests.
 
 A browser opens six connections to an HTTP/1.1 service, and each request takes a round trip: 0.4 s on a slow line. Therefore
-adjacent style sheets are joined to one file, and so are classic scripts; all static imports of the first module, direct or not,
-are preloaded; and a table lists the further imports of modules that are imported on demand, another one the views by address, so
-that `web/js/shell/ahead.js` can request all modules of a view at once.
+adjacent style sheets are joined to one file, and so are classic scripts; all static imports of the first module, direct and
+indirect, are preloaded. One table lists the further imports of modules that are imported on demand, another one the modules of
+each view's address, so that `web/js/shell/ahead.js` can request all modules of a view at once.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _ON_DEMAND = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
 def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
-    """Returns the joined files by name. sources: text of all files of the page by name."""
+    """Returns the content of the joined files by name. sources: text of all files of the page by name."""
     found = {}
     for name, group in _GROUPS.items():
         if (match := group.search(html)) is not None:
@@ -41,7 +41,7 @@ def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
 
 
 def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
-    """Returns index.html with links to the files of one version. base: prefix of their addresses, as v/HASH/."""
+    """Returns index.html with links to the files of one version. base: prefix of these links, such as v/HASH/."""
     first = _MODULE.findall(html)
     at_once = _imported(first, sources)
     on_demand = {
@@ -67,7 +67,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
 
 
 def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
-    """Returns modules and all their static imports, direct or not, in the order in which they are needed."""
+    """Returns the modules and all their static imports, direct and indirect, in import order."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):
         for other in _named_in(name, _IMPORT, sources):
@@ -78,7 +78,7 @@ def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
 
 
 def _named_in(module: str, statement: re.Pattern[str], sources: Mapping[str, str]) -> list[str]:
-    """Returns the existing modules that a module's import statements name."""
+    """Returns the existing modules that a module imports. statement: pattern of the import statement."""
     folder = posixpath.dirname(module)
     names = [posixpath.normpath(posixpath.join(folder, relative)) for relative in statement.findall(sources.get(module, ""))]
     return [name for name in names if name in sources]

@@ -1,7 +1,7 @@
-"""Serves the page's files. Addresses in index.html contain a hash of all files, so these files never need to be revalidated.
+"""Serves the page's files. The links in index.html contain a hash of all files, so browsers never need to revalidate the files.
 
-A page of an older release requests files with an older hash. It gets no JavaScript modules, since it would mix them with its own:
-it reports this or reloads (`web/js/shell/again.js`). Other files may be newer. index.html is revalidated each time.
+A page of an older release requests files by an older hash. It gets no JavaScript modules, since it would mix releases; it reports
+this or reloads (`web/js/shell/again.js`). Other files may be of the newer release. index.html is revalidated each time.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ mimetypes.add_type("text/javascript", ".js")
 
 
 class Pages(StaticFiles):
-    """Static files with an ETag that are revalidated each time, so that a page never mixes files of two versions."""
+    """Static files with an ETag, which browsers revalidate each time, so that a page never mixes files of two versions."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Returns the response with a file; hidden files are reported as missing."""
+        """Returns the response with a file. Hidden files result in 404."""
         if _is_hidden(Path(path)):
             path = "no such file"
         answer = await super().get_response(path, scope)
@@ -46,7 +46,7 @@ class Pages(StaticFiles):
 
 
 class WebPages(Pages):
-    """The page: index.html, and its other files under versioned addresses, compressed once."""
+    """Serves index.html, and the page's other files at versioned URLs; each file is compressed once."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, html=True)
@@ -55,7 +55,7 @@ class WebPages(Pages):
         self._lock = threading.Lock()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Returns the response with index.html, a versioned file, or any other file."""
+        """Returns the response for a path: index.html, a versioned file, or another file."""
         if scope["method"] not in ("GET", "HEAD"):
             return await super().get_response(path, scope)  # responds with the allowed methods
         if path in (".", "index.html"):
@@ -73,7 +73,7 @@ class WebPages(Pages):
         return await super().get_response("no such file", scope)
 
     def _latest(self) -> Shelf:
-        """Returns the shelf of the files as they are now, so that changes to the page need no restart."""
+        """Returns the snapshot of the current files, so that changes to the page need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
             if files != self._shelf.files:
@@ -83,24 +83,24 @@ class WebPages(Pages):
 
 @dataclass(frozen=True)
 class Content:
-    """A file's content, plain and compressed."""
+    """A file's content, uncompressed and compressed."""
 
     plain: bytes
 
     @cached_property
     def packed(self) -> bytes:
-        """The gzip-compressed content, deterministic."""
+        """The gzip-compressed content; equal content gives equal bytes."""
         return gzip.compress(self.plain, 9, mtime=0)
 
     @cached_property
     def tag(self) -> str:
-        """The ETag of the plain content."""
+        """The ETag of the uncompressed content."""
         return f'"{hashlib.sha256(self.plain).hexdigest()[:24]}"'
 
 
 @dataclass(frozen=True)
 class Shelf:
-    """A snapshot of all files of the page. files: their names, sizes and modification times."""
+    """A snapshot of all files of the page. files: name, size and modification time of each."""
 
     folder: Path
     files: tuple[tuple[str, int, int], ...]
@@ -137,7 +137,7 @@ def _is_hidden(name: Path) -> bool:
 
 
 def _answer(content: Content, name: str, lasts: str, scope: Scope) -> Response:
-    """Returns a response with a file, compressed if the client accepts gzip; status 304 if its ETag matches."""
+    """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches."""
     asked = Headers(scope=scope)
     packs = name.endswith(PACKED) and "gzip" in asked.get("accept-encoding", "")
     tag = content.tag[:-1] + '-gzip"' if packs else content.tag

@@ -1,4 +1,7 @@
-"""Lifecycle of a service process: it owns the farm, or stands by until it can; if it loses the farm, it stands by again."""
+"""Lifecycle of a service process: owns the farm, or is a standby until it can.
+
+If it loses the farm, it becomes a standby again.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +31,12 @@ log = logging.getLogger(__name__)
 
 
 class Life:
-    """The lifecycle. Must be used on one event loop."""
+    """The state of a service process: owner or standby. Use it on a single event loop."""
 
     def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
         """Stores the parameters.
 
-        take_over: called with each Farm that this service starts, before it answers requests with it.
+        take_over: called with each Farm that this process starts, before requests are handled with it.
         """
         self._settings = settings
         self._take_over = take_over
@@ -46,7 +49,7 @@ class Life:
         self._trouble = ""  # why it is unknown whether this service must take over
 
     async def begin(self) -> None:
-        """Takes the farm, or starts standing by. Raises CannotStart."""
+        """Takes the farm, or becomes a standby. Raises CannotStart."""
         self._candidate = Candidate(self._settings)
         try:
             owning = self._candidate.attempt()
@@ -61,7 +64,7 @@ class Life:
         self._task = asyncio.create_task(self._go_on())
 
     async def end(self) -> None:
-        """Stops the farm or standing by, in order."""
+        """Stops the farm if this process owns it; otherwise stops being a standby."""
         if self._task is not None:
             self._task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
@@ -73,18 +76,18 @@ class Life:
 
     @property
     def stands_by(self) -> bool:
-        """True if another service owns the farm now, as far as is known."""
+        """Whether another service owns the farm, as far as this process knows."""
         return self._farm is None or self._farm.owning.is_lost
 
     @property
     def is_alive(self) -> bool:
-        """True if the background task runs and, if this service owns the farm, its engine."""
+        """Whether the background task is running, and also the engine if this process owns the farm."""
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
     @property
     def why(self) -> str:
-        """The message to clients while this service stands by."""
+        """The message for clients while this process is a standby."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:
             return f"This service has not begun: {self._trouble}"
@@ -106,12 +109,12 @@ class Life:
             await asyncio.to_thread(farm.owning.guard)
 
     def close_streams(self) -> None:
-        """Ends event streams, before the server stops. Safe in a signal handler."""
+        """Ends the event streams before the server stops. Safe to call in a signal handler."""
         if self._farm is not None:
             self._farm.broadcast.close()
 
     def _own(self, owning: Ownership) -> None:
-        """Starts the farm. Raises CannotStart; then this service stands by again."""
+        """Starts the farm with this ownership. Raises CannotStart; then this process is a standby again."""
         self._lost.clear()
         loop = asyncio.get_running_loop()
         try:
@@ -158,7 +161,7 @@ class Life:
             self._candidate = Candidate(self._settings)
 
     async def _stand_by(self) -> None:
-        """Waits until this service owns the farm, and starts it. If it can never own it, ends the process."""
+        """Waits until this process owns the farm, and starts it. Ends the process if it can never own the farm."""
         said = ""
         while True:
             assert self._candidate is not None

@@ -1,4 +1,4 @@
-"""Settings of the service, from environment variables RAYFARM_*."""
+"""Settings of the service, read from environment variables RAYFARM_*."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Settings(BaseSettings):
-    """The service's settings. Sizes are in bytes, times in seconds."""
+    """The service's settings. Sizes are in bytes, durations in seconds."""
 
     model_config = SettingsConfigDict(env_prefix="RAYFARM_", extra="ignore")
 
@@ -120,12 +120,15 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Returns the sources in order of precedence: arguments, the environment, files named by the environment."""
+        """Returns the sources of settings in order of precedence: arguments, environment, files named by the environment."""
         return init_settings, env_settings, _Files(settings_cls)
 
     @classmethod
     def read(cls, **given: Any) -> Settings:
-        """Reads the settings from the environment. given: values that take precedence. Raises CannotStart for invalid values."""
+        """Reads the settings from the environment. given: values that take precedence.
+
+        Raises CannotStart if a value is invalid.
+        """
         try:
             return cls(**given)
         except VariableError as error:
@@ -193,17 +196,17 @@ class Settings(BaseSettings):
 
     @property
     def database(self) -> str:
-        """The database's URL for SQLAlchemy."""
+        """URL of the database for SQLAlchemy."""
         return self.database_url or sqlite_url(self.data / "rayfarm.sqlite")
 
     @property
     def worker_redis_url(self) -> str:
-        """The Redis URL for workers."""
+        """Redis URL for workers."""
         return without_local_options(self.public_redis_url or self.redis_url)
 
     @property
     def own_url(self) -> str:
-        """The URL of this service for other services of this farm."""
+        """URL at which other services of this farm reach this one."""
         if self.peer_url:
             return self.peer_url.rstrip("/")
         host = self.host if self.host not in ANYWHERE else _own_address()
@@ -211,19 +214,19 @@ class Settings(BaseSettings):
 
     @property
     def is_loopback(self) -> bool:
-        """True if only this machine can reach the service."""
+        """Whether only this machine can reach the service."""
         return self.host in LOOPBACK
 
     @property
     def published_names(self) -> list[str]:
-        """The public addresses and names of the service's container, in lower case."""
+        """Published addresses and host names of the service's container, in lower case."""
         return self.published.lower().split()
 
     @property
     def page_url(self) -> str:
-        """The URL of the page, as far as it is configured.
+        """URL of the page, as far as it can be derived from the settings.
 
-        RAYFARM_PUBLIC_URL; else HTTPS with the first published name that is no address; else HTTP with host and port.
+        RAYFARM_PUBLIC_URL if set; else HTTPS with the first published host name; else HTTP with host and port.
         """
         if self.public_url:
             return self.public_url.rstrip("/")
@@ -236,14 +239,14 @@ class Settings(BaseSettings):
 
     @property
     def needs_login(self) -> bool:
-        """True if all requests need a login."""
+        """Whether all requests need a login."""
         if self.login == "auto":
             named = self.published_names or [self.host]
             return bool(self.trusted_proxies.split()) or any(name not in LOOPBACK for name in named)
         return self.login == "always"
 
     def make_folders(self) -> None:
-        """Creates the data folder, its subfolders, the instance's id, and the tokens that are not set. Raises CannotStart."""
+        """Creates the data folder with its subfolders, the instance's id, and tokens that are not set. Raises CannotStart."""
         try:
             self._make_folders()
         except OSError as error:
@@ -269,24 +272,24 @@ class Settings(BaseSettings):
             self.webhook_secret = path.read_text().strip()
 
     def login_key(self) -> bytes:
-        """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins, shared by the data folder's services."""
+        """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins. All services of a data folder share it."""
         return hashlib.sha256(_kept(self.data / "login-key").encode()).digest()
 
     def instance(self) -> str:
-        """Returns the random id by which workers recognise this data folder."""
+        """Returns the random id of this data folder, by which workers recognise it."""
         return _kept(self.data / "instance")
 
 
 class _Files(PydanticBaseSettingsSource):
-    """Settings from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME. Raises VariableError."""
+    """Source of settings from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME. Raises VariableError."""
 
     def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
-        """Returns the file's content; None if there is no file or the variable itself is set."""
+        """Returns the content of the setting's file (None without a file), its name, and False: the value is not JSON."""
         name = f"RAYFARM_{field_name.upper()}"
         return (value_of(name) or None) if os.environ.get(name + FILE) else None, field_name, False
 
     def __call__(self) -> dict[str, Any]:
-        """Returns the values by the names of the fields."""
+        """Returns the values by field name."""
         values: dict[str, Any] = {}
         for name, field in self.settings_cls.model_fields.items():
             value, key, is_complex = self.get_field_value(field, name)
@@ -296,7 +299,7 @@ class _Files(PydanticBaseSettingsSource):
 
 
 def is_address(name: str) -> bool:
-    """Returns whether a name is an IP address."""
+    """Whether a host name is an IP address."""
     try:
         ipaddress.ip_address(name)
     except ValueError:
@@ -305,7 +308,7 @@ def is_address(name: str) -> bool:
 
 
 def _own_address() -> str:
-    """Returns the address of this machine or container in its network."""
+    """Returns the IP address of this machine or container in its network."""
     try:
         return socket.gethostbyname(socket.gethostname())
     except OSError:
@@ -313,7 +316,7 @@ def _own_address() -> str:
 
 
 def _kept(path: Path) -> str:
-    """Returns a random id stored in a private file, created if needed; safe if several services start at once."""
+    """Returns the random id stored in a private file. Creates the file if needed; safe if several services start at once."""
     made = f"{secrets.token_hex(16)}\n".encode()
     if not path.exists():
         write_once(path, made)

@@ -1,4 +1,4 @@
-"""The part of a request for several frames that is not in the settings, as stored in the job's row."""
+"""Parameters of a shot, a request for several frames, that are stored in the job's row and are not render settings."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Shot:
     """The parameters of a shot.
 
     fps, clip: as in renderer.scene.animation.Moment. turntable: seconds per revolution of the camera. order: one of
-    renderer.work.ORDERS; every: its n. first: the frame that is rendered before all others (frame_key). revision: increases with
-    each change after which the engine must check the frames. anew: frames whose samples must be discarded first, cleared when
-    that is done, as renderer.frames.frames_text writes them. frames: all frames, in the same notation; None if an earlier release
-    wrote the row.
+    renderer.work.ORDERS; every: the step n of that order. first: key of the frame to render before all others (frame_key).
+    revision: increases with each change after which the engine must check the frames. anew: frames whose samples must be
+    discarded first, in the notation of renderer.frames.frames_text; cleared when done. frames: all frames in that notation; None
+    if an earlier release wrote the row.
     """
 
     fps: float | None = None
@@ -36,7 +36,10 @@ class Shot:
 
     @classmethod
     def of(cls, data: Mapping[str, Any] | None) -> Self | None:
-        """Reads a shot from a job's row; None for a still. Unknown fields, from other releases, are ignored."""
+        """Returns the shot stored in a job's row; None for a still image.
+
+        Ignores unknown fields, which other releases may write.
+        """
         if not data:
             return None
         known = {name: data[name] for name in cls.__dataclass_fields__ if name in data}
@@ -46,13 +49,13 @@ class Shot:
 
     @property
     def anew_keys(self) -> list[int]:
-        """The keys of the frames whose samples must be discarded."""
+        """Returns the keys of the frames whose samples must be discarded."""
         return [frame_key(number) for number in parse_frames(self.anew)] if self.anew else []
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the shot as stored in the job's row."""
+        """Returns the shot in the form stored in a job's row."""
         return asdict(self)
 
     def changed(self, **what: Any) -> Self:
-        """Returns a copy with changed fields and the next revision."""
+        """Returns a copy with these fields changed and `revision` increased by one."""
         return replace(self, **what, revision=self.revision + 1)

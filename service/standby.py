@@ -1,8 +1,8 @@
-"""`python -m service.standby`: as `python -m service`, but loads first and takes its options from a line on standard input.
+"""`python -m service.standby`: like `python -m service`, but imports everything first and then reads its options from stdin.
 
-Loading takes more than a second of processor time, and several seconds on a machine with busy slots. `rayfarm up` starts this
-process before it loads itself (rayfarm/local/early.py), and keeps a loaded spare one, so that a killed service is replaced at
-once (rayfarm/local/supervisor.py).
+The imports take more than a second of processor time, and several seconds if the machine's slots are busy. `rayfarm up` starts
+this process before its own imports (rayfarm/local/early.py), and always has a preloaded spare one, so that a service that was
+killed is replaced at once (rayfarm/local/supervisor.py).
 """
 
 from __future__ import annotations
