@@ -1,10 +1,10 @@
-"""Work for workers other than batches.
+"""Work for workers other than rendering batches.
 
 artifacts.py          facade of all of them
 scene_preparation.py  scenes
 frame_preparation.py  frames of shots
 unfit_machines.py     machines that cannot prepare a scene or a frame
-artifact_task.py      results made on request; the base of the next three
+artifact_task.py      artifacts: files made on request; the base of the next three
 denoising.py          denoised frames
 vectors.py            motion vectors
 environments.py       thumbnails of uploaded environments

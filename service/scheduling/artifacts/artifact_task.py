@@ -1,9 +1,9 @@
-"""Results that clients request and a worker makes: denoised frames, motion vectors, thumbnails of environments.
+"""Artifacts: files that workers make when clients request them, such as denoised frames, motion vectors and thumbnails.
 
-A request that a machine cannot serve goes to another worker (unfit_machines.py).
+If a machine cannot make an artifact, the request is sent to another worker (unfit_machines.py).
 
-A result is outdated as soon as its film grows. A request made while one is in progress receives that result, and the next
-request starts a new one. The results are blobs without a database reference, and are made again after a restart.
+An artifact is outdated as soon as its film grows. A client that requests one while it is being made receives that one; the next
+request starts a new one. Artifacts are blobs without a database reference, and are made again after a restart.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Wish = TypeVar("Wish", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class ArtifactResult:
-    """The result of a request: its blob (defined by the request in protocol.contract), film version and sample count."""
+    """A finished artifact: its blob (defined by the request in protocol.contract), film version and sample count."""
 
     sha256: str
     version: str = ""
@@ -57,10 +57,10 @@ class _Wanted(Generic[Wish]):
 
 
 class ArtifactTask(ABC, Generic[Wish]):
-    """Base class of results made on request.
+    """Base class of artifacts of one type.
 
-    Any thread may request one; the engine's thread hands out the work and handles the answers. A separate thread queries the blob
-    store, which may be slow.
+    Any thread may request one. The engine's thread dispatches the requests and handles the answers. A separate thread queries the
+    blob store, which may be slow.
     """
 
     _patience_s = 60.0
@@ -79,37 +79,38 @@ class ArtifactTask(ABC, Generic[Wish]):
 
     @abstractmethod
     def _kind(self) -> str | None:
-        """The kind of workers that can make the result; None if there is none."""
+        """Returns the worker kind that can make this artifact; None if there is none."""
 
     @abstractmethod
     def _able(self) -> list[WorkerReport]:
-        """The ready workers that can make the result."""
+        """Returns the ready workers that can make this artifact."""
 
     @abstractmethod
     def _send(self, wish: Wish, queue: str) -> None:
-        """Sends a request, whose `work` is its lease's id. Raises QueueError."""
+        """Sends a request to a queue. wish: the request; its `work` is its lease's id. Raises QueueError."""
 
     def _queue(self, kind: str) -> str:
-        """The queue for workers of a kind."""
+        """Returns the queue of this artifact for a worker kind."""
         return prepare_queue(kind)
 
     @abstractmethod
     def _is_size(self, size: int, wish: Wish) -> bool:
-        """Returns True if a result of the request may have this size, in bytes."""
+        """Whether `size`, in bytes, is a plausible size of the requested artifact."""
 
     @abstractmethod
     def _no_worker_error(self) -> Unavailable:
-        """Returns the error that says why no worker can make the result."""
+        """Returns the error that explains why no worker can make this artifact."""
 
     @property
     @abstractmethod
     def _name(self) -> str:
-        """The name of the result in error messages."""
+        """The name of this artifact in error messages."""
 
     def want(self, wish: Wish, version: str = "") -> Future[ArtifactResult]:
-        """Returns a future of the result for this version of the film or a newer one, or of the request already in progress.
+        """Requests an artifact and returns a future of it.
 
-        wish: the request; its `work` is filled in later. The future raises FarmError if the result cannot be made. Raises
+        wish: the request; its `work` is set later. version: required version of the film; a newer one is accepted. If the same
+        artifact is already being made, returns that future. The future raises FarmError if the artifact cannot be made. Raises
         Unavailable if no worker can make it.
         """
         job, frame = wish.job, wish.frame
@@ -128,7 +129,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             return wanted.answer
 
     def fill(self) -> None:
-        """Hands out the requests that are not in progress. Raises QueueError."""
+        """Sends the requests that are not in progress to workers. Raises QueueError."""
         for key, wanted in self._waiting():
             kind = self._kind()
             if kind is None:
@@ -153,9 +154,9 @@ class ArtifactTask(ABC, Generic[Wish]):
             wanted.sent += 1
 
     def heard(self, work: str, made: ArtifactResult | None, error: str = "", unfit: Fault | None = None) -> None:
-        """Handles a worker's answer: the result, or None with an error message.
+        """Handles a worker's answer to request `work`. made: the artifact; None if it failed with message `error`.
 
-        unfit: the fault of that worker's machine; the request then goes to another worker.
+        unfit: fault of that worker's machine; then the request is sent to another worker.
         """
         with self._lock:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
@@ -193,7 +194,7 @@ class ArtifactTask(ABC, Generic[Wish]):
             self._delete(old.sha256)
 
     def review(self) -> None:
-        """Releases requests lost with their worker and fails overdue ones; called once a second."""
+        """Releases the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""
         with self._lock:
             self._look_for_lost()
             late = [
@@ -214,9 +215,9 @@ class ArtifactTask(ABC, Generic[Wish]):
             )
 
     def _look_for_lost(self) -> None:
-        """Clears the leases of requests that no worker reports any more.
+        """Ends the leases of requests that no worker reports any more.
 
-        A killed worker loses its current work, which the broker would redeliver only much later.
+        When a worker is killed, its current request is lost, and the broker would deliver it again only much later.
         """
         if not self._wanted:
             return
@@ -233,7 +234,7 @@ class ArtifactTask(ABC, Generic[Wish]):
                 wanted.lease = None
 
     def forget(self, job: str) -> None:
-        """Fails the open requests of a deleted job and releases its results."""
+        """Fails the open requests of a deleted job and releases its artifacts."""
         with self._lock:
             gone = [self._made.pop(key) for key in list(self._made) if key[0] == job]
             waiting = [key for key in self._wanted if key[0] == job]

@@ -1,4 +1,4 @@
-"""Facade of all errands for the engine, the message handler and the lifecycle of jobs."""
+"""Facade of all work other than batches, for the engine, the message handler and the lifecycle of jobs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["ArtifactTasks"]
 
 
 class ArtifactTasks:
-    """All errands: preparation of scenes and frames, and results made on request."""
+    """Preparation of scenes and frames, and the artifacts that clients request."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, blobs: BlobStore, events: Events) -> None:
         self.preparing = ScenePreparations(dispatcher, workers, settings.prepare_deadline)
@@ -39,17 +39,17 @@ class ArtifactTasks:
         self._aside = (self.denoising, self.vectors, self.environments)
 
     def fill_artifacts(self) -> None:
-        """Hands out the open requests of clients. Raises QueueError."""
+        """Sends clients' open artifact requests to workers. Raises QueueError."""
         for each in self._aside:
             each.fill()
 
     def review_artifacts(self) -> None:
-        """Checks for lost and overdue requests of clients; called once a second."""
+        """Handles artifact requests that were lost or are overdue. Called once a second."""
         for each in self._aside:
             each.review()
 
     def handle_artifact(self, message: Message) -> None:
-        """Handles an answer to a client's request. Other messages are ignored."""
+        """Handles a worker's answer to an artifact request. Ignores other messages."""
         match message:
             case DenoiseDone():
                 self.denoising.heard(message.work, ArtifactResult(message.sha256, message.version, message.samples))
@@ -65,7 +65,7 @@ class ArtifactTasks:
                 self.environments.heard(message.work, None, message.error, _fault(message))
 
     def forget(self, job: str) -> None:
-        """Forgets the requests and results of a deleted job."""
+        """Discards the artifact requests and artifacts of a deleted job."""
         self.denoising.forget(job)
         self.vectors.forget(job)
 

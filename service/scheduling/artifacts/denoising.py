@@ -1,4 +1,4 @@
-"""Denoised frames, made by a worker on request and kept until the film changes."""
+"""Denoised frames: made by a worker on request, and stored until the film changes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Denoising"]
 
 
 class Denoising(ArtifactTask[DenoiseFrame]):
-    """Requests for denoised frames of the film's current version."""
+    """Requests for denoised frames. The result is valid for one version of the film."""
 
     _name = Sentence("artifact-denoised-picture", "denoised picture")
     _doing = "denoise"

@@ -1,7 +1,8 @@
-"""Preparation of frames of shots: each is compiled shortly before it is needed, within a limit of storage.
+"""Preparation of the frames of shots: each is compiled shortly before it is rendered, within a storage limit.
 
-Every frame of an animation has its own compiled scene, which can be made again and is deleted when the frame is finished. When
-storage is short, the frame needed last loses its compiled scene first; a shot rendered breadth first compiles it again later.
+Every frame of an animation has its own compiled scene, which can be compiled again and is deleted when the frame is finished. If
+storage is short, the compiled scene of the frame that is needed last is deleted first; a shot rendered breadth-first compiles it
+again later.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that fram
 
 
 class FramePreparation:
-    """Tracks the frames to prepare and the leases on them. Used only by the engine's thread."""
+    """Selects the frames to prepare and tracks their leases. Used only by the engine's thread."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, room: int) -> None:
-        """Creates an empty tracker.
+        """Stores the parameters.
 
-        deadline_s: patience of a lease. room: bytes for the compiled frames of all jobs together.
+        deadline_s: timeout of a lease in seconds. room: maximum size of the compiled frames of all jobs together, in bytes.
         """
         self._dispatcher = dispatcher
         self._workers = workers
@@ -56,10 +57,10 @@ class FramePreparation:
         self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
     def fill(self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]) -> list[ActiveJob]:
-        """Hands out the frames needed next. Raises QueueError.
+        """Sends the frames that are needed next to workers. Raises QueueError.
 
-        jobs: in the order in which they are served, with the kind of workers that render each. busy: (job, frame) with
-        outstanding batches. Returns the jobs of which a compiled frame was dropped.
+        jobs: in the order in which they are served, with the worker kind that renders each. auto: view that frames a job's scene.
+        busy: (job, frame) pairs with outstanding batches. Returns the jobs of which a compiled frame was deleted.
         """
         cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
@@ -87,7 +88,7 @@ class FramePreparation:
         return cleared
 
     def forget(self, job: str) -> None:
-        """Drops all state of a job that ended or whose frames are planned again."""
+        """Discards the state of a job that has ended or whose frames are planned anew."""
         self._seconds.pop(job, None)
         self._sizes.pop(job, None)
         self._unfit.forget(job)
@@ -98,7 +99,7 @@ class FramePreparation:
             self._end(lease)
 
     def heard(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
-        """Handles a worker's answer for a frame. info: None if the frame failed."""
+        """Handles a worker's answer about a frame. info: the prepared frame; None if the preparation failed."""
         if info is not None:
             before = self._seconds.get(job.id, info.seconds)
             self._seconds[job.id] = before + (info.seconds - before) / 2
@@ -118,9 +119,9 @@ class FramePreparation:
             self._end(lease)
 
     def returned(self, job: ActiveJob, work: str, unfit: Fault | None = None) -> None:
-        """Releases the unanswered frames that a worker returned.
+        """Ends the lease of frames that a worker returned without preparing them.
 
-        unfit: the fault of that worker's machine; the frames then go to another worker.
+        unfit: fault of that worker's machine; then the frames are sent to another worker.
         """
         lease = self.leases.get(work)
         if lease is not None:
@@ -130,7 +131,7 @@ class FramePreparation:
                 self._unfit_kind[job.id] = lease.kind
 
     def impossible(self, jobs: Mapping[str, ActiveJob]) -> list[tuple[ActiveJob, str]]:
-        """Returns the jobs whose frames no connected worker can prepare because of machine faults, each with an error message."""
+        """Returns the jobs whose frames no connected worker can prepare because of machine faults, with error sentences."""
         found = []
         for id, kind in self._unfit_kind.items():
             able = [each for each in self._workers.roster.reports.values() if each.kind == kind and each.frames]
@@ -139,14 +140,14 @@ class FramePreparation:
         return found
 
     def _place(self, job: str, kind: str) -> Place | None:
-        """Returns where to prepare a job's next frames; None if no worker is left."""
+        """Returns the worker or queue to which a job's next frames are sent; None if no worker is left."""
         if job not in self._unfit:
             return Place("", kind, prepare_queue(kind))
         ready = self._workers.roster.ready()
         return self._unfit.next(job, [report for report in ready if report.kind == kind and report.frames])
 
     def review(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
-        """Drops lost leases and returns the frames that were lost too often; called once a second.
+        """Ends lost leases. Returns the frames that were lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
@@ -178,7 +179,7 @@ class FramePreparation:
         return hopeless
 
     def _chosen(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
-        """Returns the frames to hand out in one message; empty if enough frames are ready."""
+        """Returns the frames to send in the next message; empty if enough frames are ready."""
         turns, seconds = job.agenda.turns, self._seconds.get(job.id)
         most = MOST_AT_ONCE if self._sizes.get(job.id) else MOST_WITHOUT_ROOM
         together = 1 if seconds is None else max(1, min(most, int(AIM_S / max(seconds, 1e-6))))
@@ -191,10 +192,10 @@ class FramePreparation:
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
     def _make_room(self, job: ActiveJob, kind: str, wanted: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
-        """Drops the compiled scene of the idle frame needed last and returns the bytes freed.
+        """Deletes the compiled scene of the idle frame that is needed last; returns the number of bytes freed.
 
-        Only frames needed later than `wanted` or not needed now are dropped. Returns 0 if nothing can be dropped but the job has
-        no other work; None if the frame has to wait.
+        Only frames needed later than `wanted`, or not needed at present, are candidates. Returns None if the frame must wait for
+        space; 0 if nothing can be deleted but the job has no other work, so the frame is prepared anyway.
         """
         turn = job.agenda.turn(wanted)
         idle = [f for f in job.agenda.turns.owning() if f.own.keys() & f.compiled.keys() and (job.id, f.key) not in busy]
@@ -208,7 +209,7 @@ class FramePreparation:
         return 0 if job.agenda.next(kind) is None and not self.leases.of(job.id) else None
 
     def _taken(self, jobs: list[ActiveJob]) -> int:
-        """Returns the bytes of compiled frames, including the expected bytes of frames in preparation."""
+        """Returns the size of all compiled frames in bytes, including the expected size of frames in preparation."""
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing()) for job in jobs)
         return awaited + sum(total_bytes(jobs).values())
 

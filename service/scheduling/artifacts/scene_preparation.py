@@ -1,4 +1,4 @@
-"""Scenes on their way from files to what a kernel reads: requested, monitored, and requested again if lost."""
+"""Preparation of scenes: workers compile their files for the kernels. Requested, monitored, and requested again if lost."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LOSSES_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of preparing a scene: the current step's name, and the fraction done in [0, 1].
+    """Progress of preparing a scene: name of the current step, and the fraction done in [0, 1].
 
-    preview: what a viewer can draw, once the scene was read.
+    preview: simple geometry that viewers can draw, available once the scene was read.
     """
 
     step: str
@@ -37,7 +37,7 @@ NO_BLENDER = Progress(WAITS, 0.0)
 
 
 class ScenePreparations:
-    """The scenes to prepare, each for one kind of workers; None: the kind with most slots."""
+    """The scenes to prepare, each for one worker kind. Kind None: the kind with most slots."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
         self._dispatcher = dispatcher
@@ -50,13 +50,13 @@ class ScenePreparations:
         self.progress: dict[str, Progress] = {}
 
     def want(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
-        """Requests that a scene be prepared. by_blender: only by a worker that has Blender."""
+        """Requests the preparation of a scene. by_blender: only workers that have Blender can do it."""
         self._wanted.setdefault((scene, kind), 0)
         if by_blender:
             self._by_blender.add(scene)
 
     def forget(self, scene: str) -> None:
-        """Drops all requests for a scene that is deleted, prepared or failed."""
+        """Removes all requests for a scene that was deleted, prepared or failed."""
         for key in [key for key in self._wanted if key[0] == scene]:
             del self._wanted[key]
         self._by_blender.discard(scene)
@@ -66,7 +66,7 @@ class ScenePreparations:
             self.leases.end(lease.id)
 
     def forget_kind(self, scene: str, kind: str) -> None:
-        """Drops the requests for a scene that is now prepared for this kind; those for other kinds remain."""
+        """Removes the request for a scene that is prepared for this kind; requests for other kinds remain."""
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
         self._by_blender.discard(scene)
@@ -77,7 +77,7 @@ class ScenePreparations:
                 self.leases.end(lease.id)
 
     def fill(self) -> None:
-        """Hands out the requests that have no lease. Raises QueueError."""
+        """Sends the requests without a lease to workers. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
             roster, by_blender = self._workers.roster, scene in self._by_blender
             kind = roster.blender_kind() if by_blender else wanted_kind or roster.best_kind()
@@ -101,7 +101,7 @@ class ScenePreparations:
                 del self.progress[scene]
 
     def impossible(self) -> list[tuple[str, str | None, str]]:
-        """Returns (scene, kind, error message) for requests that no connected worker can serve because of machine faults."""
+        """Returns (scene, kind, error sentence) of the requests that no connected worker can serve because of machine faults."""
         found = []
         for scene, kind in self._wanted:
             if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.of(scene)):
@@ -112,12 +112,12 @@ class ScenePreparations:
         return found
 
     def _able(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
-        """Returns the workers that may prepare a scene for a kind."""
+        """Returns the workers among `reports` that can prepare a scene for this kind."""
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 
     def heard(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
-        """Notes that a worker is preparing a scene, and its progress if given."""
+        """Records that a worker is preparing a scene, and its progress if given."""
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 lease.holder = worker
@@ -127,15 +127,15 @@ class ScenePreparations:
             self.progress[scene] = replace(progress, preview=progress.preview or (before.preview if before else None))
 
     def arrived(self, scene: str, kind: str) -> None:
-        """Marks an answer as read. It is stored once the database accepts it, and its lease is not lost until then."""
+        """Marks the lease of a preparation whose answer was read, so it is not lost while the answer waits for the database."""
         for lease in self.leases.of(scene):
             if lease.kind == kind:
                 lease.has_arrived = True
 
     def returned(self, scene: str, kind: str, why: str, unfit: Fault | None = None) -> None:
-        """Ends the lease of a scene that a worker could not prepare through no fault of the scene; it is handed out again.
+        """Ends the lease of a scene that a worker returned through no fault of the scene; it will be sent again.
 
-        unfit: the fault of that worker's machine; the scene then goes to another worker.
+        unfit: fault of that worker's machine; then the scene is sent to another worker.
         """
         for lease in self.leases.of(scene):
             if lease.kind == kind:
@@ -146,9 +146,9 @@ class ScenePreparations:
                 self.progress[scene] = Progress(joined(why, Sentence("advice-retried-automatically", "It is tried again.")), 0.0)
 
     def unusable(self, scene: str, kind: str) -> bool:
-        """Ends the lease of an unusable answer, so that the scene is handed out again.
+        """Ends the lease of a scene after an unusable answer, so that the scene is sent again.
 
-        Returns whether that happened too often.
+        Returns True if that has happened too often.
         """
         for lease in self.leases.of(scene):
             if lease.kind == kind:
@@ -160,7 +160,7 @@ class ScenePreparations:
         return False
 
     def review(self, results: Results) -> list[tuple[str, str | None]]:
-        """Drops lost leases and returns the (scene, kind) that were lost too often; called once a second.
+        """Ends lost leases. Returns the (scene, kind) pairs that were lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """

@@ -1,6 +1,6 @@
-"""Machines that cannot do some work because of their limits, memory or temporary folder, whatever the scene.
+"""Machines that cannot do some work because of their limits, memory or temporary folder, independent of the scene.
 
-Work returned by such a machine goes to another worker's own queue. If none is left, the error message lists every fault.
+Work returned by such a machine is sent to the queue of another single worker. If there is none, the error lists all faults.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MOST_TRIED = 5  # after this many unfit machines, no others are tried
 
 @dataclass(frozen=True)
 class Fault:
-    """A machine's fault as its worker reports it. passing: whether it may be temporary, such as a full disk."""
+    """A machine's fault as reported by its worker. passing: whether it may be temporary, such as a full disk."""
 
     worker: str
     why: str
@@ -31,7 +31,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Place:
-    """A destination: a worker, its kind, and the queue to use. An empty worker means the queue of the whole kind."""
+    """Destination of work: a worker, its kind, and the queue to use. If `worker` is empty, the queue is the whole kind's."""
 
     worker: str
     kind: str
@@ -39,7 +39,7 @@ class Place:
 
 
 class UnfitMachines:
-    """The machine faults, by owner: a scene, a job, or a client's request."""
+    """Faults of machines by owner: a scene, a job, or a client's request."""
 
     def __init__(self) -> None:
         self._faults: dict[str, dict[str, Fault]] = {}  # by owner and worker
@@ -48,17 +48,17 @@ class UnfitMachines:
         return owner in self._faults
 
     def add(self, owner: str, fault: Fault) -> None:
-        """Records that a worker's machine cannot do the owner's work."""
+        """Records that a worker's machine cannot do the work of this owner."""
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
     def forget(self, owner: str) -> None:
-        """Drops the faults of an owner that ended or is started again."""
+        """Removes the faults recorded for an owner that has ended or is started again."""
         self._faults.pop(owner, None)
 
     def next(self, owner: str, able: Sequence[WorkerReport]) -> Place | None:
         """Returns the next worker to try among `able`; None if there is none.
 
-        Workers with temporary faults are tried again when no other is left.
+        If all have failed, those whose fault may be temporary are tried again.
         """
         faults = self._faults[owner]
         left = [report for report in able if report.name not in faults] if len(faults) < MOST_TRIED else []
@@ -71,7 +71,10 @@ class UnfitMachines:
         return Place(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def sentence(self, owner: str, what: str) -> str:
-        """Returns the error message that lists the faults of all machines tried. what: such as "prepare this scene"."""
+        """Returns the error sentence that lists the faults of all machines tried.
+
+        what: the work, such as "prepare this scene".
+        """
         return Sentence(
             "task-without-worker",
             "No worker can {task}. {faults}",

@@ -1,4 +1,4 @@
-"""Motion vectors of frames, made by a worker on request from the scene's files; they depend only on the request."""
+"""Motion vectors of frames: made by a worker on request from the scene's files. They depend only on the request."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Vectors"]
 
 
 class Vectors(ArtifactTask[FrameVectors]):
-    """Requests for motion vectors. They do not depend on the film, so a result stays valid."""
+    """Requests for motion vectors. They do not depend on the film's samples, so an artifact stays valid."""
 
     _name = Sentence("artifact-motion-vectors", "motion vectors")
     _doing = "vectors"
