@@ -1,4 +1,4 @@
-"""Handing out batches, from the choice of a job to the lease that lasts until the result arrives.
+"""Dispatching batches: from the choice of a job to the lease, which lasts until the result arrives.
 
 scheduler.py     fills the window of outstanding batches
 job_queue.py     the jobs that a kind of workers may render, by priority

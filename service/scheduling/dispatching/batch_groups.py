@@ -1,7 +1,7 @@
-"""Groups of batches that are sent in one message.
+"""Grouping of batches into one message.
 
-Several short batches of a shot for one slot, because at a few samples per frame a batch takes less time than its message; or
-consecutive batches of one tile for several slots of one machine, which adds up their sums.
+Either several short batches of a shot for one slot, since at a few samples per frame a batch takes less time than its message; or
+consecutive batches of one tile for several slots of one machine, which adds up their sums (a joint message).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST = 32
 
 @dataclass(frozen=True)
 class SlotGroup:
-    """The receiving slots of one kind of workers. batch_s: target duration of a batch in seconds."""
+    """The slots of one worker kind to which batches are sent. batch_s: target duration of a batch in seconds."""
 
     kind: str
     slots: int
@@ -37,9 +37,9 @@ class SlotGroup:
 
 @dataclass(frozen=True)
 class BatchGroup:
-    """The content of one message. is_joint: consecutive batches of one tile, added up by several slots.
+    """The batches of one message. is_joint: consecutive batches of one tile, whose sums are added up by the receiving machine.
 
-    run, queue: for messages to a site, the run that the batches belong to, and the site's queue.
+    run, queue: for messages to a site: the run that the batches belong to, and the site's queue.
     """
 
     batches: list[Range]
@@ -49,9 +49,9 @@ class BatchGroup:
 
 
 def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:
-    """Returns the messages that hand out a job's next batches; an empty list if it has none.
+    """Returns the messages with a job's next batches; an empty list if it has none.
 
-    A batch of unknown duration or with previous failures is sent alone, so that it cannot affect others.
+    A batch of unknown duration, or one that failed before, is sent alone, so that it cannot affect others.
     """
     first = job.next(hands.batch_s, hands.slots, hands.kind, hands.of_a_tile)
     if first is None:
@@ -64,7 +64,7 @@ def next_batch_groups(job: ActiveJob, hands: SlotGroup) -> list[BatchGroup]:
 
 
 def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
-    """Returns the message to a worker for one batch."""
+    """Returns the message that asks a worker to render one batch."""
     frame, tile = job.frames[batch.frame], job.film.tiles[batch.tile]
     settings = frame.settings or job.settings
     compiled = frame.compiled[lease.kind]
@@ -72,9 +72,10 @@ def work_of(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
 
 
 def joint_work_of(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
-    """Returns the message to workers for consecutive batches of a tile.
+    """Returns the joint message for consecutive batches of a tile.
 
-    hold_s: how long, in seconds, the sums of one batch may wait for those of the others.
+    hold_s: how long, in seconds, the sums of one batch may wait for those of the others. run: the site's run; None: not at a
+    site.
     """
     whole = batches[0]._replace(count=sum(batch.count for batch in batches))
     pieces = tuple(Piece(lease.id, batch.first, batch.count) for lease, batch in zip(leases, batches, strict=True))
@@ -110,9 +111,9 @@ def _of_a_tile(job: ActiveJob, hands: SlotGroup, first: Range) -> list[BatchGrou
 
 
 def _alone(job: ActiveJob, hands: SlotGroup, taken: int, batch: Range) -> list[BatchGroup]:
-    """Returns a message with a batch that cannot join the previous ones.
+    """Returns one message with a batch that does not fit the previous ones.
 
-    Returns the batch to the plan if the slots are used up.
+    If all slots are taken, returns the batch to the plan, and an empty list.
     """
     if taken < hands.most:
         return [BatchGroup([batch])]

@@ -1,4 +1,4 @@
-"""The dispatcher with Celery: sends tasks through it, and inspects the messages waiting in Redis."""
+"""The dispatcher implemented with Celery: sends tasks, and inspects the messages that wait in Redis."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class CeleryDispatcher:
     """Implements service.scheduling.dispatching.dispatcher.Dispatcher."""
 
     def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
-        """Connects to the broker. guard: raises FarmError if nothing may be sent."""
+        """Connects to the broker. guard: raises FarmError if this service may not send."""
         self._redis = connection
         self._guard = guard
         self._producer: Any = None  # set while several messages are sent at once
@@ -60,10 +60,9 @@ class CeleryDispatcher:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Context that sends all its messages together at its end, with one round trip to the broker.
+        """Context manager that sends all messages together on exit, in one round trip to the broker.
 
-        Raises QueueError; some messages may then have been sent, and the others are lost, as are those waiting in a broker that
-        stops.
+        Raises QueueError. Then some messages may have been sent and others not, and the broker may have lost those in its queues.
         """
         try:
             with self._celery.producer_or_acquire() as producer, producer.batch():
@@ -91,7 +90,7 @@ class CeleryDispatcher:
         )
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
-        """Sends batches of one tile, to be rendered in parallel by the slots of one machine. Raises QueueError."""
+        """Sends a message with batches of one tile, which the slots of one machine render in parallel. Raises QueueError."""
         whole = joint.whole
         self._send(RENDER_JOINTLY, {"joint": joint.to_json()}, queue, whole.batch, ("job", whole.job))
 
@@ -112,7 +111,7 @@ class CeleryDispatcher:
         self._send(VECTORS, {"vectors": asdict(work)}, queue, work.work, ("job", work.job))
 
     def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request for parts of a view, or for the frames that it shows. Raises QueueError."""
+        """Sends a request for pieces of a view, or for animation frames that it shows. Raises QueueError."""
         name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
         self._send(name, {argument: work.to_json()}, queue, work.message)
 
@@ -125,7 +124,7 @@ class CeleryDispatcher:
         self._send(EXPLAIN, {"pixel": work.to_json()}, queue, work.message)
 
     def waiting(self, queue: str) -> dict[str, bytes]:
-        """Returns the messages of a queue that no worker has taken yet, by id. Raises redis.RedisError."""
+        """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
         found = {}
         messages: Any = self._redis.lrange(queue, 0, -1)
         for message in messages:
@@ -136,7 +135,10 @@ class CeleryDispatcher:
         return found
 
     def take_back(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes waiting messages and returns the ids of those removed. Raises redis.RedisError."""
+        """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
+
+        Raises redis.RedisError.
+        """
         taken = set()
         for id, message in self.waiting(queue).items():
             if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
@@ -157,11 +159,11 @@ class CeleryDispatcher:
             raise QueueError(str(error)) from error
 
     def close(self) -> None:
-        """Closes its connections to the broker."""
+        """Closes the connections to the broker."""
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
-        """Sends a task. traced: ("job" or "scene", id) of the trace that it belongs to, if any."""
+        """Sends a Celery task. traced: ("job" or "scene", id) of the trace that it belongs to, or None."""
         self._may_send()
         try:
             options: dict[str, Any] = {

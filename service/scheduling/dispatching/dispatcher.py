@@ -1,4 +1,4 @@
-"""Port through which the service sends work to the queues of workers, and takes it back.
+"""Interface through which the service sends work to the workers' queues, and withdraws it.
 
 Implemented with Celery by celery_dispatcher.py, the only module of the service that constructs messages of Celery.
 """
@@ -18,13 +18,12 @@ __all__ = ["Dispatcher"]
 
 
 class Dispatcher(Protocol):
-    """Sends tasks. A task's id is that of its lease or message, so waiting tasks can be identified and withdrawn."""
+    """Sends tasks. A task has the id of its lease or message, so waiting tasks can be identified and withdrawn."""
 
     def at_once(self) -> AbstractContextManager[None]:
-        """Context that sends all its messages together at its end, with one round trip to the broker.
+        """Context manager that sends all messages together on exit, in one round trip to the broker.
 
-        Raises QueueError; some messages may then have been sent, and the others are lost, as are those waiting in a broker that
-        stops.
+        Raises QueueError. Then some messages may have been sent and others not, and the broker may have lost those in its queues.
         """
 
     def send_batch(self, batch: RenderBatch, queue: str) -> None:
@@ -34,7 +33,7 @@ class Dispatcher(Protocol):
         """Sends batches to be rendered one after another, in one message with this id. Raises QueueError."""
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
-        """Sends batches of one tile, to be rendered in parallel by the slots of one machine. Raises QueueError."""
+        """Sends a message with batches of one tile, which the slots of one machine render in parallel. Raises QueueError."""
 
     def send_prepare(self, scene: str, queue: str, lease: str) -> None:
         """Sends a request to prepare a scene. Raises QueueError."""
@@ -49,7 +48,7 @@ class Dispatcher(Protocol):
         """Sends a request for a frame's motion vectors. Raises QueueError."""
 
     def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request for parts of a view, or for the frames that it shows. Raises QueueError."""
+        """Sends a request for pieces of a view, or for animation frames that it shows. Raises QueueError."""
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
         """Sends a request for a thumbnail of an environment image. Raises QueueError."""
@@ -58,13 +57,16 @@ class Dispatcher(Protocol):
         """Sends a request to explain a pixel. Raises QueueError."""
 
     def waiting(self, queue: str) -> dict[str, bytes]:
-        """Returns the messages of a queue that no worker has taken yet, by id. Raises redis.RedisError."""
+        """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
 
     def take_back(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes waiting messages and returns the ids of those removed. Raises redis.RedisError."""
+        """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
+
+        Raises redis.RedisError.
+        """
 
     def purge(self) -> None:
         """Removes all waiting messages of a previous run, whose leases no longer exist. Raises redis.RedisError."""
 
     def close(self) -> None:
-        """Closes its connections to the broker."""
+        """Closes the connections to the broker."""

@@ -1,4 +1,4 @@
-"""The batches that workers report to hold."""
+"""The batches that workers currently report: fetched, being rendered, or waiting at a site."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["HeldBatches"]
 
 
 class HeldBatches:
-    """The batches in one snapshot of the workers' reports."""
+    """The reported batches, from one snapshot of the workers' reports."""
 
     def __init__(self, roster: WorkerSnapshot) -> None:
         self._by_message: dict[Any, str] = {}
@@ -31,7 +31,7 @@ class HeldBatches:
                     self._by_range[_key(*(doing.get(name) for name in ("job", "frame", "tile", "first", "count")))] = report.name
 
     def holder_of(self, lease: Lease, job: ActiveJob) -> str | None:
-        """Returns the worker that reports to hold a lease; None if none does."""
+        """Returns the name of the worker that reports this lease; None if none does."""
         if lease.batch is None:
             return None
         tile, first, count, frame = lease.batch
@@ -41,11 +41,11 @@ class HeldBatches:
         return self._by_range.get(_key(job.id, frame, list(job.film.tiles[tile]), first, count))
 
     def is_at_work(self, lease: Lease) -> bool:
-        """Returns True if a slot reports that it is rendering a lease."""
+        """Whether a slot reports that it is rendering this lease's batch."""
         return lease.id in self._at_work
 
     def is_at_site(self, lease: Lease) -> bool:
-        """Returns True if a lease's sums are at a site and wait there for those of other batches."""
+        """Whether a lease's sums are at a site and wait there for the sums of other batches."""
         return lease.id in self._at_sites
 
 

@@ -1,4 +1,4 @@
-"""The jobs that workers of a kind may render, by priority."""
+"""The jobs that workers of one kind may render, by priority."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AHEAD_EVERY_S = 1.0
 
 
 class JobQueue:
-    """Orders the jobs for the scheduler. Used only by the engine's thread."""
+    """Orders jobs for the scheduler. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
         self._workers = workers
@@ -23,7 +23,7 @@ class JobQueue:
         self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # time and result of the latest count
 
     def kind_for(self, job: ActiveJob) -> str | None:
-        """Returns the kind of workers that renders a job: the kind it started with, else the one with most slots."""
+        """Returns the worker kind that renders a job: the kind that it started with, else the kind with most slots."""
         roster = self._workers.roster
         if job.needs is not None and job.kind is None and job.shot is None:
             kinds = {report.kind for report in roster.ready()}
@@ -34,7 +34,7 @@ class JobQueue:
         return roster.open_shutter_kind() if job.settings.shutter else roster.frame_preparing_kind()
 
     def slots_for(self, job: ActiveJob) -> int:
-        """Returns the number of slots that accept batches of a job now."""
+        """Returns the number of slots that accept batches of this job at present."""
         kind = self.kind_for(job)
         if kind is None:
             return 0
@@ -42,7 +42,7 @@ class JobQueue:
         return roster.slots(kind) if job.needs is None else roster.serving(job.needs.queue(kind)).get(kind, 0)
 
     def by_priority(self, kind: str) -> dict[int, list[ActiveJob]]:
-        """Returns the jobs that workers of a kind may render, by priority."""
+        """Returns the jobs that workers of this kind may render, by priority."""
         found: dict[int, list[ActiveJob]] = {}
         best = self._workers.roster.best_kind()
         kinds: dict[str, str | None] = {}  # by needs
@@ -61,9 +61,9 @@ class JobQueue:
         return found
 
     def ahead(self) -> dict[str, int]:
-        """Returns, for each job that waits for others, the number of higher-priority jobs served before it.
+        """Returns the number of unfinished higher-priority jobs served before each job, by job id; jobs with 0 are omitted.
 
-        At most a second old.
+        The counts are at most a second old.
         """
         if time.monotonic() - self._ahead[0] > AHEAD_EVERY_S:
             self._ahead = time.monotonic(), self._find_ahead()

@@ -1,4 +1,4 @@
-"""Leases: outstanding work. A lease ends with its result, at its deadline, or when it is found to be lost."""
+"""Leases: records of outstanding work. A lease ends with its result, at its deadline, or when the work is found to be lost."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNSEEN_ALLOWED = 3  # polls, one per second
 
 @dataclass
 class Lease:
-    """A batch of a job held by a worker or its queue; without a range, the preparation of a scene."""
+    """A batch of a job that is in a queue or with a worker; without a batch, the preparation of a scene."""
 
     owner: str  # job or scene
     kind: str
@@ -46,41 +46,43 @@ class Lease:
     is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
 
     def __post_init__(self) -> None:
-        """Sets the message id to the lease's own id unless one is given."""
+        """Sets the message's id to the lease's own id unless another was given."""
         self.message = self.message or self.id
 
     @property
     def turn(self) -> str:
-        """The unit that occupies one slot: the message, or each batch of a joint message."""
+        """Id of what occupies one slot: a message, or a single batch of a joint message."""
         return self.id if self.is_joint else self.message
 
     @property
     def takes_a_slot(self) -> bool:
-        """True if a batch occupies a slot: it is not answered, not known to be rendered, and its holder is not away."""
+        """Whether the batch occupies a slot: it has no answer yet, is not known to be rendered, and its worker is not away."""
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     def is_overdue(self, now: float) -> bool:
-        """Returns True if the patience has expired, counted from when the lease was last seen in its queue.
+        """Whether the lease's timeout has passed since it was last seen in its queue.
 
-        A lease that a worker reports to hold gets `HELD_FACTOR` times the patience, since a tile may be slower than estimated.
+        A lease that a worker reports gets `HELD_FACTOR` times the timeout, since a tile may be slower than estimated.
         """
         patience = self.patience_s * (HELD_FACTOR if self.is_held else 1)
         return now - max(self.issued, self.waited) > patience
 
     def travelled_s(self, seconds: float, now: float) -> float:
-        """Returns the transit time of the lease's sums in seconds, as far as known. seconds: their rendering time.
+        """Returns the time that the lease's sums spent in transit, in seconds. seconds: the batch's rendering time.
 
-        0 for joint batches, which wait for others on their machine, and for results that arrived before a holder was seen.
+        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, and for results that arrived
+        before a worker had reported the lease.
         """
         return 0.0 if self.is_joint or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
     def seen(self, is_seen: bool, end: Callable[[], Position], allowed: float = UNSEEN_ALLOWED) -> None:
-        """Records one look at the lease. is_seen: whether it was found in its queue or with a worker.
+        """Records whether a check found the lease in its queue or with a worker (is_seen).
 
-        end: returns the current end of the result stream. allowed: number of looks in a row at which the lease may be unseen.
+        end: returns the end of the result stream. allowed: number of successive checks in which the lease may be unseen.
 
-        A lease unseen for the first time may be held by a worker that has not reported it yet, and be answered before the next
-        look. So the end found at the last of the allowed looks is the one stored.
+        A lease that is unseen for the first time may be with a worker that has not reported it yet, and be answered before the
+        next check. So the stream's end at the last allowed check is stored, up to which results must be read before the lease is
+        lost.
         """
         if is_seen:
             self.unseen, self.answered_by = 0, None
@@ -93,7 +95,7 @@ class Lease:
 class Leases:
     """All leases, by id and by owner.
 
-    The number of occupied slots is maintained incrementally, since it is read at every step and there are thousands of leases.
+    The number of occupied slots is updated incrementally, since every step reads it and there can be thousands of leases.
     """
 
     def __init__(self) -> None:
@@ -118,20 +120,20 @@ class Leases:
             self._take_up(lease)
 
     def get(self, lease: str) -> Lease | None:
-        """Returns the lease with this id; None if there is none."""
+        """Returns the lease with this id; None if it does not exist."""
         return self._all.get(lease)
 
     def arrived(self, lease: Lease) -> None:
-        """Marks a lease whose answer was read."""
+        """Marks the lease as answered: its result was read, but perhaps not stored yet."""
         if lease.takes_a_slot:
             self._let_go(lease)
         lease.has_arrived = True
 
     def looked_at(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
-        """Updates the state of a lease after a look.
+        """Updates the state of a lease after a check.
 
-        is_away: its holder does not report itself; the lease then occupies no slot, so others get work in its place. is_rendered:
-        its sums are complete and wait for others.
+        is_away: the worker that holds it does not report; the lease then occupies no slot, so others get work instead.
+        is_rendered: its sums are complete and wait for others.
         """
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered
@@ -141,7 +143,7 @@ class Leases:
             self._take_up(lease)
 
     def end(self, lease: str) -> Lease | None:
-        """Ends a lease and returns it; None if it has already ended."""
+        """Removes a lease and returns it; None if it has already ended."""
         ended = self._all.pop(lease, None)
         if ended is not None:
             of = self._of[ended.owner]
@@ -157,21 +159,21 @@ class Leases:
         return list(self._of.get(owner, {}).values())
 
     def has(self, owner: str) -> bool:
-        """Returns True if a job or a scene has a lease."""
+        """Whether a job or a scene has any lease."""
         return owner in self._of
 
     def held(self) -> Counter[str]:
-        """Returns a copy of the number of slots occupied by each job, without leases whose answers were read."""
+        """Returns the number of slots that each job occupies, by job id. Leases whose answers were read are not counted."""
         return self._held.copy()
 
     def waiting_in(self, queue: str) -> int:
-        """Returns the number of slots occupied by the leases of one queue; counted as in `turns`."""
+        """Returns the number of slots occupied by the leases of one queue, counted as in `turns`."""
         return self._waiting[queue]
 
     def turns(self, kind: str) -> int:
-        """Returns the number of slots of a kind that leases occupy, including those whose results are unread.
+        """Returns the number of slots of this worker kind occupied by leases, including those whose results are unread.
 
-        So a backlog of unread results reduces the work handed out.
+        Because of the latter, a backlog of results reduces the work that is dispatched.
         """
         return self._kinds[kind]
 

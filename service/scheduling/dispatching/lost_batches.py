@@ -1,10 +1,10 @@
 """Detection of lost and late batches.
 
-A batch is lost when its worker has died, when several looks in a row found no holder although all results were read, or when it
-takes far too long. An overloaded machine is none of these: its reports are late or absent for a while, and messages wait long in
-the queue or the stream. Treating that as loss would render everything again and increase the overload. So a worker that has
-stopped reporting but is still connected (protocol/lifeline.py) counts as away: others get work in its place, and its
-batches are duplicated like those of stragglers once other slots are idle.
+A batch is lost if its worker has died, if several successive checks found it nowhere although all results were read, or if it
+takes far too long. An overloaded machine is different: its reports are late or missing for a while, and messages wait long in the
+queue or the stream. Treating that as a loss would render everything again and increase the overload. So a worker that has stopped
+reporting but is still connected (protocol/lifeline.py) is "away": other workers get its share of new work, and its batches are
+duplicated, like those of stragglers, once other slots are idle.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STRAGGLER_S = 3.0
 
 
 class LossVerdict(Enum):
-    """The verdict on an outstanding batch. The values are used in the log."""
+    """Why a batch is considered lost or late. The values appear in logs."""
 
     DEAD = "its worker is gone"
     OVERDUE = "it took too long"
@@ -37,43 +37,43 @@ class LossVerdict(Enum):
 
     @property
     def counts_as_loss(self) -> bool:
-        """True if the batch itself may have caused its loss."""
+        """Whether the batch itself may have caused its loss."""
         return self in (LossVerdict.DEAD, LossVerdict.OVERDUE)
 
 
 class Queues(Protocol):
-    """The queues of messages that no worker has taken."""
+    """Interface of the queues, with the messages that no worker has fetched."""
 
     def waiting(self, queue: str) -> Collection[str]:
         """Returns the ids of the messages in a queue. Raises redis.RedisError."""
 
 
 class Fleet(Protocol):
-    """The workers as they report themselves."""
+    """Interface of the workers' reports."""
 
     @property
     def roster(self) -> WorkerSnapshot:
-        """The latest reports."""
+        """The latest reports of all workers."""
 
     def away(self) -> set[str]:
-        """Returns the workers that are connected without reporting. Raises redis.RedisError."""
+        """Returns the names of workers that are connected but do not report. Raises redis.RedisError."""
 
     def are_late(self) -> bool:
-        """Returns True if some worker's report is overdue."""
+        """Whether any worker's report is overdue."""
 
 
 class ResultStream(Protocol):
-    """The stream of results."""
+    """Interface of the stream of results."""
 
     def end(self) -> Position:
-        """Returns the position of the last result. Raises redis.RedisError."""
+        """Returns the position of the stream's last result. Raises redis.RedisError."""
 
     def has_read(self, position: Position) -> bool:
-        """Returns True if all results up to this position were read."""
+        """Whether all results up to this position were read."""
 
 
 class LostLeaseFinder:
-    """Finds lost and late leases. Used only by the engine's thread."""
+    """Finds lost and late leases by regular checks. Used only by the engine's thread."""
 
     def __init__(self, leases: Leases, workers: Fleet, queues: Queues, clock: Clock = time) -> None:
         self._leases = leases
@@ -84,10 +84,10 @@ class LostLeaseFinder:
     def find_lost(
         self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0
     ) -> Iterator[tuple[Lease, LossVerdict]]:
-        """Yields the lost and late leases with their verdicts. Raises redis.RedisError.
+        """Yields the lost and late leases with the reasons. Raises redis.RedisError.
 
-        A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; messages take
-        as long in the other direction, during which no worker reports them.
+        A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; a message to a
+        worker takes about as long, and in this time no worker reports it.
         """
         allowed = UNSEEN_ALLOWED + travel_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting(queue)}
@@ -118,10 +118,10 @@ class LostLeaseFinder:
                 yield lease, fate
 
     def _fate(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> LossVerdict | None:
-        """Returns the verdict on a lease; None if it is neither lost nor late.
+        """Returns why a lease is lost or late; None if it is neither.
 
-        is_gone: whether its holder does not report itself. is_late: whether some worker's report is overdue, so that it may hold
-        the lease unreported. allowed: number of looks in a row at which the lease may be unseen.
+        is_gone: its worker does not report. is_late: some worker's report is overdue, so that worker may have the lease without a
+        report. allowed: number of successive checks in which the lease may be unseen.
         """
         if lease.is_away:
             return None if lease.doubled else LossVerdict.LATE

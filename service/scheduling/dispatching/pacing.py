@@ -1,9 +1,10 @@
-"""Pacing: derives the length and number of batches from the rate at which the engine takes in results.
+"""Pacing: derives the length and number of batches from the rate at which the engine can process results.
 
-More slots mean longer batches and several consecutive batches of one tile. No new batches are handed out while unread results
-pile up.
+With more slots, batches get longer, and several consecutive batches of one tile are dispatched together. No new batches are
+dispatched while unread results accumulate.
 
-A result costs about the same whatever the size of its batch, so a farm of many slots needs longer batches, not a faster service.
+Processing a result costs about the same for a batch of any size, so a farm of many slots needs longer batches rather than a
+faster service.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ GATHER_S = 0.15
 
 
 class Pace:
-    """Measures the engine's load and derives the sizes of batches. Used only by the engine's thread."""
+    """Measures the engine's load and computes batch sizes from it. Used only by the engine's thread."""
 
     def __init__(
         self,
@@ -50,10 +51,10 @@ class Pace:
         is_pressed: Callable[[], bool] = lambda: False,
         clock: WorkClock = time,
     ) -> None:
-        """Creates the pacing without measurements.
+        """Stores the parameters; there are no measurements yet.
 
-        shortest_s, longest_s: bounds of a batch in seconds. unread_bytes: bytes of unread results at which nothing more is handed
-        out. is_pressed: whether interactive work waits for slots between batches.
+        shortest_s, longest_s: bounds on a batch's duration in seconds. unread_bytes: size of unread results at which dispatching
+        stops. is_pressed: returns whether interactive work waits for slots between batches.
         """
         self.is_pressed = is_pressed
         self._clock = clock
@@ -74,7 +75,7 @@ class Pace:
 
     @contextmanager
     def busy(self) -> Iterator[None]:
-        """Context that measures the engine's processor time spent on results."""
+        """Context manager that measures the processor time that the engine spends on results."""
         begun = self._clock.thread_time()
         try:
             yield
@@ -82,7 +83,7 @@ class Pace:
             self._busy_s += self._clock.thread_time() - begun
 
     def took_in(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
-        """Records results taken in. batches: their number of batches, since some results combine several.
+        """Records that results were processed. batches: number of their batches, since some results combine several.
 
         seconds: wall time spent.
         """
@@ -103,23 +104,24 @@ class Pace:
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
     def travelled(self, seconds: float) -> None:
-        """Records the transit time of a result, during which its slot idles; a batch should render for at least that long.
+        """Records the transit time of a result in seconds. A batch should render at least that long, since its slot is idle
+        meanwhile.
 
-        The lower quartile of the latest times is used, so a first kernel compilation or one slow worker does not count.
+        The lower quartile of the latest times is used, so a first kernel compilation or a single slow worker has no effect.
         """
         self._travels.append(seconds)
 
     @property
     def travel_s(self) -> float:
-        """Lower quartile of the latest transit times, in seconds; 0 if there are too few."""
+        """Lower quartile of the latest transit times, in seconds; 0 if too few were recorded."""
         return sorted(self._travels)[len(self._travels) // 4] if len(self._travels) >= FEW else 0.0
 
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
-        """Returns the target duration of a batch in seconds for this number of slots.
+        """Returns the target duration of a batch in seconds, for a job with this number of slots.
 
-        spent_s: slot-seconds per slot that the job has used so far. Batches grow with it, since a few more samples are invisible
-        in a picture of many, and half as many results cost the service half the time. They do not grow with few slots, whose
-        results cost little and whose picture would not update meanwhile, nor while a viewer needs slots soon.
+        spent_s: slot-seconds per slot that the job has used. Batches get longer with it: a few more samples are invisible in a
+        picture of many, and half as many results cost the service half the time. They do not get longer if there are few slots,
+        whose results cost little and whose picture would be updated too rarely, nor while a viewer needs slots soon.
         """
         most_s = min(MOST_GROWN * self._shortest_s, slots * SEEN_EVERY_S)
         grown_s = 0.0 if self.is_pressed() else min(spent_s * GROWTH, most_s)
@@ -127,12 +129,13 @@ class Pace:
         return self._long_s(slots, self._grown_s)
 
     def window(self, slots: int, per_slot: int, joint: bool = False) -> int:
-        """Returns the number of messages that may be outstanding for this number of slots.
+        """Returns the maximum number of outstanding messages for this number of slots.
 
-        Messages queued beyond those in progress cover about a second of work, so longer batches do not delay later jobs.
+        per_slot: messages per slot, of which one is in progress. The queued ones cover at most about a second of work, so that
+        long batches do not delay other jobs.
 
-        joint: sums wait on their machines for those of other slots, so some batches count as in progress although their slots are
-        idle.
+        joint: sums wait on their machines for those of other slots, so some slots are already idle while their batches still
+        count as in progress; the window is larger.
         """
         ahead_s = AHEAD_S + (UNTOLD_S if joint and slots > SLOTS_ALONE else 0.0)
         return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._long_s(slots, self._grown_s)))
@@ -142,9 +145,9 @@ class Pace:
         return min(max(shortest_s, self.travel_s, slots * cost_s / SHARE) * self._stretch, self._longest_s)
 
     def of_a_tile(self, slots: int, joint: bool = False) -> int:
-        """Returns the number of consecutive batches of one tile; they return together and are added up to one row.
+        """Returns how many consecutive batches of one tile are dispatched together; their sums become one row of the film.
 
-        joint: whether the workers add them up before they return.
+        joint: the workers add up the sums, instead of the service.
         """
         if joint:
             return min(2 * slots // SLOTS_ALONE, MOST_JOINT) if slots > SLOTS_ALONE else 1
@@ -152,24 +155,26 @@ class Pace:
 
     @staticmethod
     def hold_s(batch_s: float) -> float:
-        """Returns how long, in seconds, a batch's sums may wait on a machine for those with which they are added up.
+        """Returns how long, in seconds, the sums of a batch may wait on a machine for those that they are added to.
 
-        batch_s: expected duration of each batch.
+        batch_s: expected duration of each batch in seconds.
         """
         return max(SHORTEST_HOLD_S, batch_s)
 
     @staticmethod
     def of_a_site(slots: int) -> int:
-        """Returns the number of consecutive batches of one tile sent to a site with this many slots, which adds up their sums."""
+        """Returns how many consecutive batches of one tile are sent to a site with this many slots, which adds up their sums."""
         return max(2, min(slots, MOST_OF_A_SITE))
 
     @staticmethod
     def site_hold_s(batch_s: float) -> float:
-        """Returns how long, in seconds, a batch's sums may wait at a site, where later batches of a run wait for a slot."""
+        """Returns how long, in seconds, the sums of a batch may wait at a site, where the last batches of a run wait for a free
+        slot.
+        """
         return SHORTEST_HOLD_S + 2 * batch_s
 
     def room(self, room: int) -> int:
-        """Scales down the room for new batches linearly with the bytes of unread results; 0 at the limit."""
+        """Returns the number of batches to dispatch: `room` reduced linearly with the size of unread results; 0 at the limit."""
         return int(room * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if room > 0 else room
 
     def unread(self, results: int, size: float) -> None:
@@ -178,10 +183,10 @@ class Pace:
 
     @property
     def waiting(self) -> int:
-        """The number of unread results at the last look."""
+        """The number of unread results at the last check."""
         return self._unread
 
     @property
     def gather_s(self) -> float:
-        """Seconds to wait for more results before taking them in together; 0 at low rates."""
+        """Time to wait for more results before processing them together, in seconds; 0 while results are few."""
         return GATHER_S if self.results_per_s >= GATHERED_FROM else 0.0

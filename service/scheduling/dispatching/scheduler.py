@@ -1,4 +1,4 @@
-"""The scheduler: hands out batches by priority and fair shares, a short window ahead of the workers, and again if lost."""
+"""The scheduler: dispatches batches by priority and fair shares, a limited number in advance, and lost ones again."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ Start = Callable[[ActiveJob, str], bool]
 
 @dataclass
 class Pool:
-    """Capacity of the workers that serve a queue: slots, and the number of further messages that they may get."""
+    """Capacity of the workers that serve a queue: their slots, and how many more messages they may get."""
 
     slots: int
     room: int
 
 
 class Scheduler:
-    """Decides what is rendered next. Used only by the engine's thread."""
+    """Decides which batches are rendered next. Used only by the engine's thread."""
 
     def __init__(self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: Pace) -> None:
         self._settings = settings
@@ -83,9 +83,9 @@ class Scheduler:
         self.doubled = 0  # duplicates of straggling batches
 
     def fill(self, start: Start) -> None:
-        """Hands out batches until the window of every kind of workers is full. Raises QueueError.
+        """Dispatches batches until every worker kind has its maximum number of outstanding messages. Raises QueueError.
 
-        start(job, kind): starts a job on workers of a kind; False if the job is not ready.
+        start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready()}):
             slots = self._workers.roster.slots(kind)
@@ -110,9 +110,9 @@ class Scheduler:
                 raise
 
     def _take_as_not_sent(self) -> None:
-        """Ends the leases of a failed send, so that their batches are handed out again.
+        """Ends the leases of messages whose sending failed, so that their batches are dispatched again.
 
-        Some may have been sent after all; the film accepts each batch only once.
+        If a message was sent nevertheless, its batch may be rendered twice; the film accepts each batch only once.
         """
         for lease in self._sent:
             job = self.jobs.get(lease.owner)
@@ -121,9 +121,9 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def _serve(self, line: Line[ActiveJob], kind: str, slots: int, room: int, start: Start, pools: dict[str, Pool]) -> int:
-        """Hands out work for up to `room` slots to jobs of one priority; returns the number of slots taken.
+        """Dispatches batches of jobs of one priority for up to `room` slots; returns the number of slots used.
 
-        pools: capacities of the queues with requirements, filled on demand.
+        pools: capacities of the queues for worker requirements, by queue; computed on demand.
         """
         handed_out = 0
         while handed_out < room and (job := line.next()) is not None:
@@ -148,7 +148,7 @@ class Scheduler:
         return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.takes_joint(kind))
 
     def _pool(self, queue: str, kind: str, known: dict[str, Pool]) -> Pool:
-        """Returns the capacity of the workers that serve a queue with requirements, computed once per call of `fill`."""
+        """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `fill`."""
         if queue not in known:
             slots = self._workers.roster.serving(queue).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
@@ -156,7 +156,10 @@ class Scheduler:
         return known[queue]
 
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: Start, most: int) -> None:
-        """Hands out the next batches of a job for at most `most` slots, if it has any for this kind. Raises QueueError."""
+        """Dispatches the next batches of a job for at most `most` slots. Does nothing if the job has none. Raises QueueError.
+
+        slots: number of slots that may render the job.
+        """
         if not start(job, kind):
             return
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
@@ -179,13 +182,13 @@ class Scheduler:
             raise
 
     def _place_for(self, job: ActiveJob) -> Place | None:
-        """Returns the site with most room; None if there is none, or if each worker's sums must stay separate."""
+        """Returns the site with most room; None if there is none, or if this job's sums must stay separate for each worker."""
         if job.needs is not None or job.verify:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
     def _send(self, job: ActiveJob, kind: str, handful: BatchGroup) -> None:
-        """Sends batches in one message. Raises QueueError; then none is handed out."""
+        """Sends the batches of one message and creates their leases. Raises QueueError; then there are no leases."""
         batches, leases = handful.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
@@ -211,16 +214,19 @@ class Scheduler:
         job.served = next(self._turn)
 
     def arrived(self, owner: str, lease: str) -> None:
-        """Marks a batch whose sums were read.
+        """Marks the lease of a batch whose sums were read.
 
-        They are stored once the film accepts them, and the lease is not lost until then.
+        They are stored when the film accepts them; until then the lease cannot become lost.
         """
         known = self.leases.get(lease)
         if known is not None and known.owner == owner:
             self.leases.arrived(known)
 
     def came_back(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
-        """Ends the lease of a batch that the film took or dropped as a duplicate. batch: None if the job does not want it."""
+        """Ends the lease of a batch that the film accepted or dropped as a duplicate.
+
+        batch: None if the job does not need it any more.
+        """
         ended = self._end(job, lease)
         if ended is not None:  # limits the reported time to the age of the lease
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCKS_S)
@@ -252,9 +258,10 @@ class Scheduler:
         trace: str = "",
         is_suspect: bool = True,
     ) -> BatchFailures | None:
-        """Handles a batch that a worker failed to render.
+        """Handles a batch that a worker failed to render: returns it to the plan, to be dispatched again.
 
-        It is handed out again, or the trouble that stops the job is returned. is_suspect: whether it counts against the worker.
+        Returns the failures of the batch if they stop the job, else None. is_suspect: whether the failure counts against the
+        worker.
         """
         ended = self._end(job, lease)
         if ended is None:
@@ -278,7 +285,7 @@ class Scheduler:
         return None
 
     def returned(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
-        """Hands out again a batch that a worker returned because of its own trouble; the job is not at fault."""
+        """Returns a batch to the plan that a worker sent back because of its own trouble. It does not count against the job."""
         ended = self._end(job, lease)
         if ended is None:
             return
@@ -294,14 +301,14 @@ class Scheduler:
             job.rests_until = time.monotonic() + REST_S
 
     def _end(self, job: ActiveJob, lease: str) -> Lease | None:
-        """Ends a lease of a job and returns it; None if it has already ended or belongs to another job."""
+        """Ends a lease of this job and returns it; None if it has already ended or belongs to another job."""
         known = self.leases.get(lease)
         return self.leases.end(lease) if known is not None and known.owner == job.id else None
 
     def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
         """Withdraws the waiting batches of a job or of one of its frames, and ends all their leases.
 
-        Results of batches already with a worker are still accepted, but the plan counts those batches as lost.
+        Results of batches that are already with a worker are still accepted, but the plan treats those batches as lost.
         """
         mine = [
             lease for lease in self.leases.of(job.id) if frame is None or (lease.batch is not None and lease.batch.frame == frame)
@@ -318,7 +325,7 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def review(self, results: Results) -> None:
-        """Hands out overdue and lost batches again, and stops jobs whose batches are lost too often; called once a second.
+        """Dispatches overdue and lost batches again, and fails jobs whose batches were lost too often. Called once a second.
 
         A batch whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
@@ -338,7 +345,7 @@ class Scheduler:
                 job.lose(lease.batch)
 
     def _set_aside_if_alone(self, worker: str) -> None:
-        """Pauses a worker whose batches fail while others render theirs, unless no other worker is ready."""
+        """Quarantines a worker whose batches fail while others render theirs, unless no other worker is ready."""
         others = self._others(worker)
         failures = self.suspicion.of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
@@ -351,13 +358,13 @@ class Scheduler:
             self.set_aside(worker, why)
 
     def set_aside(self, worker: str, why: str) -> None:
-        """Pauses a worker until a user resumes it."""
+        """Quarantines a worker: pauses it until a user resumes it."""
         with suppress(redis.RedisError):  # the worker fails again and is paused then
             self._workers.pause(worker, why)
             self._workers.look(now=True)
 
     def _others(self, worker: str) -> list[str]:
-        """Returns the names of the other ready workers of the same kind; empty if the worker itself is not ready."""
+        """Returns the names of the other ready workers of the worker's kind; empty if the worker itself is not ready."""
         kinds = {report.name: report.kind for report in self._workers.roster.ready()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
@@ -385,7 +392,7 @@ class Scheduler:
             self.give_up(job, batch, sentence)
 
     def give_up(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
-        """Fails a still, or the frame of a shot, because a batch of it cannot be rendered.
+        """Fails a still image's job, or one frame of a shot, because a batch cannot be rendered.
 
         command: the worker's command line that reproduces the error.
         """
@@ -406,7 +413,7 @@ class Scheduler:
         return set(self._workers.roster.reports)
 
     def held_by_shares(self, held: Counter[str]) -> Counter[str]:
-        """Returns the number of outstanding messages with batches for each share. held: the same number for each job."""
+        """Returns the number of outstanding messages of each share. held: the number for each job, by id."""
         found: Counter[str] = Counter()
         for id, messages in held.items():
             if (job := self.jobs.get(id)) is not None:
@@ -414,11 +421,11 @@ class Scheduler:
         return found
 
     def busy(self) -> set[tuple[str, int]]:
-        """Returns the (job, frame) pairs with outstanding batches."""
+        """Returns the (job, frame) pairs that have outstanding batches."""
         return {(lease.owner, lease.batch.frame) for lease in self.leases if lease.batch is not None}
 
 
 def named(batch: Range) -> str:
-    """Returns the description of a batch for log lines."""
+    """Returns a description of a batch for log lines."""
     frame = frame_text(frame_number(batch.frame))
     return f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}, frame {frame}"

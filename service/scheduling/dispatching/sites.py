@@ -1,8 +1,8 @@
-"""Sites, groups of machines that add up their sums before sending them (protocol/site.py): sending batches to them.
+"""Dispatching to sites: groups of machines that add up their sums before they send them (protocol/site.py).
 
-A site is efficient for consecutive batches of one tile. It has its own queue, that of jobs requiring its tag (needs.py), which
-its workers serve in addition to all others. A run of batches is sent there in as many messages as there are machines. Nothing
-is sent while the site's reducer is away, and batches left in its queue are withdrawn once no worker serves it.
+A site is efficient for consecutive batches of one tile. It has a queue, that of jobs which require the site's tag (needs.py); its
+workers serve this queue in addition to all others. A run of batches is sent there in as many messages as there are machines.
+Nothing is sent while the site's reducer is away; batches left in its queue are withdrawn once no worker serves it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Place:
-    """A site with ready workers of one kind. room: the number of further slots that it accepts batches for."""
+    """A site with ready workers of one kind. room: for how many more slots it accepts batches."""
 
     name: str
     queue: str
@@ -40,7 +40,10 @@ class Place:
     room: int
 
     def shared_out(self, handful: BatchGroup, hold_s: float) -> list[BatchGroup]:
-        """Splits joint batches of a tile into messages of about equal size for the site's machines. Returns others unchanged."""
+        """Divides the joint batches of a tile into messages of about equal size for the site's machines.
+
+        Other groups are unchanged.
+        """
         if not handful.is_joint:
             return [handful]
         batches = handful.batches
@@ -52,7 +55,7 @@ class Place:
 
 
 class Sites:
-    """The sites that accept batches. Used only by the engine's thread."""
+    """The sites that accept batches at present. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, leases: Leases, dispatcher: Dispatcher, pace: Pace) -> None:
         self._workers = workers
@@ -61,11 +64,11 @@ class Sites:
         self._pace = pace
 
     def needs(self) -> list[Needs]:
-        """Returns the requirements whose queues workers serve if their site has a reducer."""
+        """Returns the tags of all sites with a reducer, as requirements; their workers serve the corresponding queues."""
         return [Needs((f"{SITE}{name}",)) for name in self._workers.roster.sites]
 
     def places(self, kind: str, per_slot: int) -> list[Place]:
-        """Returns the sites with ready workers of a kind."""
+        """Returns the sites that have ready workers of this kind. per_slot: outstanding messages per slot."""
         found = []
         for needs in self.needs():
             queue = needs.queue(kind)
@@ -75,7 +78,7 @@ class Sites:
         return found
 
     def review(self, jobs: Mapping[str, ActiveJob]) -> None:
-        """Withdraws the batches waiting in queues that no worker serves any more. Raises redis.RedisError."""
+        """Withdraws the batches in queues that no worker serves any more. Raises redis.RedisError."""
         elsewhere: defaultdict[str, list[tuple[ActiveJob, Lease]]] = defaultdict(list)
         for lease in self._leases:
             job = jobs.get(lease.owner)
