@@ -1,4 +1,4 @@
-"""Attribution of errors, so that one job's or worker's fault does not stop the rest.
+"""Attribution of errors, so that a fault of one job or worker does not stop the others.
 
 bulkhead.py   isolates the faults of each job and scene
 suspicion.py  detects workers that fail where others succeed

@@ -1,12 +1,12 @@
-"""Bulkheads: an error of one job or scene is contained, and the others continue.
+"""Bulkheads: contain an error of one job or scene, so that the others continue.
 
 Every step that the engine takes for a job or a scene runs through `Bulkheads.run`, the one place that attributes errors:
 
-Redis                raised: without the queue nothing can go on, and the whole engine waits for it.
-the database         no job's fault. The step is retried about once a second; steps that need no database go on.
-a film that waits    the job waits and reports why. The step is retried about once a second.
+Redis                raised: without the queue no work is possible, and the whole engine waits for it.
+the database         not the job's fault. The step is retried about once a second; steps that need no database go on.
+FilmWaits            the job waits and reports why. The step is retried about once a second.
 the machine          out of memory or file descriptors, or a failing disk: the same.
-all else             the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
+all others           the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ log = logging.getLogger(__name__)
 
 
 def is_message_fault(error: Exception) -> bool:
-    """Returns True if an error was caused by the message being handled.
+    """Whether an error was caused by the message being handled.
 
-    False for errors of Redis, the database, the machine, a film or a job, which would recur with the next message.
+    False for errors of Redis, the database, the machine, a film or a job, which the next message would cause too.
     """
     if isinstance(error, (Invalid, *ROW_FAULTS)):
         return True
@@ -51,7 +51,7 @@ def is_message_fault(error: Exception) -> bool:
 
 
 class Step(StrEnum):
-    """A step that the engine takes for a job or a scene. After an error, each step waits independently of the others."""
+    """A step that the engine takes for a job or a scene. After an error, each step is retried independently of the others."""
 
     CHANGE = "change"  # apply its row of the database
     RESULTS = "results"  # store workers' answers
@@ -62,7 +62,7 @@ class Step(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """The reason why a job cannot continue."""
+    """The error that ends a job, and the command that reproduces it, or None."""
 
     error: str
     reproduce: str | None = None
@@ -75,7 +75,7 @@ class _Wait:
 
 
 class Bulkheads:
-    """The waiting steps and the verdicts. Used only by the engine's thread."""
+    """Waiting steps and verdicts of jobs and scenes. Used only by the engine's thread."""
 
     def __init__(self, clock: Clock = time) -> None:
         self._clock = clock
@@ -85,16 +85,16 @@ class Bulkheads:
         self._database_until = 0.0
 
     def run(self, id: str, step: Step, action: Callable[[], object], needs_database: bool = False) -> bool:
-        """Runs a step of a job or scene; returns whether it succeeded. On failure the step waits or the job gets a verdict.
+        """Runs a step of a job or scene; returns whether it succeeded. After an error the step waits, or the job gets a verdict.
 
-        Raises only redis.RedisError and QueueError.
+        needs_database: not run while the database is unavailable. Raises only redis.RedisError and QueueError.
         """
         if id in self.verdicts or not self._is_due(id, step, needs_database):
             return False
         return self._attempt(id, step, action, needs_database)
 
     def carry_out(self, end: Callable[[str, Verdict], object]) -> None:
-        """Ends the jobs that have a verdict, once the database accepts it. Raises as `run`."""
+        """Ends the jobs that have a verdict, if the database accepts it. end: ends one job. Raises as `run` does."""
         for id, verdict in list(self.verdicts.items()):
             if not self._is_due(id, Step.END, True):
                 continue
@@ -145,20 +145,20 @@ class Bulkheads:
         return False
 
     def give_verdict(self, id: str, error: str, reproduce: str | None = None) -> None:
-        """Gives a job its verdict, unless it already has one."""
+        """Sets the verdict of a job, unless it already has one. reproduce: command that reproduces the error."""
         self.verdicts.setdefault(id, Verdict(error, reproduce))
 
     def may_render(self, id: str) -> bool:
-        """Returns True if batches of a job may be handed out: it has no verdict, and its film accepts results."""
+        """Whether batches of a job may be dispatched: it has no verdict, and its film accepts results."""
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
 
     def sentences(self) -> dict[str, str]:
-        """Returns the reason for waiting of each waiting job or scene, by id."""
+        """Returns the reasons why jobs and scenes wait, as sentences by id."""
         return {id: next(iter(waits.values())).sentence for id, waits in self._waits.items()}
 
     def forget(self, id: str) -> None:
-        """Drops the state of a job or scene that ended or was deleted."""
+        """Removes the state of a job or scene that has ended or was deleted."""
         self._waits.pop(id, None)
         self.verdicts.pop(id, None)
 

@@ -1,4 +1,4 @@
-"""Redis errors as user messages: the fact and the remedy."""
+"""Redis errors as sentences for users: what is wrong, and what to do."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ ANSWERS: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
 
 
 def redis_fault(error: BaseException) -> RedisTrouble:
-    """Returns the (fact, remedy) for an error of the Redis client, or of the queue caused by one."""
+    """Returns what is wrong and what to do, for an error of the Redis client or a queue error caused by one."""
     found = causes(error)
     for cause in found:
         text = str(cause)
@@ -119,7 +119,7 @@ def redis_fault(error: BaseException) -> RedisTrouble:
 
 
 def redis_unavailable(error: BaseException) -> Unavailable:
-    """Returns the Unavailable error for a request that needs Redis."""
+    """Returns the error for a request that needs Redis while it is unavailable."""
     return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is over."))
 
 
@@ -135,7 +135,7 @@ _CODES: dict[type[BaseException], str] = {
 
 
 def causes(error: BaseException | None) -> list[BaseException]:
-    """Returns an exception and the chain of its causes and contexts, the exception itself first."""
+    """Returns an exception followed by the chain of its causes and contexts."""
     found: list[BaseException] = []
     while error is not None and error not in found:
         found.append(error)

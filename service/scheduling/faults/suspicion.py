@@ -1,4 +1,4 @@
-"""Detection of workers that fail where others succeed: a full disk, a wrong library, a machine that miscalculates."""
+"""Detects workers that fail where others succeed: because of a full disk, a wrong library, or wrong arithmetic."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ FORGIVENESS = 0.02  # failures cancelled by one success, so one failure in fifty
 
 
 class Suspicion:
-    """Counts the failures caused by each worker. Used only by the engine's thread.
+    """Counts the failures that are attributed to each worker. Used only by the engine's thread.
 
-    A worker is blamed for batches that failed on it and were rendered by another, and for a run of different failed batches
-    during which another worker succeeded. Without this, a worker that fails at once would take all the work.
+    Two kinds are: batches that failed on the worker and were then rendered by another one; and successive failures of different
+    batches while another worker succeeded. Otherwise a worker that fails at once would take all the work.
     """
 
     def __init__(self) -> None:
@@ -28,19 +28,19 @@ class Suspicion:
         self.failures: Counter[str] = Counter()  # all failed batches, by worker, whatever the cause
 
     def failed(self, worker: str, batch: Hashable) -> None:
-        """Records a failed batch of a worker."""
+        """Records that a batch failed on a worker."""
         self.failures[worker] += 1
         if not self._row[worker]:
             self._row_began[worker] = next(self._clock)
         self._row[worker].add(batch)
 
     def misunderstood(self, worker: str) -> int:
-        """Records a batch that a worker did not understand; returns the number of those since its last success."""
+        """Records that a worker did not understand a batch; returns how many since its last success."""
         self._misunderstood[worker] += 1
         return self._misunderstood[worker]
 
     def succeeded(self, worker: str, failed_on: list[str]) -> None:
-        """Records a rendered batch. The workers in `failed_on`, on which it failed before, are blamed for those failures."""
+        """Records that a worker rendered a batch. The failures of this batch are attributed to the workers in `failed_on`."""
         for other in set(failed_on) - {worker}:
             self._made_good[other] += 1
         self._success[worker] = next(self._clock)
@@ -50,12 +50,12 @@ class Suspicion:
             self._made_good[worker] = max(self._made_good[worker] - FORGIVENESS, 0.0)
 
     def of(self, worker: str, others: list[str]) -> int:
-        """Returns the number of failures to blame on a worker, compared with the other workers."""
+        """Returns the number of failures attributed to a worker. others: the workers it is compared with."""
         in_a_row = self._row.get(worker, set())
         others_can = any(self._success.get(other, -1) > self._row_began.get(worker, 0) for other in others)
         return max(int(self._made_good.get(worker, 0.0)), len(in_a_row) if others_can else 0)
 
     def clear_failures(self, worker: str) -> None:
-        """Clears a worker's failures when a user resumes it."""
+        """Clears a worker's failures after a user has resumed it."""
         for counted in (self._made_good, self._row, self._misunderstood):
             counted.pop(worker, None)
