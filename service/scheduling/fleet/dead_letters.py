@@ -1,4 +1,4 @@
-"""Dead-letter list of workers' messages that could not be handled: all are counted, the latest kept in a file."""
+"""Dead-letter list: messages of workers that could not be handled. All are counted; the latest are stored in a file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ class DeadLetters:
         self.count = 0  # since the service started
 
     def add(self, where: str, why: object, content: object, error: BaseException | None = None) -> None:
-        """Adds a message. where: its Redis key or stream entry. error: logged with its traceback if it was unexpected."""
+        """Adds a message. where: its Redis key or stream entry. why: the fault.
+
+        error: if unexpected, logged with its traceback.
+        """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
         told = {"time": round(time.time(), 3), "where": where, "why": reason[:LONGEST], "message": _shown(content)}
@@ -50,7 +53,7 @@ class DeadLetters:
         log.warning("a message was put aside (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where))
 
     def flush(self) -> None:
-        """Writes the file if the list has changed. A failed write is only logged."""
+        """Writes the list to the file if it has changed. If writing fails, only logs that."""
         if self._is_written:
             return
         self._is_written = True
@@ -61,7 +64,7 @@ class DeadLetters:
 
 
 def _shown(content: object) -> Any:
-    """Returns a readable, shortened form of a message; unprintable fields are cut, with their size."""
+    """Returns a readable, shortened form of a message. Binary fields are truncated and described by their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]
         return {_text(name, 100): _text(value, LONGEST) for name, value in fields}

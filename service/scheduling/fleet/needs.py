@@ -1,7 +1,7 @@
 """Requirements of a job on its workers: tags and a minimum of memory.
 
-Batches of such a job use a queue of their own, and the service instructs each worker that meets all requirements to serve that
-queue (protocol/terms.py). A worker gets no such batch until it has confirmed that it serves the queue.
+Batches of such a job have a separate queue. The service instructs each worker that meets all requirements to serve that queue
+(protocol/terms.py), and sends batches only when a worker has confirmed that it does.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ MEMORY = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
 
 @dataclass(frozen=True)
 class Needs:
-    """Requirements of a job. tags: all are required; sorted. memory_gb: minimum memory in GB; 0: no minimum."""
+    """Requirements of a job. tags: sorted; all are required. memory_gb: minimum memory in GB; 0: no minimum."""
 
     tags: tuple[str, ...]
     memory_gb: float = 0.0
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Needs | None:
-        """Parses tags and entries such as memory_gb=32; None if there is no requirement.
+        """Parses requirements: tags, and entries such as memory_gb=32. Returns None if there are none.
 
-        Raises ValueError with a message if a text is neither, or if there are too many tags.
+        Raises ValueError with a sentence if a text is neither, or if there are too many tags.
         """
         tags, memory = set(), 0.0
         for text in texts:
@@ -48,33 +48,33 @@ class Needs:
 
     @classmethod
     def of(cls, row: Mapping[str, Any] | None) -> Needs | None:
-        """Reads what `to_json` wrote; None for an empty value."""
+        """Parses the JSON object written by `to_json`; None for an empty value."""
         return cls(tuple(map(str, row.get("tags", ()))), float(row.get("memory_gb", 0.0))) if row else None
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object stored in the job's row."""
+        """Returns the JSON object that is stored in the job's row."""
         return {"tags": list(self.tags), "memory_gb": self.memory_gb}
 
     @property
     def texts(self) -> list[str]:
-        """The requirements in the format that `parse` reads."""
+        """Returns the requirements in the format that `parse` reads."""
         return [*self.tags, *([f"memory_gb={self.memory_gb:g}"] if self.memory_gb else [])]
 
     @cached_property
     def text(self) -> str:
-        """Canonical text: equal for equal requirements."""
+        """Returns a canonical text: equal for equal requirements."""
         return ",".join(self.texts)
 
     def queue(self, kind: str) -> str:
-        """Returns the name of the queue for batches with these requirements and a kind of workers."""
+        """Returns the name of the queue for batches with these requirements and workers of this kind."""
         return needs_queue(kind, self.text)
 
     def are_met(self, offer: Offer) -> bool:
-        """Returns True if a worker's offer meets all requirements."""
+        """Whether a worker's offer meets all requirements."""
         return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
 
     def lacking(self, offers: Iterable[Offer | None]) -> str | None:
-        """Returns a sentence that says why no worker meets the requirements; None if one does.
+        """Returns a sentence on why no worker meets the requirements; None if one does.
 
         offers: one per worker; None for a worker that sent none.
         """

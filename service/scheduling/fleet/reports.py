@@ -1,7 +1,7 @@
-"""Validation of workers' reports; invalid ones are rejected.
+"""Validation of the workers' reports. Invalid ones are rejected.
 
-Reported numbers are shown to users and added up with those of other workers, so an invalid one must not break the engine, the
-list of workers or a page.
+Reported numbers are shown to users and added to those of other workers, so an invalid one must not break the engine, the list of
+workers or a page.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _REPORT = TypeAdapter(WorkerReport)
 
 
 def report_of(key: bytes, value: bytes) -> WorkerReport:
-    """Parses the report stored under a key. Raises ValueError or RecursionError if it is invalid."""
+    """Parses a worker's report, stored in Redis under `key`. Raises ValueError or RecursionError if it is invalid."""
     if len(value) > MOST_BYTES:
         raise ValueError(f"it has {len(value)} bytes")
     if b"NaN" in value or b"Infinity" in value:
@@ -52,7 +52,7 @@ def report_of(key: bytes, value: bytes) -> WorkerReport:
 
 
 def is_plain(value: Any, deepest: int = DEEPEST, longest: int = LONGEST_TEXT) -> bool:
-    """Returns True if a worker's JSON is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
+    """Whether a worker's JSON value is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):

@@ -1,4 +1,4 @@
-"""Speeds of the workers during the last hour, kept in memory only."""
+"""Speeds of the workers during the last hour, held in memory only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ FORGOTTEN_AFTER_S = 3600.0
 
 
 class Speeds:
-    """Samples per second of each worker's rendering slots, averaged per minute; the current minute comes last."""
+    """Samples per second of each worker's slots while they render, averaged per minute.
+
+    The last value is the current minute's.
+    """
 
     def __init__(self, now: float | None = None) -> None:
         self._begun = time.monotonic() if now is None else now
@@ -25,7 +28,7 @@ class Speeds:
         self._seen: dict[str, float] = {}
 
     def note(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
-        """Adds the workers' current reports."""
+        """Adds the speeds in the workers' current reports. now: Unix time."""
         now = time.monotonic() if now is None else now
         if now - self._begun >= EVERY_S:
             self._begun = now
@@ -37,7 +40,7 @@ class Speeds:
 
     @property
     def latest(self) -> Mapping[str, tuple[float, ...]]:
-        """Speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
+        """Returns the speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
         return {name: (*self._past.get(name, ()), *_mean(self._running.get(name))) for name in self._seen}
 
     def _close(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The connected workers, from their reports under Redis keys that expire unless renewed."""
+"""The connected workers, from their reports in Redis, which expire unless renewed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Told = TypeVar("Told")
 
 @dataclass(frozen=True)
 class WorkerSnapshot:
-    """Immutable snapshot of the workers, safe to read from any thread."""
+    """Immutable snapshot of the workers. Any thread may read it."""
 
     reports: Mapping[str, WorkerReport] = field(default_factory=dict)
     orders: Mapping[str, str] = field(default_factory=dict)  # reason of each paused worker, by name
@@ -53,15 +53,15 @@ class WorkerSnapshot:
     sites: Mapping[str, SiteReport] = field(default_factory=dict)  # reducers at the sites of connected workers
 
     def ready(self) -> list[WorkerReport]:
-        """Returns the reports of the workers that accept work."""
+        """Returns the reports of the workers that accept work at present."""
         return [report for report in self.reports.values() if report.state == "ready" and report.name not in self.orders]
 
     def slots(self, kind: str) -> int:
-        """Returns the number of slots of the ready workers of a kind."""
+        """Returns the number of slots of the ready workers of this kind."""
         return sum(report.slots for report in self.ready() if report.kind == kind)
 
     def serving(self, queue: str) -> dict[str, int]:
-        """Returns the slots, by kind, of the ready workers that have confirmed serving a queue of requirements."""
+        """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements."""
         found: dict[str, int] = {}
         for report in self.ready():
             if (offer := self.offers.get(report.name)) is not None and queue in offer.queues:
@@ -69,60 +69,61 @@ class WorkerSnapshot:
         return found
 
     def best_kind(self) -> str | None:
-        """Returns the kind with most slots; None if no worker is ready."""
+        """Returns the worker kind with most slots; None if no worker is ready."""
         kinds = {report.kind for report in self.ready()}
         return max(sorted(kinds), key=self.slots, default=None)
 
     def frame_preparing_kind(self) -> str | None:
-        """Returns the kind with most slots among workers that prepare frames of shots; None if none is ready."""
+        """Returns the kind with most slots among the workers that can prepare frames of shots; None if none is ready."""
         return self._kind_of([report for report in self.ready() if report.frames])
 
     def open_shutter_kind(self) -> str | None:
-        """Returns the kind with most slots whose ready workers all prepare frames with an open shutter, or None.
+        """Returns the kind with most slots all of whose ready workers can prepare frames with an open shutter; None if there is
+        none.
 
-        All workers of the kind must support it, since any of them may take a message from the kind's queue.
+        All workers of the kind must support it, since any of them may fetch a message from the kind's queue.
         """
         ready = self.ready()
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
     def motion_vector_kind(self) -> str | None:
-        """Returns the kind with most slots of which every ready worker makes motion vectors; None if there is none."""
+        """Returns the kind with most slots all of whose ready workers can compute motion vectors; None if there is none."""
         ready = self.ready()
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def environment_kind(self) -> str | None:
-        """Returns the kind with most slots of which every ready worker makes thumbnails of environments; None if there is none.
+        """Returns the kind with most slots all of whose ready workers can make thumbnails of environments; None if there is none.
 
-        The `views` flag of the report stands for it, since both features came with the same release.
+        Detected by the `views` flag of the reports, since both features were introduced by the same release.
         """
         ready = self.ready()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def blender_kind(self) -> str | None:
-        """Returns the kind with most slots among workers that open .blend files; None if none is ready."""
+        """Returns the kind with most slots among the workers that can open .blend files; None if none is ready."""
         return self._kind_of([report for report in self.ready() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
-        """Returns True if a worker opens .blend files."""
+        """Whether a worker can open .blend files."""
         return name in self.offers and TAG in self.offers[name].tags
 
     def takes_several(self, kind: str) -> bool:
-        """Returns True if all workers of a kind accept several batches in one message; any of them may receive it."""
+        """Whether all workers of this kind accept several batches in one message. Any of them may receive it."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def takes_joint(self, kind: str) -> bool:
-        """Returns True if all workers of a kind add up the sums that their slots render of one tile."""
+        """Whether all workers of this kind support joint messages: they add up the sums that their slots render of one tile."""
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
     def denoising_kind(self) -> str | None:
-        """Returns the kind with most slots among workers that denoise; None if none is ready."""
+        """Returns the kind with most slots among the workers that can denoise; None if none is ready."""
         return self._kind_of([report for report in self.ready() if report.denoises])
 
     def is_about_to_change(self) -> bool:
-        """Returns True if to poll more often: no worker is ready, or one of only a few workers is starting."""
+        """Whether workers should be polled more often: none is ready, or there are few and one is starting."""
         if not self.ready():
             return True
         return len(self.reports) <= FEW and any(report.state == "starting" for report in self.reports.values())
@@ -134,15 +135,17 @@ class WorkerSnapshot:
         return max(sorted(slots), key=lambda kind: slots[kind], default=None)
 
     def current(self) -> list[dict[str, Any]]:
-        """Returns the current activities of all busy slots."""
+        """Returns the current work of all busy slots, as reported."""
         return [doing for report in self.reports.values() for doing in report.current if doing]
 
 
 class Workers:
-    """Polls the workers and pauses them. The engine's thread replaces `roster` with a new snapshot at each poll."""
+    """Polls the workers' reports, and pauses workers. Each poll replaces `roster` with a new snapshot, in the engine's thread."""
 
     def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: DeadLetters) -> None:
-        """Creates an empty roster. put_aside: receives invalid reports."""
+        """Creates an empty roster. on_change: called with the name of a worker that has changed. put_aside: dead-letter list for
+        invalid reports.
+        """
         self._put_aside = put_aside
         self._redis = connection
         self._on_change = on_change
@@ -154,7 +157,7 @@ class Workers:
         self.roster = WorkerSnapshot()
 
     def look(self, now: bool = False) -> None:
-        """Renews the roster if its poll interval has passed, or always if `now`. Raises redis.RedisError."""
+        """Polls the workers if the poll interval has passed, or in any case if `now`. Raises redis.RedisError."""
         age = time.monotonic() - self._looked
         if not now and age < (LOOK_SOON_S if self.roster.is_about_to_change() else LOOK_EVERY_S):
             return
@@ -184,9 +187,9 @@ class Workers:
                 self._on_change(name)
 
     def _look_at_clock(self, keys: list[Any]) -> None:
-        """Shortens the expiry of reports after Redis' clock was set back. Raises redis.RedisError.
+        """Limits the expiry of the reports after Redis's clock was set back. Raises redis.RedisError.
 
-        Otherwise reports of departed workers, with the work they held, would persist for as long as the clock was set back.
+        Otherwise the reports of departed workers, and the work in them, would persist for as long as the clock was set back.
         """
         seconds, micros = self._redis.time()
         before, self._ahead = self._ahead, seconds + micros / 1e6 - time.monotonic()
@@ -201,16 +204,17 @@ class Workers:
             all_at_once.execute()
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
-        """Returns the reports of the reducers at the workers' sites. Raises redis.RedisError."""
+        """Returns the reports of the reducers at the workers' sites, by site. Raises redis.RedisError."""
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
         return self._all_of(SiteReport.from_bytes, site_key, names, said)
 
     def ask(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
-        """Sends each worker its terms, unless it already keeps them. Raises redis.RedisError.
+        """Sends each worker its terms, unless it has confirmed them already. Raises redis.RedisError.
 
-        terms: by worker name. needs: requirements of the active jobs; a worker is assigned the queues of those that it meets.
+        terms: by worker name. needs: requirements of the active jobs. A worker must serve the queues of the requirements that it
+        meets.
         """
         different = {each.text: each for each in needs}
         for name, offer in self.roster.offers.items():
@@ -221,7 +225,7 @@ class Workers:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
     def are_late(self) -> bool:
-        """Returns True if a worker's report is so old that its current work is unknown. Raises redis.RedisError."""
+        """Whether any worker's report is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
                 all_at_once.pttl(worker_key(name))
@@ -229,7 +233,7 @@ class Workers:
         return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
 
     def away(self) -> set[str]:
-        """Returns the workers that stopped reporting but are still connected to Redis. Raises redis.RedisError."""
+        """Returns the names of workers that have stopped reporting but are still connected to Redis. Raises redis.RedisError."""
         now = time.monotonic()
         lately = {name for name, since in self._vanished.items() if now - since < AWAY_S}
         living = connected(self._redis, lately) if lately else set()
@@ -237,11 +241,14 @@ class Workers:
         return living
 
     def pause(self, name: str, why: str) -> None:
-        """Pauses a worker until `resume`. Safe to call from any thread. Raises redis.RedisError."""
+        """Pauses a worker until `resume` is called. why: the reason, for users. Thread-safe. Raises redis.RedisError."""
         self._redis.set(pause_key(name), to_text(why), ex=ORDER_TTL_S)
 
     def all_orders(self) -> dict[str, str]:
-        """Returns the reason of each paused worker, by name, connected or not. Raises redis.RedisError."""
+        """Returns the reasons of all paused workers by name, including workers that are not connected.
+
+        Raises redis.RedisError.
+        """
         keys = list(self._redis.scan_iter(pause_key("*"), count=1000))
         values: Any = self._redis.mget(keys) if keys else []
         prefix = len(pause_key(""))
@@ -249,13 +256,13 @@ class Workers:
         return {name: from_text(why.decode(errors="replace")) for name, why in found if why is not None}
 
     def resume(self, name: str) -> None:
-        """Resumes a worker. Safe to call from any thread. Raises redis.RedisError."""
+        """Resumes a paused worker. Thread-safe. Raises redis.RedisError."""
         self._redis.delete(pause_key(name))
 
     def log(self, name: str) -> list[str] | None:
         """Returns the last lines of a worker's log; None if the worker does not send them in time.
 
-        Blocks for seconds; call it from any thread but the engine's. Raises redis.RedisError.
+        Blocks for seconds; do not call it in the engine's thread. Raises redis.RedisError.
         """
         self._redis.set(log_wanted_key(name), b"1", ex=LOG_TTL_S)
         deadline = time.monotonic() + LOG_PATIENCE_S
@@ -270,7 +277,7 @@ class Workers:
     def _all_of(
         self, read: Callable[[bytes], Told], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
     ) -> dict[str, Told]:
-        """Parses the values of these workers' keys; invalid and missing ones are left out."""
+        """Parses the values of these workers' keys. Returns them by worker; invalid and missing ones are skipped."""
         found = {}
         for name, value in zip(names, values, strict=True):
             if value is not None and (told := self._read(read, key_of(name).encode(), value)) is not None:
@@ -278,11 +285,14 @@ class Workers:
         return found
 
     def _understand(self, key: bytes, value: bytes) -> WorkerReport | None:
-        """Parses a report; None if it is invalid, as it may be from a worker of another release."""
+        """Parses a worker's report; None if it is invalid, for instance because the worker has another release."""
         return self._read(lambda value: report_of(key, value), key, value)
 
     def _read(self, read: Callable[[bytes], Told], key: bytes, value: bytes) -> Told | None:
-        """Parses the value of a worker's key; None if that raises. Invalid values are put aside once."""
+        """Parses the value of a worker's key with `read`; None if that raises an error.
+
+        An invalid value is added to the dead letters once.
+        """
         try:
             told = read(value)
         except Exception as error:
