@@ -1,9 +1,10 @@
-"""Whether jobs are expected to finish by their deadlines.
+"""Detection of late jobs: those that are not expected to finish by their deadline.
 
 A job's forecast (forecast.py) takes into account its remaining work, its cost per sample, and the jobs served before it.
 
-A job becomes late once its forecast has exceeded the deadline for some seconds, or when the deadline has passed. It stops being
-late once the forecast has met the deadline for as long. A late job is served before others of its priority and share (shares.py).
+A job becomes late if its forecast has exceeded the deadline for some seconds, or if the deadline has passed. It stops being late
+once the forecast has been before the deadline for as long. A late job is served before others of its priority and share
+(shares.py).
 """
 
 from __future__ import annotations
@@ -28,22 +29,22 @@ Run = Callable[[str, Callable[[], object]], bool]
 
 
 class Recorded(Protocol):
-    """The database operations required here; implemented by service/scheduling/records.py."""
+    """Interface of the database operations used here; implemented by service/scheduling/records.py."""
 
     def late(self, id: str, since: float | None) -> bool:
-        """Stores since when a job is late; None: it is not late."""
+        """Stores the time since which a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
 
     def overdue(self, now: float) -> list[str]:
-        """Returns the jobs whose deadline has passed and that are not yet stored as late."""
+        """Returns the ids of the jobs whose deadline has passed and that are not stored as late."""
 
 
 class Deadlines:
-    """Tracks which jobs are late. Used only by the engine's thread."""
+    """The late jobs. Used only by the engine's thread."""
 
     def __init__(
         self, records: Recorded, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
     ) -> None:
-        """Creates the tracker. run: runs a step that needs the database; False if the step has to wait."""
+        """Stores the parameters. run: runs a step that needs the database; returns False if the step has to wait."""
         self._records = records
         self._run = run
         self._tell = tell
@@ -53,7 +54,7 @@ class Deadlines:
         self._now = -math.inf
 
     def review(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
-        """Updates the expected completion of each job and whether it is late; called once a second.
+        """Updates the expected completion time of each job and whether it is late. Called once a second.
 
         forecast: returns the forecast of a job at a time. now: Unix time.
         """
@@ -84,7 +85,7 @@ class Deadlines:
             del self._since[id]
 
     def _turned(self, job: ActiveJob, now: float) -> bool | None:
-        """Returns whether a job is late now if that has changed, else None."""
+        """Returns whether a job is late if that has changed just now; None if it has not changed."""
         assert job.deadline is not None
         if now > job.deadline:
             return None if job.is_late else True
@@ -104,7 +105,7 @@ class Deadlines:
         self._tell("job", job.id)
 
     def _note_overdue(self, known: dict[str, ActiveJob], now: float) -> None:
-        """Marks as late the overdue jobs that are not active here, such as those waiting for a scene or for other jobs."""
+        """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
         for id in self._records.overdue(now):
             if id not in known and self._records.late(id, now):
                 self._tell("job", id)

@@ -1,11 +1,10 @@
 """Expected completion time of a job, from its remaining work, the jobs served before it, and the available slots.
 
-Other jobs are counted as they will be served (shares.py): all work of higher priorities comes first; jobs of one priority share
-the slots by the weights of their shares; jobs within a share get equal parts, except that late ones go first. As slots are never
-idle while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993). When a
-share has received `d` slot-seconds, its virtual time is d / weight, and every other share has by then received all of its work or
-as much as its own weight allows. When a job has received its work `w`, each other job of its share has received min(w, its own
-work).
+The model follows the order of service (shares.py): all work of higher priorities comes first; jobs of one priority share the
+slots by the weights of their shares; jobs within a share get equal parts, except that late ones go first. As slots are never idle
+while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993). When a
+share has received d slot-seconds, its virtual time is v = d / weight, and every other share has received min(its work, v * its
+weight). When a job has received its work w, each other job of its share has received min(w, its own work).
 
 The forecast is pessimistic: slots left over by the limits of other jobs are not counted. It ignores machines that connect and
 disconnect, future jobs, jobs that wait for others, and jobs of unknown cost per sample; while there is one of the latter, the
@@ -36,20 +35,20 @@ NO_COST = Sentence("forecast-speed-unknown", "Nobody knows yet how long a sample
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecast of a job. at: Unix time; None if there is none. why: the reason, as a sentence, if there is none."""
+    """Forecast of a job. at: Unix time of completion; None if there is no forecast. why: then the reason, as a sentence."""
 
     at: float | None
     why: str | None = None
 
 
 class JobLines(Protocol):
-    """The operations required of service/scheduling/dispatching/job_queue.py."""
+    """Interface of the job queue used here; implemented by service/scheduling/dispatching/job_queue.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
-        """Returns the kind of workers that renders a job."""
+        """Returns the worker kind that renders a job; None if there is none."""
 
     def by_priority(self, kind: str) -> Mapping[int, list[ActiveJob]]:
-        """Returns the jobs that workers of a kind may render, by priority."""
+        """Returns the jobs that workers of this kind may render, by priority."""
 
     def slots_for(self, job: ActiveJob) -> int:
         """Returns the number of slots that accept batches of a job."""
@@ -57,7 +56,7 @@ class JobLines(Protocol):
 
 @dataclass
 class _Share:
-    """The remaining work of one share's jobs at one priority.
+    """Remaining work of one share's jobs at one priority.
 
     works: remaining slot-seconds of each job that is not late, sorted. sums: their prefix sums.
     """
@@ -67,20 +66,20 @@ class _Share:
     urgent: dict[str, tuple[float, float]] = field(default_factory=dict)  # late jobs: deadline and work, by id
 
     def close(self) -> None:
-        """Sorts the works and computes their prefix sums; call it after the last job was added."""
+        """Sorts the works and computes their prefix sums. Call it once all jobs were added."""
         self.works.sort()
         self.sums = [0.0, *accumulate(self.works)]
 
     @property
     def total(self) -> float:
-        """Remaining slot-seconds of all jobs of the share."""
+        """Remaining slot-seconds of all jobs of the share together."""
         return self.sums[-1] + sum(work for _, work in self.urgent.values())
 
     def until(self, job: ActiveJob, work: float) -> float:
-        """Returns the slot-seconds that the share has received when a job of it has received `work`.
+        """Returns how many slot-seconds the share has received when one of its jobs has received `work`.
 
-        A late job is treated like one that is not. Otherwise its precedence would make it on time, hence not late, hence late
-        again.
+        A late job is treated like the others. Otherwise its precedence would make its forecast timely, so that it is no longer
+        late, loses its precedence, and becomes late again.
         """
         first = sum(done for id, (urgency, done) in self.urgent.items() if id != job.id and urgency <= job.urgency)
         later = [done for id, (urgency, done) in self.urgent.items() if id != job.id and urgency > job.urgency]
@@ -90,10 +89,10 @@ class _Share:
 
 
 class RemainingWork:
-    """The remaining work of all jobs that workers of one kind render."""
+    """Remaining work of all jobs that workers of one kind render, by priority and share."""
 
     def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
-        """Sums up the remaining work by priority and share. slots: available to these jobs."""
+        """Sums up the remaining work by priority and share. slots: number of slots available to these jobs."""
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
         self.is_known = True  # whether the work of all jobs is known
@@ -116,7 +115,10 @@ class RemainingWork:
         self._totals = {p: sum(share.total for share in found.values()) for p, found in self._of.items()}
 
     def seconds(self, job: ActiveJob, work: float, slots: int) -> float:
-        """Returns the seconds until a job among these has received `work` slot-seconds, given the number of slots."""
+        """Returns the time until a job has received `work` slot-seconds, in seconds.
+
+        slots: number of slots available to all jobs.
+        """
         before = sum(total for priority, total in self._totals.items() if priority > job.priority)
         equals = self._of.get(job.priority, {})
         if (own := equals.get(job.share)) is None:
@@ -131,7 +133,7 @@ class RemainingWork:
 
 
 class Forecaster:
-    """Computes the forecasts of jobs. Used only by the engine's thread."""
+    """Computes forecasts of jobs. Used only by the engine's thread."""
 
     def __init__(self, lines: JobLines, shares: Shares) -> None:
         self._lines = lines
@@ -139,7 +141,7 @@ class Forecaster:
         self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd
 
     def of(self, job: ActiveJob, now: float) -> Forecast:
-        """Returns the forecast of a job. now: Unix time. A paused job is treated as if it resumed and ran alone."""
+        """Returns the forecast of a job. now: Unix time. For a paused job, assumes that it resumes now and runs alone."""
         if job.done:
             return Forecast(now)
         slots = self._lines.slots_for(job)
@@ -170,7 +172,7 @@ class Forecaster:
 
 
 def work_s(job: ActiveJob, slots: int) -> float | None:
-    """Returns the remaining work of a job in slot-seconds, given the number of slots; None if its cost per sample is unknown."""
+    """Returns the remaining work of a job in slot-seconds; None if its cost per sample is unknown. slots: that render it."""
     cost = job.sample_s
     if cost <= 0.0:
         return None
