@@ -1,4 +1,4 @@
-"""Merges the batches that workers rendered into a job's film, all in one write."""
+"""Merges rendered batches into a job's film, all in one write."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ __all__ = ["Arrived", "batch_of", "merge"]
 
 @dataclass(frozen=True)
 class Arrived:
-    """A received batch. taken: whether the film accepted it; False for a duplicate."""
+    """A received batch. taken: whether the film accepted it; False for a duplicate.
+
+    fault: why its sums cannot be used, or None.
+    """
 
     message: BatchDone
     batch: Range | None  # None if the job does not need it, or no longer
@@ -29,7 +32,10 @@ class Arrived:
 
 
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrived]:
-    """Adds the batches that are still needed to the job's film. Raises FilmWaits or FilmLost; then none was added."""
+    """Adds the batches that the job still needs to its film; returns all batches.
+
+    Raises FilmWaits or FilmLost; then none was added.
+    """
     wanted = [_wanted(message, job) for message, _ in answers]
     faults = [_weight(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
     parts = [
@@ -58,7 +64,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Arrive
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
-    """Returns the batch that a message refers to; None if the job has no such frame or the film no such tile."""
+    """Returns the batch that a message refers to; None if the job has no such frame, or its film no such tile."""
     tile = job.film.index_of(Tile(*message.tile)) if message.frame in job.frames else None
     return None if tile is None else Range(tile, message.first, message.count, message.frame)
 
@@ -69,12 +75,12 @@ def _wanted(message: BatchDone, job: ActiveJob) -> Range | None:
 
 
 def _weight(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
-    """Returns an error if a batch's sums contain another number of samples than the batch; None if valid or not needed."""
+    """Returns an error sentence if the sums have another number of samples than the batch; None if valid or no longer needed."""
     return None if batch is None else _fault(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
 
 
 def _damage(sums: bytes, batch: Range, job: ActiveJob) -> str | None:
-    """Returns an error if a batch's sums cannot be decoded, else None."""
+    """Returns an error sentence if a batch's sums cannot be decoded, else None."""
     return _fault(lambda: check_sums(sums, job.film.tiles[batch.tile]))
 
 

@@ -1,4 +1,4 @@
-"""Messages of workers, validated: an invalid one raises Unusable."""
+"""Models of the workers' messages. Parsing an invalid message raises Unusable."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
 
 
 def _sentence(value: Any) -> str:
-    """Bounds a text without losing its code."""
+    """Shortens a sentence to the maximum length, and preserves its code."""
     if not isinstance(value, str) or len(value) > LONGEST_SENTENCE:
         raise ValueError(f"no text of at most {LONGEST_SENTENCE} characters")
     return value.mapped(_without_zeros) if isinstance(value, Sentence) else _without_zeros(value)
@@ -63,7 +63,7 @@ Info = TypeVar("Info", SceneInfo, FrameInfo)
 
 
 def _with_warnings(info: Info, sent: Any) -> Info:
-    """Returns validated information with the sentences that were sent, which validation turns into plain texts."""
+    """Returns `info` with the sentences that were sent, including their codes; validation has converted them to plain texts."""
     warnings = sent["warnings"] if isinstance(sent, dict) else sent.warnings
     return replace(info, warnings=[_sentence(warning) for warning in warnings])
 
@@ -81,7 +81,7 @@ DEEPEST = 8  # nesting levels of lists and objects
 
 
 class Unusable(ValueError):  # noqa: N818 - named as what it says
-    """Error for an invalid message; the text is the reason."""
+    """Raised for an invalid message. The text is the reason."""
 
 
 Line = Annotated[str, Field(max_length=1000)]
@@ -100,12 +100,12 @@ class _Batch(BaseModel):
 
     @property
     def owner(self) -> str:
-        """The id of the job that the message belongs to."""
+        """The id of the job to which the message belongs."""
         return self.job
 
 
 class Piece(NamedTuple):
-    """One of several batches whose sums were added up."""
+    """One of several batches whose sums a worker has added up."""
 
     batch: Id
     first: Number
@@ -115,7 +115,7 @@ class Piece(NamedTuple):
 
 
 class BatchDone(_Batch):
-    """Message: a batch, or several consecutive ones of a tile, were rendered; their sums come with it."""
+    """Message: a batch, or several consecutive batches of a tile, were rendered. Includes their sums."""
 
     type: Literal["batch", "batches"]
     batch: Id = ""
@@ -129,12 +129,12 @@ class BatchDone(_Batch):
 
     @property
     def pieces(self) -> list[Piece]:
-        """The individual batches as they were handed out."""
+        """Returns the individual batches, as they were dispatched."""
         return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
 
     @property
     def senders(self) -> tuple[str, ...]:
-        """The workers that rendered it, without duplicates."""
+        """Returns the names of the workers that rendered the batches, without duplicates."""
         return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
 
     @model_validator(mode="after")
@@ -159,7 +159,7 @@ class BatchFailed(_Batch):
 
 
 class BatchReturned(_Batch):
-    """Message: a worker returns a batch because of its own trouble, such as a lost connection or a full disk."""
+    """Message: a worker sends back a batch because of its own trouble, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
     error: Said
@@ -171,7 +171,7 @@ class _Denoise(BaseModel):
 
     @property
     def owner(self) -> str:
-        """The id of the request that the message belongs to."""
+        """The id of the request to which the message belongs."""
         return self.work
 
 
@@ -197,14 +197,14 @@ class _Vectors(_Denoise):
 
 
 class VectorsMade(_Vectors):
-    """Message: a frame's motion vectors were made."""
+    """Message: a frame's motion vectors were computed."""
 
     type: Literal["vectors-made"]
     sha256: Id
 
 
 class VectorsFailed(_Vectors):
-    """Message: a frame's motion vectors could not be made."""
+    """Message: a frame's motion vectors could not be computed."""
 
     type: Literal["vectors-failed"]
     error: Said
@@ -219,7 +219,7 @@ class EnvironmentShown(_Denoise):
 
 
 class EnvironmentFailed(_Denoise):
-    """Message: an uploaded environment image cannot be used as a light."""
+    """Message: an uploaded environment image cannot be used for lighting."""
 
     type: Literal["environment-failed"]
     error: Said
@@ -233,7 +233,7 @@ class _Prepare(BaseModel):
 
     @property
     def owner(self) -> str:
-        """The id of the scene that the message belongs to."""
+        """The id of the scene to which the message belongs."""
         return self.scene
 
 
@@ -244,7 +244,7 @@ class PrepareStarted(_Prepare):
 
 
 class PrepareGoesOn(_Prepare):
-    """Message: the progress of a scene's preparation; `fraction` is 0 to 1."""
+    """Message: progress of a scene's preparation. `fraction`: 0 to 1."""
 
     type: Literal["prepare-progress"]
     step: Said
@@ -261,7 +261,7 @@ class PrepareGoesOn(_Prepare):
 
 
 class PrepareDone(_Prepare):
-    """Message: a scene was prepared for a kind of workers."""
+    """Message: a scene was prepared for a worker kind."""
 
     type: Literal["prepared"]
     info: SceneInfo
@@ -322,7 +322,7 @@ def _without_nul(value: Any) -> Any:
 
 
 def _check_plain(info: SceneInfo | FrameInfo) -> None:
-    """Validates values that are stored as JSON and displayed: finite numbers, limited lengths and depths. Raises ValueError."""
+    """Checks values that are stored as JSON and displayed: finite numbers, limited text lengths and depth. Raises ValueError."""
     if not is_plain(asdict(info), DEEPEST, LONGEST_TEXT):
         raise ValueError("a value that is not finite, too long or too deep")
 
@@ -335,7 +335,7 @@ class PrepareFailed(_Prepare):
 
 
 class PrepareReturned(_Prepare):
-    """Message: a worker returns a scene because of its own trouble.
+    """Message: a worker sends back a scene because of its own trouble.
 
     unfit: the worker's machine cannot prepare the scene. passing: the cause is temporary.
     """
@@ -354,12 +354,12 @@ class _Frames(BaseModel):
 
     @property
     def owner(self) -> str:
-        """The id of the job that the message belongs to."""
+        """The id of the job to which the message belongs."""
         return self.job
 
 
 class FramePrepared(_Frames):
-    """Message: a frame of a shot was prepared for a kind of workers."""
+    """Message: a frame of a shot was prepared for a worker kind."""
 
     type: Literal["frame-prepared"]
     frame: Number
@@ -388,7 +388,7 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """Message: a worker returns the frames that it has not answered. unfit, passing: as in PrepareReturned."""
+    """Message: a worker sends back the frames that it has not prepared. unfit, passing: as in PrepareReturned."""
 
     type: Literal["frames-returned"]
     error: Said
@@ -397,7 +397,7 @@ class FramesReturned(_Frames):
 
 
 class Wake(BaseModel):
-    """Empty message that ends the engine's wait for messages because other work is pending."""
+    """Empty message that ends the engine's wait for messages, because other work is pending."""
 
     type: Literal["wake"]
     owner: Literal[""] = ""
@@ -427,7 +427,7 @@ _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discrimin
 
 
 def parse_message(entry: Entry) -> Message:
-    """Parses and validates the message of a stream entry. Raises Unusable."""
+    """Parses and validates the message in a stream entry. Raises Unusable."""
     if entry.result is None:
         raise Unusable(entry.fault)
     try:

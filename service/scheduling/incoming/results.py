@@ -1,4 +1,4 @@
-"""The only reader of the stream of workers' answers. An entry is deleted only after its content is stored or put aside."""
+"""Reads the stream of results. An entry is deleted only after its content was stored or moved to the dead-letter list."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BEGINNING: Position = (0, 0)
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of the stream. `result` is None if it cannot be parsed, with the reason in `fault`."""
+    """An entry of the stream. `result`: the parsed message; None if it cannot be parsed, for the reason in `fault`."""
 
     id: bytes
     result: Result | None
@@ -51,12 +51,12 @@ class Entry:
 
 
 class Results:
-    """Reads the stream from its beginning, each entry once: entries present at the start have not been stored yet."""
+    """Reads the stream from its beginning, each entry once. Entries that exist at the start have not been stored yet."""
 
     def __init__(self, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
-        """Creates the reader.
+        """Stores the parameters.
 
-        guard: raises FarmError if this service may not take in results, because another one stores them.
+        guard: raises FarmError if this service may not process results, because another one owns the farm.
         """
         self._redis = connection
         self._guard = guard
@@ -67,10 +67,10 @@ class Results:
         self._cut_off = 0  # consecutive reads of one entry during which the connection ended
 
     def read(self, block_ms: int) -> list[Entry]:
-        """Returns the oldest unread entries, blocking for at most `block_ms` milliseconds. Raises redis.RedisError.
+        """Returns the oldest unread entries. Waits at most `block_ms` milliseconds for one. Raises redis.RedisError.
 
         Redis closes the connection if a reply exceeds its output limit for clients; then fewer entries are read at a time. A
-        single entry above that limit is returned without fields, with a fault.
+        single entry above that limit is returned without content, with a fault.
         """
         after = _text(self._read_to)
         try:
@@ -104,7 +104,7 @@ class Results:
     def end(self) -> Position:
         """Returns the position of the latest entry. Raises redis.RedisError.
 
-        Does not use XINFO STREAM, which also returns the first and last entry, and these may be large.
+        Does not use XINFO STREAM, whose reply includes the first and last entries, which may be large.
         """
         with self._redis.pipeline() as pipe:
             pipe.xgroup_destroy(RESULTS, CURSOR)
@@ -118,7 +118,7 @@ class Results:
         return max((_position(group["last-delivered-id"]) for group in groups), default=BEGINNING)
 
     def _next_id(self) -> bytes | None:
-        """Returns the id of the next entry without reading it; None if there is none. Raises redis.RedisError."""
+        """Returns the id of the next entry without reading its content; None if there is none. Raises redis.RedisError."""
         self._redis.xgroup_create(RESULTS, CURSOR, _text(self._read_to))
         try:
             with contextlib.suppress(redis.ConnectionError):  # Redis marks it as delivered although its content was cut off
@@ -129,7 +129,7 @@ class Results:
             self._redis.xgroup_destroy(RESULTS, CURSOR)
 
     def has_read(self, position: Position) -> bool:
-        """Returns True if all entries up to this position were read."""
+        """Whether all entries up to this position were read."""
         return self._read_to >= position
 
     def length(self) -> int:
@@ -137,9 +137,9 @@ class Results:
         return int(self._redis.xlen(RESULTS))
 
     def repair(self) -> bool:
-        """Restores the stream so that it accepts entries; returns whether it needed a repair. Raises redis.RedisError.
+        """Restores a damaged stream so that it accepts entries; returns whether that was necessary. Raises redis.RedisError.
 
-        A key of another type is deleted, and so is an empty stream whose last id lies far in the future.
+        Deletes a key of another type, and an empty stream whose last id is far in the future.
         """
         if repair(self._redis, RESULTS, "stream"):
             self.start_over()
@@ -161,16 +161,16 @@ class Results:
         return True
 
     def start_over(self) -> None:
-        """Resets the position, so that the whole stream is read again."""
+        """Resets the reading position, so that the whole stream is read again."""
         self._read_to = BEGINNING
 
     def wake(self) -> None:
-        """Ends a blocking `read`. Safe to call from any thread. Errors of Redis are ignored, since they end the read as well."""
+        """Makes a blocking `read` return. Thread-safe. Ignores errors of Redis, since they make `read` return too."""
         with contextlib.suppress(redis.RedisError):
             self._redis.xadd(RESULTS, {"event": json.dumps({"type": "wake"})})
 
     def delete(self, entries: list[Entry]) -> None:
-        """Deletes entries that were stored. Raises redis.RedisError."""
+        """Deletes entries whose content was stored. Raises redis.RedisError."""
         if entries:
             self._guard()
             self._redis.xdel(RESULTS, *[entry.id for entry in entries])
