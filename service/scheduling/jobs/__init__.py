@@ -1,4 +1,4 @@
-"""Active jobs, as the engine holds them in memory.
+"""Active jobs in the engine's memory.
 
 active_job.py      an active job
 active_frame.py    a frame of a job: its plan and its noise

@@ -22,7 +22,7 @@ OF_NOISE = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, SAMP
 
 
 class FrameNumbers(NamedTuple):
-    """Progress of a frame. A tuple, because a list of jobs creates thousands of them."""
+    """Progress of a frame: samples, noise and state. A tuple, since a list of jobs creates thousands of them."""
 
     state: str
     samples: int
@@ -34,7 +34,7 @@ class FrameNumbers(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """The columns of a frame's row that the engine needs. has_settings: whether the row stores its render settings."""
+    """The columns of a frame's row that the engine reads. has_settings: whether the row stores its render settings."""
 
     number: int
     samples: int
@@ -49,7 +49,7 @@ class FrameRow(NamedTuple):
 
 
 class ActiveFrame:
-    """An active frame. Changed only by the engine's thread."""
+    """A frame of an active job. Changed only by the engine's thread."""
 
     __slots__ = (
         *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
@@ -70,10 +70,10 @@ class ActiveFrame:
     ) -> None:
         """Creates the frame from its row.
 
-        settings: at the frame's time; a function that loads them when they are needed, or None if they are not known yet.
-        compiled: kind of workers -> SHA-256 of its compiled scene.
+        settings: render settings at the frame's time; a function that loads them on demand; or None if they are not known yet.
+        compiled: SHA-256 of the frame's compiled scene, by worker kind.
         noise: target noise; None without a target.
-        is_measured: whether to estimate the noise while rendering, even without a target noise.
+        is_measured: whether to estimate the noise while rendering, even without a target.
         share: expected samples per pixel, if `spp` is only the upper limit.
         """
         self.key = row.number
@@ -105,7 +105,7 @@ class ActiveFrame:
 
     @property
     def settings(self) -> RenderSettings | None:
-        """Render settings at the frame's time; None if not known yet. Raises FarmError."""
+        """Render settings at the frame's time; None if they are not known yet. Raises FarmError."""
         if self._stored is not None:
             self._settings, self._stored = self._stored(), None
         return self._settings
@@ -116,7 +116,10 @@ class ActiveFrame:
 
     @property
     def plan(self) -> FramePlan:
-        """The frame's plan, created on first access from all its tiles in the film. Raises FilmWaits or FilmLost."""
+        """The frame's plan. Created at the first access from the samples of all tiles in the film.
+
+        Raises FilmWaits or FilmLost.
+        """
         if self._plan is None:
             self.bad_samples = self.film.bad_samples(self.key)[0]
             self._plan = FramePlan(
@@ -128,21 +131,21 @@ class ActiveFrame:
 
     @property
     def has_all(self) -> bool:
-        """True if every tile has reached its goal. Raises FilmWaits or FilmLost."""
+        """Whether every tile has reached its goal. Raises FilmWaits or FilmLost."""
         return self.is_begun and self.plan.done
 
     @property
     def is_begun(self) -> bool:
-        """True if the frame has a plan, or a film file to create one from."""
+        """Whether the frame has a plan, or a film file from which the plan can be created."""
         return self._plan is not None or self.film.has_file
 
     @property
     def was_recorded(self) -> bool:
-        """True if the frame's row contains its target number of samples."""
+        """Whether the frame's target number of samples is already stored in its row."""
         return self._recorded[1] > 0
 
     def focus_on(self, focus: Tile | None) -> None:
-        """Sets the rectangle of the picture rendered first; None: none."""
+        """Sets the rectangle of the picture that is rendered first; None: no such rectangle."""
         self._focus = focus
         if self._plan is not None:
             self._plan.focus(self._in_focus())
@@ -155,19 +158,19 @@ class ActiveFrame:
         return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
 
     def ask(self, spp: int, noise: float | None) -> None:
-        """Sets a new goal. Outstanding batches count as lost."""
+        """Sets a new goal: samples per pixel and target noise. Discards the plan, so outstanding batches are planned again."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
         self._plan, self.is_idle = None, False
         self._changed()
 
     @property
     def is_over(self) -> bool:
-        """True if the frame is finished or failed."""
+        """Whether the frame is finished or failed."""
         return self.state in ("finished", "failed")
 
     @property
     def samples(self) -> int:
-        """Rendered samples, summed over all pixels."""
+        """Number of rendered samples, summed over all pixels."""
         return self._counted()[0]
 
     @property
@@ -189,37 +192,41 @@ class ActiveFrame:
 
     @property
     def has_first_wave(self) -> bool:
-        """True if every tile has at least one sample."""
+        """Whether every tile has at least one sample."""
         return self._plan.has_first_wave if self._plan is not None else self.state == "finished"
 
     @property
     def progress(self) -> float:
-        """Progress by samples, 0 to 1."""
+        """Fraction of the target samples that are rendered, 0 to 1."""
         return 1.0 if self.state == "finished" else min(self.samples / max(self.target_samples, 1), 0.9999)
 
     def numbers(self) -> FrameNumbers:
-        """Returns the frame's current progress."""
+        """Returns the frame's current progress numbers."""
         state = "preparing" if self.state == "queued" and self.is_preparing else self.state
         return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
 
     def raise_ceiling(self, ceiling: int) -> None:
-        """Raises the ceiling to this number of samples per pixel."""
+        """Raises the ceiling, the number of samples per pixel up to which batches may be dispatched."""
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
         self._changed()
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
-        """Returns the next batch below the ceiling; None if all are handed out. Raises FilmWaits or FilmLost."""
+        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmWaits or FilmLost.
+
+        samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
+        tile.
+        """
         return self.plan.next(samples_wanted, of_a_tile)
 
     def lose(self, batch: Range) -> None:
-        """Returns a lost batch to the plan."""
+        """Returns a lost batch to the plan, to be dispatched again."""
         self.plan.lose(batch)
         self.is_idle = False
         self._changed()
 
     def settle(self, batch: Range) -> None:
-        """Updates the plan and the noise from the film after a batch returned. Raises FilmWaits or FilmLost."""
+        """Updates the plan and the noise from the film after a batch was merged. Raises FilmWaits or FilmLost."""
         self.plan.settle(batch)
         self.is_idle = False
         if self.state == "queued":
@@ -237,7 +244,7 @@ class ActiveFrame:
                 self._due[batch.tile] = None
 
     def estimate_noise(self, looks: NoiseBudget) -> None:
-        """Estimates the noise of tiles with many new samples, within the time limit `looks`.
+        """Estimates the noise of tiles that have many new samples, until the time limit `looks` is used up.
 
         Raises FilmWaits or FilmLost.
         """
@@ -255,12 +262,12 @@ class ActiveFrame:
             self.noise = self._whole_noise()
 
     def renew_noise(self) -> None:
-        """Updates the noise; for tiles rendered since their latest estimate, it is extrapolated from their number of samples."""
+        """Updates the frame's noise. For tiles with new samples it is extrapolated from their latest estimate."""
         if self._plan is not None and self._measured:
             self.noise = self._whole_noise()
 
     def measured(self) -> float:
-        """Returns the current noise, estimated from all tiles; infinite if unknown. Raises FilmWaits or FilmLost."""
+        """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown. Raises FilmWaits or FilmLost."""
         for tile, covered in enumerate(self.plan.covered):
             if self._measured.get(tile, (0, 0.0))[0] != covered:
                 self._measure(tile, covered)
@@ -274,7 +281,7 @@ class ActiveFrame:
         self._changed()
 
     def finish(self) -> None:
-        """Marks the frame as finished and drops its plan."""
+        """Marks the frame as finished and frees its plan."""
         self.state = "finished"
         if self._plan is not None:  # the film stores the samples; a long shot would hold many plans
             self._recorded = self._plan.samples, self._plan.target_samples
@@ -287,7 +294,7 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """The settings as JSON for the frame's row, cached; None if they are unknown or already stored there."""
+        """Returns the settings as JSON for the frame's row, cached; None if they are unknown or stored already."""
         if self._settings is None:
             return None
         if self._json is None or self._json[0] is not self._settings:
@@ -295,7 +302,7 @@ class ActiveFrame:
         return self._json[1]
 
     def _noise_for_plan(self, tile: int) -> float:
-        """Returns the noise of a tile to its plan, estimated now."""
+        """Estimates the noise of a tile now and returns it, for the plan."""
         self._measure(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]
@@ -305,7 +312,10 @@ class ActiveFrame:
             self._measured[tile] = samples, self._tile_noise(tile)
 
     def _whole_noise(self) -> float | None:
-        """Returns the root mean square of the tiles' noise, extrapolated for tiles rendered since; None if unknown."""
+        """Returns the root mean square of the tiles' noise, weighted by area; None if unknown.
+
+        The noise of tiles with newer samples than their estimate is extrapolated.
+        """
         square = area = 0.0
         for tile, (samples, noise) in self._measured.items():
             t = self.film.tiles[tile]

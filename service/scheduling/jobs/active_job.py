@@ -1,4 +1,4 @@
-"""An active job: its film, frames, speed, and failures of batches."""
+"""An active job: its film, frames, speed, and failed batches."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ class ActiveJob:
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """Creates a job without frames. Call `take` for all frames, then complete `begin`, before anything else.
+        """Creates a job without frames. Then call `take` for all frames and exhaust `begin` before calling anything else.
 
-        settings_of: returns the settings of a frame that are stored in its row.
-        compiled: kind of workers -> SHA-256 of the scene compiled for it at its start time.
-        of_scene: hashes of all blobs that the scene refers to; they are kept when frames are released.
+        settings_of: returns the settings that are stored in a frame's row.
+        compiled: SHA-256 of the scene compiled for the job's start time, by worker kind.
+        of_scene: hashes of all blobs that the scene refers to; releasing frames does not release these.
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
@@ -101,7 +101,7 @@ class ActiveJob:
         self.unwritten: set[int] = set()  # frames changed since they were stored
 
     def take(self, rows: Sequence[FrameRow]) -> None:
-        """Adds frames, in their order. Raises FilmWaits or FilmLost."""
+        """Adds frames in rendering order. Raises FilmWaits or FilmLost."""
         for row in rows:
             self.frames[row.number] = frame = self._frame(row)
             self._without_picture.append(frame)
@@ -109,9 +109,10 @@ class ActiveJob:
                 self._goals[row.number] = row.spp
 
     def begin(self) -> Iterator[None]:
-        """Yields after each step of ordering and summing up the frames.
+        """Sorts and sums up the frames; yields after each step.
 
-        A long shot needs many steps, between which the engine handles other jobs. Call no other method before the last one.
+        A long shot needs many steps, between which the engine handles other jobs. Call no other method until the iterator is
+        exhausted.
         """
         self.focus_on(self.focus)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN, 1)
@@ -152,7 +153,7 @@ class ActiveJob:
 
     @property
     def done(self) -> bool:
-        """True if the job has reached its goal; failed frames are ignored."""
+        """Whether the job has reached its goal. Failed frames are ignored."""
         if self.checks.get(self.id):
             return False
         if self.shot is None:
@@ -165,41 +166,41 @@ class ActiveJob:
 
     @property
     def has_first_wave(self) -> bool:
-        """True if every tile of every frame has at least one sample; failed frames are ignored."""
+        """Whether every tile of every frame has at least one sample. Failed frames are ignored."""
         while (left := self._without_picture) and (left[-1].has_first_wave or left[-1].state == "failed"):
             left.pop()
         return not left
 
     @property
     def samples(self) -> int:
-        """Rendered samples of all frames and pixels."""
+        """Number of rendered samples, summed over all frames and pixels."""
         return self._totals.renewed().samples
 
     @property
     def target_samples(self) -> int:
-        """Expected final number of samples of all frames and pixels."""
+        """Expected final number of samples, summed over all frames and pixels."""
         return self._totals.renewed().target
 
     @property
     def bad_samples(self) -> int:
-        """Number of discarded samples, such as infinite ones."""
+        """Number of samples discarded because they were NaN or infinite."""
         return self._totals.renewed().bad_samples
 
     @property
     def progress(self) -> float:
-        """Progress by samples or time, whichever is greater; 0 to 1."""
+        """The larger of the fractions of samples and of time that are done; 0 to 1."""
         by_samples = self.samples / max(self.target_samples, 1)
         by_time = self.active_s / self.seconds if self.seconds else 0.0
         return 1.0 if self.done else min(max(by_samples, by_time), 0.9999)
 
     @property
     def noise_now(self) -> float | None:
-        """Maximum noise of the frames; None while that of any frame is unknown."""
+        """Maximum noise over the frames; None while that of any frame is unknown."""
         return self._totals.renewed().noise.value
 
     @property
     def forecast(self) -> float | None:
-        """Maximum expected final noise of the frames; None if unknown."""
+        """Maximum over the frames of the expected final noise; None if unknown."""
         return self.agenda.forecast if self.agenda.forecast is not None else self._totals.renewed().ends.value
 
     @property
@@ -212,17 +213,17 @@ class ActiveJob:
         return by_samples if by_time is None else min(by_time, by_samples)
 
     def queue(self, kind: str) -> str:
-        """Returns the name of the queue for the job's batches to workers of a kind."""
+        """Returns the name of the queue for this job's batches and workers of this kind."""
         return render_queue(kind) if self.needs is None else self.needs.queue(kind)
 
     @property
     def is_late(self) -> bool:
-        """True if the job has missed its deadline or is expected to."""
+        """Whether the job has missed its deadline or is expected to."""
         return self.urgency < math.inf
 
     @property
     def sample_s(self) -> float:
-        """Expected slot-seconds for one sample of a pixel; 0 if unknown."""
+        """Expected slot-seconds per pixel sample; 0 if unknown."""
         return self._costs.average or self.foretold_s
 
     @property
@@ -234,7 +235,7 @@ class ActiveJob:
         return max(1, math.ceil(left_s / WORTH_A_SLOT_S))
 
     def touch(self, frame: ActiveFrame) -> None:
-        """Marks a frame as changed."""
+        """Marks a frame as changed, so that its numbers are updated."""
         self._note(frame.key)
 
     def _note(self, key: int) -> None:
@@ -244,17 +245,18 @@ class ActiveJob:
         self.unwritten.add(key)
 
     def aim_s(self, batch_seconds: float, slots: int) -> float:
-        """Returns the target duration in seconds of the work handed out to a slot at once.
+        """Returns the target duration, in seconds, of the work that is dispatched to a slot at once.
 
-        Near the end it is at most a third of the remaining work per slot, so that all slots end at about the same time.
+        Near the end of the job it is at most a third of the remaining work per slot, so that all slots end at about the same
+        time.
         """
         left_s = max(self.target_samples - self.samples, 0) * self._costs.average / max(slots, 1)
         return min(batch_seconds, max(SMALLEST_BATCH_S, left_s / 3))
 
     def next(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
-        """Returns the next batch for a slot, of about `batch_seconds` but shorter near the end; None if there is none.
+        """Returns the next batch for a slot, of about `batch_seconds` or shorter near the end; None if there is none.
 
-        slots: number of slots of the kind. of_a_tile: maximum number of consecutive batches of one tile.
+        slots: number of slots of this worker kind. of_a_tile: maximum number of consecutive batches of one tile.
         """
         aim = self.aim_s(batch_seconds, slots)
 
@@ -274,27 +276,30 @@ class ActiveJob:
         return None
 
     def lose(self, batch: Range) -> None:
-        """Returns a lost batch to the plan, which hands it out again first."""
+        """Returns a lost batch to the plan, which dispatches it first."""
         if (frame := self.frames.get(batch.frame)) is not None:
             frame.lose(batch)
 
     def wants(self, batch: Range) -> bool:
-        """Returns True if the job still needs these samples."""
+        """Whether the job still needs the samples of this batch."""
         frame = self.frames.get(batch.frame)
         return frame is not None and (self.shot is None or not frame.is_over) and frame.plan.wants(batch)
 
     @property
     def knows_cost(self) -> bool:
-        """True if the cost of a sample is known, because a batch has returned."""
+        """Whether the cost of a sample is known, because a batch has returned."""
         return self._costs.average > 0.0
 
     def expected_s(self, batch: Range) -> float:
-        """Returns the expected duration of a batch on one slot, in seconds; 0 if unknown."""
+        """Returns the expected rendering time of a batch on one slot, in seconds; 0 if unknown."""
         rect = self.film.tiles[batch.tile]
         return self._costs.of(batch.tile) * rect.w * rect.h * batch.count
 
     def came_back(self, batch: Range, seconds: float) -> None:
-        """Records a batch that the film accepted or dropped as a duplicate. `settle` updates the plan."""
+        """Records a batch that the film accepted or dropped as a duplicate. Call `settle` to update the plan.
+
+        seconds: its rendering time.
+        """
         self.handed_back = None
         self._learn(batch, seconds)
         last = self._unsettled[-1] if self._unsettled else None
@@ -304,7 +309,7 @@ class ActiveJob:
             self._unsettled.append(batch)
 
     def settle(self) -> None:
-        """Updates the plans from the film after batches returned. Raises FilmWaits or FilmLost; then call it again."""
+        """Updates the plans from the film after batches have returned. Raises FilmWaits or FilmLost; then call it again."""
         while self._unsettled:
             batch = self._unsettled[0]
             frame = self.frames.get(batch.frame)
@@ -320,12 +325,12 @@ class ActiveJob:
         self._note(frame.key)
 
     def fail(self, frame: ActiveFrame, error: str) -> None:
-        """Marks a frame as failed; the others continue. Raises FilmWaits or FilmLost."""
+        """Marks a frame as failed; the other frames continue. Raises FilmWaits or FilmLost."""
         frame.fail(error)
         self._unsettled_frame(frame)
 
     def prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
-        """Marks a frame as prepared for a kind of workers. own: BlobRef of the scene compiled for it alone, as JSON."""
+        """Marks a frame as prepared for a worker kind. own: BlobRef of the scene compiled for this frame only, as JSON."""
         frame.settings = settings
         frame.compiled[kind] = self.compiled[kind] if own is None else str(own["sha256"])
         if own is not None and not frame.is_over:
@@ -333,7 +338,10 @@ class ActiveJob:
         self.touch(frame)
 
     def release(self, all_frames: bool = False) -> Counter[str]:
-        """Drops the compiled scenes of frames that no longer need them; returns the number of references by blob hash."""
+        """Removes the compiled scenes that frames no longer need. Returns the number of removed references, by blob hash.
+
+        all_frames: removes those of all frames.
+        """
         gone: Counter[str] = Counter()
         for frame in self.agenda.turns.owning():
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
@@ -343,23 +351,23 @@ class ActiveJob:
         return gone
 
     def compiled_for(self, kind: str, sha256: str) -> None:
-        """Records that the scene was compiled for a kind of workers."""
+        """Records that the scene was compiled for a worker kind."""
         self.compiled[kind] = sha256
         if self.shot is None:  # a still is rendered from it directly
             self.agenda.turns.note(*self.frames)
 
     def finish_frames(self) -> None:
-        """Finishes all frames of a finished shot that have not failed."""
+        """Marks all frames of a finished shot as finished, except failed ones."""
         for frame in self.frames.values():
             if self.shot is not None and not frame.is_over:
                 frame.finish()
 
     def differs_from_goal(self, spp: int, noise: float | None, seconds: float | None) -> bool:
-        """Returns True if this goal differs from the current one."""
+        """Whether this goal differs from the job's current one."""
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def ask(self, spp: int, noise: float | None, seconds: float | None) -> None:
-        """Sets a new goal of a still. Outstanding batches count as lost. Raises FilmWaits or FilmLost."""
+        """Sets a new goal for a still image. Outstanding batches are planned again. Raises FilmWaits or FilmLost."""
         self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
         for frame in self.frames.values():
@@ -367,13 +375,13 @@ class ActiveJob:
             frame.plan  # noqa: B018
 
     def focus_on(self, focus: Sequence[int] | None) -> None:
-        """Sets the rectangle (x, y, w, h), in pixels, of every frame that is rendered first; None: none."""
+        """Sets the rectangle (x, y, w, h), in pixels, that is rendered first in every frame; None: no such rectangle."""
         self.focus = None if focus is None else list(focus)
         for frame in self.frames.values():
             frame.focus_on(None if focus is None else Tile(*focus))
 
     def tick(self, rendering: bool) -> None:
-        """Adds the elapsed wall time if the job is being rendered, and updates its speed about once a second."""
+        """Updates the job's speed about once a second. rendering: also adds the elapsed wall time to the job's rendering time."""
         now = time.monotonic()
         if rendering:
             self.active_s += now - self._clock

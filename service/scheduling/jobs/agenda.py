@@ -23,14 +23,15 @@ PILOT = 16  # samples per pixel before a frame's noise determines its share of t
 
 
 class Agenda:
-    """The order of a job's frames. `frames`: by key, in the shot's order."""
+    """Order in which a job's frames are rendered. `frames`: by key, in the shot's order."""
 
     def __init__(
         self, frames: Mapping[int, ActiveFrame], order: str, every: int, spp: int, goals: Mapping[int, int] | None = None
     ) -> None:
-        """Creates the order.
+        """Stores the parameters.
 
-        spp: mean samples per pixel over the shot's frames. goals: samples per pixel by frame, from an earlier round.
+        every: the step n of the order. spp: mean samples per pixel over the shot's frames. goals: samples per pixel by frame,
+        from an earlier round.
         """
         self._frames = frames
         self._order = order
@@ -52,7 +53,7 @@ class Agenda:
 
     @property
     def first(self) -> int | None:
-        """The frame that is rendered before all others."""
+        """Key of the frame that is rendered before all others; None if there is none."""
         return self._first
 
     @first.setter
@@ -61,18 +62,21 @@ class Agenda:
         self._first = key
 
     def next(self, kind: str) -> ActiveFrame | None:
-        """Returns the next frame for workers of a kind; None if no prepared frame has work."""
+        """Returns the next frame for workers of this kind; None if no prepared frame has work."""
         return self.turns.ready(kind)
 
     def overtakes(self, frame: ActiveFrame, kind: str) -> bool:
-        """Returns True if a frame is served only because an earlier one is not prepared yet."""
+        """Whether a frame precedes only because a frame before it in the order is not prepared yet.
+
+        Only for orders with rounds.
+        """
         if self._order not in ROUNDS:
             return False
         first = self.turns.first_lacking(kind)
         return first is not None and first < self.turn(frame)
 
     def turn(self, frame: ActiveFrame) -> Turn:
-        """Returns the sort key of a frame; the smallest is rendered first."""
+        """Returns the sort key of a frame. The frame with the smallest key is rendered first."""
         rank = self._rank[frame.key]
         before = 0.0 if frame.key == self.first else 1.0
         if self._order == "breadth-first":
@@ -83,7 +87,10 @@ class Agenda:
         return before, rank
 
     def passed(self, frame: ActiveFrame) -> bool:
-        """Raises a frame's ceiling after all samples below it were handed out; returns whether the frame continues at once."""
+        """Raises a frame's ceiling after all samples below it were dispatched.
+
+        Returns whether the frame has more to dispatch now.
+        """
         top = {"breadth-first": frame.spp, "noisiest-first": self._pilot}.get(self._order, frame.ceiling)
         if frame.ceiling >= top:
             return False
@@ -91,10 +98,10 @@ class Agenda:
         return True
 
     def settled(self, frame: ActiveFrame) -> None:
-        """Finishes a frame if it is complete, and starts the next round if it was the last frame of the current one.
+        """Finishes a frame if it is complete. If it was the last frame of the round, starts the next round.
 
-        Call it after a batch of the frame returned, after all of it was handed out, or after it failed. Raises FilmWaits or
-        FilmLost; then call it again.
+        Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises FilmWaits
+        or FilmLost; then call it again.
         """
         if not frame.is_over and frame.plan.done:
             frame.finish()
@@ -106,7 +113,7 @@ class Agenda:
                 self._lay_out()
 
     def _lay_out(self) -> None:
-        """Computes the goals of the next round, or finishes all frames if none remains."""
+        """Computes the sample goals of the next round. Finishes all frames if no budget remains."""
         open = [f for f in self._frames.values() if not f.is_over]
         noises = [f.measured() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
@@ -121,17 +128,17 @@ class Agenda:
                 frame.finish()
 
     def begin_round(self) -> None:
-        """Starts the next round, after its goals were stored."""
+        """Starts the next round, once its goals are stored."""
         for key, goal in self.new_goals.items():
             self._frames[key].raise_ceiling(goal)
         self.new_goals = {}
 
 
 def shares(has: list[int], noise: list[float], budget: int, most: int) -> tuple[list[int], float | None]:
-    """Returns the next goal of each frame in samples per pixel, and the maximum noise expected after `budget` samples.
+    """Returns the next goal of each frame in samples per pixel, and the expected maximum noise after `budget` samples (or None).
 
-    has, noise: samples per pixel and relative noise of each frame. budget: samples per pixel of all frames together, including
-    those that they have. most: maximum per frame. Frames with unknown or zero noise keep what they have.
+    has, noise: samples per pixel and relative noise of each frame. budget: samples per pixel summed over all frames, including
+    existing ones. most: maximum per frame. Frames of unknown or zero noise get no more samples.
     """
     known = [(h, n) for h, n in zip(has, noise, strict=True) if math.isfinite(n) and n > 0]
     if not known:

@@ -1,4 +1,4 @@
-"""Failures and losses of a batch, and their limits."""
+"""Failures and losses of batches, and their limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOSSES_ALLOWED = 5
 
 @dataclass
 class BatchFailures:
-    """The failures and losses of one batch."""
+    """Counts of the failures and losses of one batch."""
 
     since: float = field(default_factory=time.monotonic)
     losses: int = 0

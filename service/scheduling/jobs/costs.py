@@ -1,7 +1,7 @@
 """Expected time of a sample in each tile of a job's film.
 
-A machine that gets busy slows down all tiles at once. The cost of a tile that was rendered before that is corrected by the
-change of pace since then, so batches keep their length although most tiles have not been rendered at the new pace.
+A machine that becomes busy slows down all tiles at once. So the cost of tiles that were rendered before is corrected by the
+change of speed since then, and batches have the right length although most tiles were not rendered at the new speed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ MOST_FASTER, MOST_SLOWER = 1.5, 4.0  # limits of corrections by the pace
 
 
 class Costs:
-    """Times in seconds of one slot for one sample of one pixel."""
+    """Costs of the tiles, in slot-seconds per pixel sample."""
 
     def __init__(self) -> None:
         self.average = 0.0  # over the latest batches; 0 without any
@@ -23,14 +23,14 @@ class Costs:
         self._tiles: dict[int, tuple[float, float]] = {}  # tile -> its latest cost, and the pace at that time
 
     def of(self, tile: int) -> float:
-        """Returns the expected cost in a tile; that of the average tile if none is known; 0 without any batch."""
+        """Returns the expected cost of a tile; the average tile's if the tile's is unknown; 0 before the first batch."""
         if tile not in self._tiles:
             return self.average
         cost, pace = self._tiles[tile]
         return cost * min(max(self._pace / pace, 1 / MOST_FASTER), MOST_SLOWER)
 
     def learn(self, tile: int, cost: float) -> bool:
-        """Records the measured cost of a batch. Returns False if it is 0 and nothing is known yet."""
+        """Records the measured cost of a batch. Returns False if it is 0 and no other is known."""
         cost = max(cost, self.average / LEAST_COST)
         if cost <= 0.0:
             return False

@@ -1,8 +1,8 @@
-"""Stores snapshots of a still at 1, 2, 4, 8 ... samples per pixel.
+"""Stores snapshots of a still image at 1, 2, 4, 8 ... samples per pixel.
 
 A snapshot is due when every tile has that many samples or is complete. The engine's thread then only opens a consistent view of
-the film (store/film_moment.py); another thread reads and packs it. If that thread falls behind, snapshots are skipped, but
-stored ones are always complete.
+the film (store/film_moment.py); another thread reads and compresses it. If that thread is too slow, snapshots are skipped; those
+that are stored are always complete.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ log = logging.getLogger(__name__)
 
 
 class _Progress:
-    """Progress of a frame towards its next snapshot."""
+    """How many tiles of a frame have the samples of its next snapshot."""
 
     def __init__(self, due: int) -> None:
         self.due = due
         self._reached = 0  # all tiles before this index are done
 
     def is_reached(self, frame: ActiveFrame) -> bool:
-        """Returns True if every tile has the required samples. Each tile is checked only until it has them."""
+        """Whether every tile has the required samples. A tile that has them is not checked again."""
         tiles = len(frame.plan.tiles)
         while self._reached < tiles and not frame.plan.lacks(self._reached, self.due):
             self._reached += 1
         return self._reached == tiles
 
     def go_on(self, due: int) -> None:
-        """Starts tracking the next snapshot."""
+        """Starts tracking the snapshot at `due` samples per pixel."""
         self.due, self._reached = due, 0
 
 
@@ -54,7 +54,10 @@ class SnapshotKeeper:
     """Creates snapshots. The engine's thread calls `look`; a separate thread writes the files."""
 
     def __init__(self, kept: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
-        """Creates the keeper. folder: for temporary files. is_rendered: whether a job is active."""
+        """Stores the parameters. kept: store of the snapshots. folder: for temporary files.
+
+        is_rendered: returns whether a job is active.
+        """
         self._kept = kept
         self._folder = folder
         self._is_rendered = is_rendered
@@ -63,7 +66,7 @@ class SnapshotKeeper:
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
     def look(self, job: ActiveJob) -> None:
-        """Checks whether a snapshot is due after new samples. Shots and finished pictures get none."""
+        """Creates a snapshot if one is due after new samples. Shots and finished pictures get none."""
         if job.shot is not None or self._kept.is_off:
             return
         (frame,) = job.frames.values()
@@ -90,7 +93,7 @@ class SnapshotKeeper:
         self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
 
     def close(self) -> None:
-        """Stops after the current snapshot; pending ones are dropped."""
+        """Stops the thread after the snapshot that it is writing. Pending ones are discarded."""
         self._writer.shutdown(cancel_futures=True)
 
     def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmMoment, film: Film) -> None:

@@ -1,4 +1,4 @@
-"""Bytes stored for compiled frames. A shared blob counts once; one that the scene refers to counts nothing."""
+"""Storage used by compiled frames, in bytes. A shared blob is counted once; blobs of the scene itself are not counted."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def total_bytes(jobs: Iterable[ActiveJob]) -> dict[str, int]:
 
 
 def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
-    """Returns the bytes that only this frame of the job needs."""
+    """Returns the size in bytes of the blobs that only this frame of the job refers to."""
     others = {sha256 for other in job.agenda.turns.owning() if other is not frame for sha256, _ in _of_frame(job, other)}
     return _sum_without(_of_frame(job, frame), others)
 
 
 def additional_bytes(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """Returns the additional bytes of a new BlobRef (protocol.contract), given as JSON."""
+    """Returns the size in bytes that a new BlobRef (protocol.contract; given as JSON) would add."""
     return _sum_without(_blobs(ref), {*total_bytes([job]), *job.of_scene})
 
 

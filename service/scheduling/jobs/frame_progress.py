@@ -11,7 +11,7 @@ __all__ = ["FrameProgress"]
 
 
 class FrameProgress:
-    """Tracks the frames' progress. Call `note` for each change.
+    """Progress numbers of all frames. Call `note` for each change.
 
     Used only by the engine's thread, except for the mappings that `numbers` returns.
     """
@@ -24,7 +24,7 @@ class FrameProgress:
         self._changed: set[int] = set()
 
     def begin(self, some: int) -> Iterator[None]:
-        """Yields after each step of counting all frames for the first time. some: frames per step."""
+        """Counts all frames for the first time; yields after each step. some: number of frames per step."""
         keys, numbers = list(self._frames), dict[int, FrameNumbers]()
         for at in range(0, len(keys), some):
             numbers |= self._counted(keys[at : at + some])
@@ -36,7 +36,7 @@ class FrameProgress:
         self._changed.add(key)
 
     def numbers(self) -> Mapping[int, FrameNumbers]:
-        """Returns the progress of each frame. The mapping is never modified: a change creates a new one."""
+        """Returns the progress of each frame by key. The mapping is never modified; a change creates a new one."""
         if self._changed:
             self._numbers = {**self._numbers, **self._counted(self._changed)}
             self._changed = set()

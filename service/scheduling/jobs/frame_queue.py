@@ -1,7 +1,7 @@
 """Priority queues of a job's frames.
 
-A shot may have a hundred thousand frames, and the next one is needed for every batch. So the frames are kept sorted, and only
-changed ones are examined again.
+A shot may have a hundred thousand frames, and the next one is needed for every batch. So the frames stay sorted, and only changed
+frames are sorted again.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Line = LazyHeap[Turn]
 
 
 class FrameQueue:
-    """Queues of a job's frames, by kind of workers. Call `note` for each change. Used only by the engine's thread."""
+    """Queues of a job's frames, by worker kind. Call `note` for each change. Used only by the engine's thread."""
 
     def __init__(self, frames: Mapping[int, ActiveFrame], turn: TurnOf) -> None:
         """Creates the queues. turn: returns the current sort key of a frame."""
@@ -38,22 +38,21 @@ class FrameQueue:
         self._changed.update(dict.fromkeys(keys))
 
     def ready(self, kind: str) -> ActiveFrame | None:
-        """Returns the next frame for workers of a kind; None if no prepared frame has work."""
+        """Returns the next frame to render by workers of this kind; None if no prepared frame has work."""
         first = self._line(self._ready, kind).first()
         return None if first is None else self._frames[first[1]]
 
     def ready_before(self, kind: str, turn: Turn, most: int) -> int:
-        """Returns the number of prepared frames with a smaller sort key, at most `most`."""
+        """Returns the number of prepared frames whose sort key is below `turn`; at most `most`."""
         return self._line(self._ready, kind).before(turn, most)
 
     def lacking(self, kind: str, most: int) -> list[ActiveFrame]:
-        """Returns the first frames to prepare for a kind of workers, at most `most`."""
+        """Returns the first frames that must be prepared for workers of this kind; at most `most`."""
         return [self._frames[key] for key in self._line(self._lacking, kind).first_keys(most)]
 
     def first_lacking(self, kind: str) -> Turn | None:
-        """Returns the sort key of the first frame that is not prepared for a kind, being prepared or not.
-
-        None if there is none.
+        """Returns the smallest sort key of the frames not prepared for this kind, including those in preparation; None if there
+        are none.
         """
         first = self._line(self._lacking, kind).first()
         at_it = (self._turn(f) for f in self.preparing() if kind not in f.compiled and not f.is_over and not f.is_idle)
@@ -65,12 +64,12 @@ class FrameQueue:
         return [self._frames[key] for key in self._preparing]
 
     def owning(self) -> list[ActiveFrame]:
-        """Returns the frames with their own compiled scene."""
+        """Returns the frames that have a compiled scene of their own."""
         self.look()
         return [self._frames[key] for key in self._owning]
 
     def expect(self, kind: str) -> None:
-        """Creates the queues for a kind of workers, if they do not exist."""
+        """Creates the queues for a worker kind, if they do not exist."""
         if kind not in self._ready:
             self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
             self.note(*self._frames)
@@ -81,7 +80,10 @@ class FrameQueue:
         return lines[kind]
 
     def look(self, most: int | None = None) -> bool:
-        """Updates at most `most` changed frames (None: all); returns whether none is left. Queries update all frames first."""
+        """Sorts at most `most` changed frames (None: all); returns whether none is left.
+
+        Queries sort all changed frames first.
+        """
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]

@@ -1,4 +1,4 @@
-"""A job's noise over time, and its events. Takes a few kilobytes, whatever the job's duration."""
+"""A job's noise over time, and its events. Limited to a few kilobytes for jobs of any duration."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SENTENCES = {
 
 
 class History:
-    """Points (seconds of rendering, samples, noise or None) and events (Unix time, kind, text).
+    """History of a job: points (seconds of rendering, samples, noise or None) and events (Unix time, kind, text).
 
     Written by the engine's thread.
     """
@@ -47,7 +47,7 @@ class History:
 
     @classmethod
     def of(cls, data: Mapping[str, Any] | None) -> Self:
-        """Reads the column of a job's row; an invalid value yields an empty history."""
+        """Parses the column of a job's row. An invalid value gives an empty history."""
         try:
             points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]
             events = [[float(at), str(kind), str(words)] for at, kind, words in (data or {}).get("events", [])]
@@ -56,11 +56,14 @@ class History:
         return cls(points, events)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON value for the job's row."""
+        """Returns the history as JSON for the job's row."""
         return {"points": self.points, "events": self.events}
 
     def add_point(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
-        """Adds a point if the samples have grown by the factor `STEP`, or at all if `is_end`."""
+        """Adds a point if the samples have grown by the factor `STEP` since the last one.
+
+        is_end: also if they have grown less.
+        """
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0
         if samples <= has or (samples < STEP * has and not is_end):
@@ -71,7 +74,7 @@ class History:
         self.has_changed = True
 
     def add_event(self, kind: str, words: str = "") -> None:
-        """Adds an event now and logs it; an event equal to the latest one is only logged."""
+        """Adds an event with the current time, and logs it. An event equal to the latest one is only logged."""
         self.log.add_line(SENTENCES.get(kind, kind).format(words or "somebody"))
         if self.events and self.events[-1][1:] == [kind, words]:
             return
@@ -81,13 +84,13 @@ class History:
         self.has_changed = True
 
     def rendered_by(self, worker: str) -> None:
-        """Adds an event for the first batch of a worker."""
+        """Adds an event if this is the first batch rendered by this worker."""
         if worker not in self._workers:
             self._workers.add(worker)
             self.add_event("worker", worker)
 
     def note_departed(self, workers: set[str]) -> None:
-        """Adds an event for each contributing worker that is not among the connected ones."""
+        """Adds an event for each contributing worker that is no longer connected. workers: the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)
             self.add_event("left", gone)

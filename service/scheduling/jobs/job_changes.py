@@ -1,4 +1,4 @@
-"""Changes of a job by a person, applied to its row."""
+"""Changes of a job that a user requests, applied to its row."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples"
 
 
 def set_samples(job: Job, spp: int | None, more: int | None, has: int) -> None:
-    """Sets the goal of a job to `spp` samples per pixel, or to `more` than now. has: samples in its film, of all pixels.
+    """Sets a job's goal: `spp` samples per pixel in total, or `more` samples per pixel in addition to the present ones.
 
-    A goal by noise or time is replaced by the goal by samples. Raises Invalid and Conflict.
+    Replaces a goal by noise or time. has: number of samples in the film, over all pixels. Raises Invalid and Conflict.
     """
     if spp is not None and more is not None:
         raise Invalid(
@@ -91,13 +91,16 @@ def set_state(job: Job, state: str, is_anew: bool) -> None:
 
 
 def drop_failed_dependencies(jobs: list[str], session: Session) -> None:
-    """Removes the dependencies of jobs on others that ended without being finished."""
+    """Removes dependencies of these jobs on jobs that failed, were cancelled or were deleted."""
     active = select(Job.id).where(Job.state.in_(ACTIVE))
     session.execute(delete(Wait).where(Wait.job.in_(jobs), Wait.other.not_in(active)))
 
 
 def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
-    """Sets the rectangle of the picture (x0, y0, x1, y1, pixels) rendered first; None: none. Raises Invalid and Conflict."""
+    """Sets the rectangle of the picture (x0, y0, x1, y1, pixels) that is rendered first; None: none.
+
+    Raises Invalid and Conflict.
+    """
     if focus is not None and job.state in FINAL:
         raise Conflict(
             Sentence(
@@ -122,10 +125,10 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
 
 
 def begins_anew(job: Job, films: FilmStore) -> bool:
-    """Removes what cannot be read from the film of an ended job, and returns whether the film is empty.
+    """Removes unreadable data from the film of an ended job; returns whether the film is empty then.
 
-    Reads all of a still's film, which may be damaged unnoticed; a shot's film only if it is known to be damaged, since that may
-    take minutes. Raises FilmWaits and FilmLost.
+    Reads the whole film of a still image, which may have undetected damage; a shot's film only if it is known to be damaged,
+    since reading may take minutes. Raises FilmWaits and FilmLost.
     """
     if job.state not in FINAL or job.settings is None or job.tile_size is None:
         return False

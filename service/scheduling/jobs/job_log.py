@@ -1,6 +1,6 @@
-"""A job's log: one text file beside the films, of limited size, which survives restarts.
+"""A job's log: a text file of limited size in a folder next to the films, preserved over restarts.
 
-Batches handed out and returned are counted first, and the counts are written once a second.
+Dispatched and returned batches are counted, and the counts are written once a second.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _service_log = logging.getLogger(__name__)
 
 
 class JobLog:
-    """Lines of one job that are not in its file yet. Written by the engine's thread."""
+    """Lines of one job's log that are not written to its file yet. Written by the engine's thread."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
@@ -46,7 +46,7 @@ class JobLog:
             self._add(f"    {line}")
 
     def count_given(self, batches: int) -> None:
-        """Counts batches that were handed out."""
+        """Counts dispatched batches."""
         self._given += batches
 
     def count_returned(self, worker: str, samples: int, seconds: float) -> None:
@@ -57,7 +57,7 @@ class JobLog:
         counts[2] += seconds
 
     def drain(self) -> str:
-        """Returns the pending lines and clears them."""
+        """Returns the pending lines and removes them."""
         self._tell_counts()
         lines, self._lines = self._lines, []
         return "".join(f"{line}\n" for line in lines)
@@ -80,7 +80,7 @@ class JobLog:
 
 
 class JobLogs:
-    """The log files of all jobs, in a folder. Written by the engine's thread, readable from any."""
+    """The log files of all jobs. Written by the engine's thread; any thread may read them."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -94,7 +94,7 @@ class JobLogs:
         return self._logs.setdefault(job, JobLog())
 
     def flush(self, now: bool = True) -> None:
-        """Writes pending lines to the files; unless `now`, at most once a second. Lines that cannot be written are dropped."""
+        """Writes pending lines to the files, at most once a second unless `now`. Lines that cannot be written are dropped."""
         if not now and time.monotonic() - self._flushed < FLUSH_EVERY_S:
             return
         self._flushed = time.monotonic()
@@ -107,7 +107,7 @@ class JobLogs:
                     self._append(self._path(job), text.encode(errors="replace"))
 
     def _tell(self, job: str, lines: list[str], counts: set[str]) -> None:
-        """Writes a job's lines to the service's log; those that count batches at the level info once a minute, else as debug."""
+        """Writes a job's lines to the service's log. Lines that count batches have level info once a minute, otherwise debug."""
         is_due = time.monotonic() - self._counted.get(job, -COUNTS_EVERY_S) >= COUNTS_EVERY_S
         if is_due and not counts.isdisjoint(lines):
             self._counted[job] = time.monotonic()
@@ -116,13 +116,13 @@ class JobLogs:
             _service_log.log(level, "%s", line.partition(" ")[2], extra=ids(job=job))
 
     def close(self, job: str) -> None:
-        """Writes the pending lines of an ended job and drops it from memory."""
+        """Writes the pending lines of an ended job and frees its memory."""
         self.flush()
         self._logs.pop(job, None)
         self._counted.pop(job, None)
 
     def text(self, job: str) -> bytes:
-        """Returns the last `KEPT` bytes of a job's log, as whole lines; empty if there is none. Safe to call from any thread."""
+        """Returns the last `KEPT` bytes of a job's log as whole lines; empty if there is no log. Thread-safe."""
         with contextlib.suppress(OSError), self._path(job).open("rb") as file:
             return _end(file.fileno())
         return b""
@@ -135,7 +135,7 @@ class JobLogs:
             self._path(job).unlink()
 
     def sweep(self, keep: set[str]) -> None:
-        """Deletes the logs of all other jobs."""
+        """Deletes the logs of all jobs except those in `keep`."""
         with contextlib.suppress(OSError):
             for path in self._folder.glob("*.log"):
                 if path.stem not in keep:

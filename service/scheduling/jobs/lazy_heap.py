@@ -1,4 +1,4 @@
-"""A priority queue whose keys change their priorities often.
+"""A priority queue with frequently changing priorities.
 
 Outdated entries stay in the heap and are skipped, so a change takes logarithmic time.
 """
@@ -14,7 +14,7 @@ SLACK = 64  # outdated entries before the heap is rebuilt
 
 
 class Ordered(Protocol):
-    """Protocol of comparable values."""
+    """Interface of values that can be compared with `<`."""
 
     def __lt__(self, other: Any, /) -> bool: ...
 
@@ -23,7 +23,7 @@ Place = TypeVar("Place", bound=Ordered)
 
 
 class LazyHeap(Generic[Place]):
-    """Keys sorted by place, a comparable value; equal places are sorted by key."""
+    """Integer keys sorted by priority (`place`, any comparable value), then by key."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[Place, int]] = []
@@ -33,7 +33,7 @@ class LazyHeap(Generic[Place]):
         return len(self._places)
 
     def put(self, key: int, place: Place) -> None:
-        """Adds a key, or changes its place."""
+        """Adds a key with this priority, or changes its priority."""
         if self._places.get(key) != place:
             self._places[key] = place
             heapq.heappush(self._heap, (place, key))
@@ -42,11 +42,11 @@ class LazyHeap(Generic[Place]):
                 heapq.heapify(self._heap)
 
     def drop(self, key: int) -> None:
-        """Removes a key, if present."""
+        """Removes a key if it is present."""
         self._places.pop(key, None)
 
     def first(self) -> tuple[Place, int] | None:
-        """Returns the smallest place with its key; None if the heap is empty."""
+        """Returns the smallest priority with its key; None if the heap is empty."""
         while self._heap and not self._is_true(self._heap[0]):
             heapq.heappop(self._heap)
         return self._heap[0] if self._heap else None
@@ -61,7 +61,7 @@ class LazyHeap(Generic[Place]):
         return list(taken)
 
     def before(self, place: Place, most: int) -> int:
-        """Returns the number of keys with a smaller place, at most `most`."""
+        """Returns the number of keys with a smaller priority than `place`, at most `most`."""
         found: set[int] = set()
         look = [0]
         while look and len(found) < most:

@@ -1,4 +1,4 @@
-"""Measured cost and noise of a job's scene, from which the page predicts the time and noise of the next picture."""
+"""Measured cost and noise of a job's scene, from which the page predicts time and noise of the next picture."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Time limit for noise estimates that are only displayed.
 
-A tile's noise is computed from all of its sums, which takes milliseconds, and on a farm of thousands of slots a hundred tiles
-may quadruple their samples within a moment. So such estimates get a fixed fraction of the engine's time; until a tile's turn
-comes, its noise is extrapolated from its number of samples.
+Estimating a tile's noise reads all its sums, which takes milliseconds, and on a farm of thousands of slots a hundred tiles may
+quadruple their samples at once. So these estimates get a fixed fraction of the engine's time. Until a tile is estimated again,
+its noise is extrapolated from its number of samples.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ AT_ONCE_S = 0.3  # seconds that can be accumulated, so that a small picture gets
 
 
 class NoiseBudget:
-    """The remaining time for noise estimates. Used only by the engine's thread."""
+    """Processor time available for noise estimates. Used only by the engine's thread."""
 
     def __init__(self, clock: WorkClock = time) -> None:
         self._clock = clock
@@ -28,7 +28,7 @@ class NoiseBudget:
         self._since = self._clock.monotonic()
 
     def has_time(self) -> bool:
-        """Returns True if there is time for another estimate."""
+        """Whether there is time for another estimate."""
         now = self._clock.monotonic()
         self._left_s = min(self._left_s + SHARE * (now - self._since), AT_ONCE_S)
         self._since = now
@@ -36,7 +36,7 @@ class NoiseBudget:
 
     @contextmanager
     def charged(self) -> Iterator[None]:
-        """Context that charges its processor time to the limit."""
+        """Context manager that deducts the processor time of its block from the available time."""
         begun = self._clock.thread_time()
         try:
             yield

@@ -30,7 +30,7 @@ _NOBODY: tuple[tuple[int, int], int] = ((-1, -1), 0)
 
 
 class Range(NamedTuple):
-    """A batch: samples first ... first + count - 1 of a tile, given by index, in a frame (renderer.frames.frame_key)."""
+    """A batch: samples first ... first + count - 1 of one tile (by index) in one frame (renderer.frames.frame_key)."""
 
     tile: int
     first: int
@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
 
 def first_check(tile: Tile) -> int:
-    """Returns the sample count at which the noise of a tile is estimated first: a power of two, more in tiles of few pixels."""
+    """Returns the sample count at which a tile's noise is first estimated: a power of two, larger for tiles of few pixels."""
     check = FIRST_CHECK
     while check < least_samples(tile.w * tile.h):
         check *= 2
@@ -49,7 +49,7 @@ def first_check(tile: Tile) -> int:
 def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK) -> int:
     """Returns the sample count up to which a tile is rendered before its next noise estimate; `spp` without a target noise.
 
-    covered: samples that it has. first: its first checkpoint (`first_check`).
+    covered: number of samples it has. first: its first checkpoint (`first_check`).
     """
     if noise is None:
         return spp
@@ -60,7 +60,7 @@ def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_
 
 
 class FramePlan:
-    """The plan of one frame. `coverage` and `tile_noise` query its film for a tile given by index."""
+    """The plan of one frame. `coverage` and `tile_noise` return the samples and the noise of a tile in the film, by index."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class FramePlan:
     ) -> None:
         """Creates a plan for the samples that the film lacks.
 
-        ceiling: samples of a tile beyond which nothing is handed out for now.
+        ceiling: sample count of a tile up to which batches may be dispatched at present.
         """
         self.tiles = tiles
         self.ceiling = spp if ceiling is None else ceiling
@@ -105,35 +105,35 @@ class FramePlan:
 
     @property
     def done(self) -> bool:
-        """True if every tile has reached its goal."""
+        """Whether every tile has reached its goal."""
         return not self._open
 
     @property
     def has_first_wave(self) -> bool:
-        """True if every tile has at least one sample."""
+        """Whether every tile has at least one sample."""
         return all(self.covered)
 
     def has(self, samples: int) -> bool:
-        """Returns True if every tile has this many samples or is complete with fewer."""
+        """Whether every tile has this many samples or is complete with fewer."""
         return all(self.covered[tile] >= samples for tile in self._open)
 
     def lacks(self, tile: int, samples: int) -> bool:
-        """Returns True if a tile is incomplete and has fewer samples."""
+        """Whether a tile is incomplete and has fewer than `samples`."""
         return tile in self._open and self.covered[tile] < samples
 
     @property
     def target_samples(self) -> int:
-        """Expected final samples of the frame, over all pixels; exact without a target noise."""
+        """Expected final number of samples of the frame, over all pixels; exact without a target noise."""
         ends = (max(self._guess[i], self._limit[i]) if i in self._open else self.covered[i] for i in range(len(self.tiles)))
         return sum(t.w * t.h * end for t, end in zip(self.tiles, ends, strict=True))
 
     @property
     def samples(self) -> int:
-        """Rendered samples of the frame, over all pixels."""
+        """Number of rendered samples of the frame, over all pixels."""
         return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
 
     def focus(self, tiles: Iterable[int]) -> None:
-        """Sets the tiles rendered first after the first wave. The final samples of the tiles do not change."""
+        """Sets the tiles that are rendered first, after the first wave. Does not change the final samples of any tile."""
         self._focus = frozenset(tiles)
         entries = self._focused + self._heap
         self._focused = [entry for entry in entries if entry[2] in self._focus]
@@ -142,12 +142,12 @@ class FramePlan:
         heapq.heapify(self._heap)
 
     def next(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
-        """Returns the next batch; None if all are handed out.
+        """Returns the next batch; None if all are dispatched.
 
-        samples_wanted: returns the suitable number of samples of a tile. of_a_tile: maximum length of a run of consecutive
-        batches of one tile, which return together.
+        samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
+        tile, which return together.
 
-        The film is queried before the plan is changed, so an error of the film leaves the plan as it is.
+        The film is queried before the plan is changed, so an error of the film leaves the plan unchanged.
         """
         while self._lost:
             lost = self._lost[0]
@@ -197,7 +197,7 @@ class FramePlan:
         return None
 
     def wants(self, batch: Range) -> bool:
-        """Returns True if the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
+        """Whether the frame needs these samples. A complete tile accepts no more, so that its final count is exact."""
         return (
             batch.tile in self._open
             and batch.count > 0
@@ -206,14 +206,14 @@ class FramePlan:
         )
 
     def lose(self, lost: Range) -> None:
-        """Queues a lost batch to be handed out first."""
+        """Queues a lost batch, to be dispatched first."""
         if lost.tile in self._open:
             self._lost.append(lost)
 
     def settle(self, back: Range) -> None:
         """Updates the plan from the film after a batch was merged or dropped.
 
-        An error of the film leaves the plan as it is; then call it again.
+        An error of the film leaves the plan unchanged; then call it again.
         """
         covered = self._coverage(back.tile)
         is_open = back.tile in self._open
@@ -250,14 +250,14 @@ class FramePlan:
         return noise <= self.noise
 
     def _push(self, tile: int, turn: int | None = None) -> None:
-        """Adds a tile to its heap. turn: sort key; None: its number of planned samples."""
+        """Adds a tile to its heap. turn: sort key; None: the tile's number of planned samples."""
         heap = self._focused if tile in self._focus else self._heap
         planned = self._planned[tile]
         heapq.heappush(heap, (planned if turn is None else turn, self._order[tile], tile, planned))
 
 
 def _from_the_middle(tiles: list[Tile]) -> list[int]:
-    """Returns each tile's rank by distance from the frame's centre."""
+    """Returns the rank of each tile by its distance from the frame's centre."""
     middle_x = max(t.x + t.w for t in tiles) / 2
     middle_y = max(t.y + t.h for t in tiles) / 2
 

@@ -1,4 +1,4 @@
-"""The complete command that reproduces an error: the worker supplies the batch's settings, the request the rest."""
+"""Builds the command line that reproduces an error, from the worker's settings of the batch and the job's request."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["reproduce"]
 
 
 def reproduce(command: str, job: ActiveJob, frame: ActiveFrame | None = None) -> str:
-    """Returns a worker's command with the scene's options; frame: also with its time and, if animated, its camera."""
+    """Completes a worker's command line with the scene's options, and with the time and camera of `frame` if given."""
     words = list(job.scene_words)
     if frame is not None and job.shot is not None:
         shot = job.shot

@@ -6,7 +6,7 @@ them.
 Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, at the end of
 its previous one, or now if it was idle; the earliest start is served, and "now" is the latest start so far. A batch of t seconds
 takes t / weight of virtual time, so busy shares get slot-seconds in proportion to their weights; an idle share accumulates
-nothing, and the others use its part. The estimated time of a batch is charged when it is handed out, and corrected when it
+no credit, and the others use its part. The estimated time of a batch is charged when it is dispatched, and corrected when it
 returns.
 
 Within a share: first the late jobs, earliest deadline first; then the job with the fewest outstanding batches, and among those
@@ -29,7 +29,7 @@ NO_LIMIT = 1 << 30
 
 
 class ShareableJob(Protocol):
-    """Protocol of a job: the attributes that determine its order."""
+    """Interface of a job: the attributes that determine its order."""
 
     @property
     def id(self) -> str:
@@ -41,26 +41,26 @@ class ShareableJob(Protocol):
 
     @property
     def urgency(self) -> float:
-        """The deadline of a late job; otherwise infinity."""
+        """The deadline of a late job; infinity for others."""
 
     @property
     def served(self) -> int:
-        """Sequence number of its latest batch among all batches."""
+        """Sequence number of the job's latest batch among the batches of all jobs."""
 
     @property
     def created(self) -> float:
-        """Creation time."""
+        """Unix time of the job's creation."""
 
     @property
     def max_slots(self) -> int | None:
-        """Maximum number of slots at once; None: no limit."""
+        """Maximum number of slots that the job may use at once; None: no limit."""
 
 
 Job = TypeVar("Job", bound=ShareableJob)
 
 
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
-    """Returns the name of a job's share: its project's if that has its own terms, else its user's."""
+    """Returns the name of a job's share: its project's if the project has its own terms, else its user's."""
     if project and f"project:{project}" in terms:
         return f"project:{project}"
     return f"user:{user}" if user else EVERYBODY
@@ -68,7 +68,7 @@ def share_of(user: str | None, project: str = "", terms: Container[str] = ()) ->
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of a share: slots in proportion to its weight, at most `max_slots` at a time."""
+    """Terms of a share: a weight, to which its slots are proportional, and the maximum number of slots at once (`max_slots`)."""
 
     weight: float = 1.0
     max_slots: int | None = None
@@ -84,7 +84,7 @@ class _Clock:
 
 
 class Shares:
-    """The shares' use of the workers, by kind."""
+    """Usage of the workers by each share, by worker kind."""
 
     def __init__(self) -> None:
         self.terms: Mapping[str, Terms] = {}
@@ -96,32 +96,32 @@ class Shares:
         return self.terms.get(share, _USUAL)
 
     def name_of(self, user: str | None, project: str) -> str:
-        """Returns the name of a job's share by the current terms."""
+        """Returns the name of a job's share under the current terms."""
         return share_of(user, project, self.terms)
 
     def line(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> Line[Job]:
-        """Returns the queue of jobs of one priority for workers of a kind.
+        """Returns the queue of jobs of one priority for workers of this kind.
 
         held: number of outstanding messages of each job. shares_held: the same of each share, over all priorities and kinds;
-        updated when work is handed out.
+        updated when work is dispatched.
         """
         return Line(self, kind, jobs, held, shares_held)
 
     def start(self, kind: str, share: str) -> tuple[float, int]:
-        """Returns the virtual start time of a share's next batch and the sequence number of its latest.
+        """Returns the sort key of a share: the virtual start time of its next batch, and the sequence number of its latest batch.
 
-        The smallest is served.
+        The share with the smallest key is served.
         """
         clock = self._clocks.setdefault(kind, _Clock())
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
 
     def reset_share(self, kind: str, share: str) -> None:
-        """Resets the virtual time of an idle or full share, so that it accumulates no credit."""
+        """Advances the virtual time of an idle or full share to now, so that it accumulates no credit."""
         clock = self._clocks.setdefault(kind, _Clock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
     def serve(self, kind: str, share: str, seconds: float) -> None:
-        """Charges a share for a batch with this expected duration, when it is handed out."""
+        """Charges a share for a dispatched batch with this expected duration."""
         clock = self._clocks.setdefault(kind, _Clock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
@@ -129,7 +129,7 @@ class Shares:
         clock.served[share] = next(self._turn)
 
     def correct(self, kind: str, share: str, seconds: float) -> None:
-        """Corrects a share's charge by the difference between actual and expected seconds."""
+        """Corrects a share's charge after a batch returned. seconds: actual minus expected duration."""
         clock = self._clocks.setdefault(kind, _Clock())
         clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.terms_of(share).weight
 
@@ -139,7 +139,10 @@ _Place = tuple[float, int, int, float, str]
 
 
 class Line(Generic[Job]):
-    """Queue of jobs, ordered by share and job. Call `record_served` after handing out work; a job without work is skipped."""
+    """Queue of jobs ordered by share, then by job.
+
+    Call `record_served` after work was dispatched; otherwise the job is skipped.
+    """
 
     def __init__(
         self, shares: Shares, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]
@@ -162,7 +165,7 @@ class Line(Generic[Job]):
         self.held = 0  # slots that the current job occupies
 
     def next(self) -> Job | None:
-        """Returns the next job; None if no job may have more slots. A job that is not served then is not returned again."""
+        """Returns the next job; None if no job may use more slots. A job that is not served then is not returned again."""
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
@@ -182,7 +185,7 @@ class Line(Generic[Job]):
         return None
 
     def record_served(self, job: Job, messages: int, seconds: float) -> None:
-        """Records that the current job was given messages, and charges its share for their expected slot-seconds."""
+        """Records that messages of the current job were dispatched, and charges its share. seconds: expected slot-seconds."""
         assert self._place is not None
         urgency, held, _, created, id = self._place
         share = job.share

@@ -1,4 +1,4 @@
-"""Changes of a shot by a person, as steps for its frames."""
+"""Changes of a shot that a user requests, as steps for its frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOISIEST = "noisiest-first"
 
 @dataclass(frozen=True)
 class ShotRequest:
-    """Fields of service.models.jobs.JobPatch that concern a shot. Frames are written as 10-20 or 7,9."""
+    """The fields of service.models.jobs.JobPatch that concern a shot. Frames are given as text, such as 10-20 or 7,9."""
 
     state: str | None = None
     spp: int | None = None
@@ -35,26 +35,26 @@ class ShotRequest:
 
     @property
     def is_about_frames(self) -> bool:
-        """True if the rows of frames are needed to apply it."""
+        """Whether applying the request needs the rows of frames."""
         return self.state == "running" or not self.is_about_failures
 
     @property
     def is_about_failures(self) -> bool:
-        """True if it concerns failed frames only."""
+        """Whether the request concerns only failed frames."""
         return replace(self, state=None) == ShotRequest()
 
 
 class FrameNow(NamedTuple):
-    """A frame's row. spp: samples per pixel; None: the job's."""
+    """The relevant columns of a frame's row. spp: samples per pixel; None: the job's."""
 
     spp: int | None
     state: str
 
 
 def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], request: ShotRequest) -> list[Step]:
-    """Changes a job and returns the steps for its frames. frames: all, by key, if the request `is_about_frames`.
+    """Applies a request to a job's row and returns the steps for its frames. frames: all by key, if it `is_about_frames`.
 
-    Raises Invalid and Conflict; the job is then to be discarded.
+    Raises Invalid and Conflict; then discard the changed row.
     """
     now, steps = shot, list[Step]()
     if request.first is not None:
@@ -86,13 +86,16 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, FrameNow], request: S
 
 
 def samples_of(job: Job) -> int:
-    """Returns the samples of a frame at the job's spp, of all pixels; 0 if unknown. A goal by noise or time may need fewer."""
+    """Returns the samples of one frame at the job's spp, over all pixels; 0 if unknown.
+
+    A goal by noise or time may need fewer.
+    """
     size = job.settings or job.request
     return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0)
 
 
 def added_samples(job: Job, frames: Mapping[int, FrameNow], spp_before: int | None, steps: Iterable[Step]) -> int:
-    """Returns the samples that steps add to a job. job: after the steps."""
+    """Returns the number of samples that the steps add to a job. job: the row after the steps."""
     per_frame, now = samples_of(job), job.spp or 0
     pixels = per_frame // now if now else 0
     samples = 0
@@ -127,7 +130,7 @@ def _added(frames: Mapping[int, FrameNow], request: ShotRequest) -> list[int]:
 def _ask_for_samples(
     job: Job, shot: Shot, frames: Mapping[int, FrameNow], added: Sequence[int], failed: Set[int], request: ShotRequest
 ) -> tuple[list[Step], bool]:
-    """Returns the steps that set the frames' samples, and whether any frame renders. failed: frames not rendered again."""
+    """Returns the steps that set the frames' samples, and whether any frame will be rendered. failed: frames that stay failed."""
     if request.spp is None and request.more is None:
         if request.frames is not None:
             raise Invalid(

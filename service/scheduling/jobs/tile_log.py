@@ -1,6 +1,6 @@
 """Log of the latest batches of each tile: worker, samples, duration and warnings.
 
-Kept in memory for the latest jobs. Written by the engine's thread, readable from any: entries are immutable.
+Held in memory for the latest jobs. Written by the engine's thread; any thread may read it, since entries are immutable.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ Tile = tuple[int, int]  # frame key and tile index
 
 
 class TileLogs:
-    """The logs, by job, frame and tile."""
+    """Logs of tiles, by job, frame and tile."""
 
     def __init__(self) -> None:
         self._jobs: OrderedDict[str, OrderedDict[Tile, tuple[str, ...]]] = OrderedDict()
 
     def note(self, job: str, frame: int, tile: int, text: str) -> None:
-        """Adds a line for a returned batch."""
+        """Adds the line of a returned batch."""
         tiles = self._jobs.get(job)
         if tiles is None:
             tiles = self._jobs[job] = OrderedDict()
@@ -38,18 +38,21 @@ class TileLogs:
             tiles.popitem(last=False)
 
     def text(self, job: str, frame: int, tile: int) -> str:
-        """Returns the log of a tile, one line per batch; empty if there is none."""
+        """Returns the log of a tile, one line per batch; empty if there is no log."""
         tiles = self._jobs.get(job)
         lines = tiles.get((frame, tile), ()) if tiles is not None else ()
         return "".join(f"{line}\n" for line in lines)
 
     def forget(self, job: str) -> None:
-        """Drops the logs of a deleted job."""
+        """Removes the logs of a deleted job."""
         self._jobs.pop(job, None)
 
 
 def words_of(worker: str, first: int, count: int, seconds: float, took: dict[str, float], lines: list[str]) -> str:
-    """Returns the log line of a batch, such as `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`."""
+    """Returns the log line of a batch: `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`.
+
+    seconds: duration of the batch. took: seconds by step; short steps are omitted. lines: warnings.
+    """
     steps = ", ".join(f"{name} {spent:.2f} s" for name, spent in took.items() if spent >= NOTEWORTHY_S and name != "trace paths")
     warned = "".join(f"; {line}" for line in lines)
     samples = f"samples {first} to {first + count - 1}" if count > 1 else f"sample {first}"

@@ -1,4 +1,4 @@
-"""Sums over all frames of a job, updated incrementally because they are read often and a shot may have very many frames."""
+"""Totals over all frames of a job, updated incrementally: they are read often, and a shot may have very many frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class RunningMaximum:
         self._unknown: set[int] = set()
 
     def set(self, key: int, value: float | None) -> None:
-        """Sets the value of a key; None: unknown."""
+        """Sets the value of a key. None: unknown."""
         if value is None:
             self._known.drop(key)
             self._unknown.add(key)
@@ -29,7 +29,7 @@ class RunningMaximum:
             self._unknown.discard(key)
 
     def drop(self, key: int) -> None:
-        """Removes a key."""
+        """Removes the value of a key."""
         self._known.drop(key)
         self._unknown.discard(key)
 
@@ -48,9 +48,9 @@ class _Counted(NamedTuple):
 
 
 class Totals:
-    """Sums over a job's frames, as of the latest call of `renewed`.
+    """Totals over a job's frames, as of the latest call of `renewed`.
 
-    Failed frames are excluded from the target and from both noise values.
+    Failed frames are excluded from the target samples and from both noise values.
     """
 
     def __init__(self, frames: Mapping[int, ActiveFrame]) -> None:
@@ -66,12 +66,12 @@ class Totals:
         self._changed[key] = None
 
     def renewed(self) -> Totals:
-        """Updates the sums and returns this object."""
+        """Updates the totals and returns this object."""
         self.count()
         return self
 
     def count(self, most: int | None = None) -> bool:
-        """Updates the sums from at most `most` changed frames (None: all); returns whether none is left."""
+        """Updates the totals from at most `most` changed frames (None: all); returns whether none is left."""
         for key in list(islice(self._changed, most)):
             del self._changed[key]
             frame = self._frames[key]

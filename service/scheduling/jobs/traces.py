@@ -1,4 +1,4 @@
-"""Tracing spans of jobs and scenes, if tracing is on (telemetry/tracing.py)."""
+"""Tracing spans of jobs and scenes, recorded if tracing is enabled (telemetry/tracing.py)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ __all__ = ["headers_of", "job_over", "merged"]
 
 
 def headers_of(what: str, id: str) -> dict[str, str] | None:
-    """Returns the headers of a task's message that attach the worker's spans to a `job` or `scene`; None if tracing is off."""
+    """Returns message headers that make the worker's spans part of a job's or scene's trace; None if tracing is disabled.
+
+    what: "job" or "scene".
+    """
     return {tracing.HEADER: str(tracing.root_of(what, id))} if tracing.is_on() else None
 
 
 def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
-    """Records the span of an ended job, from its creation, with a link to the upload of its scene."""
+    """Records the span of an ended job, which starts at its creation, with a link to the upload of its scene."""
     if not tracing.is_on():
         return
     tracing.record(
@@ -41,7 +44,7 @@ def job_over(job: ActiveJob, state: str, error: str | None = None) -> None:
 
 
 def merged(job: ActiveJob, begun: float, batches: int, of: Iterable[str]) -> None:
-    """Records the span of a merge into a job's film. of: the spans in which the batches were rendered."""
+    """Records the span of a merge into a job's film. begun: its start. of: spans in which the batches were rendered."""
     if tracing.is_on():
         links = [tracing.where(each) for each in of]
         tracing.record("merge", begun, time.time(), tracing.root_of("job", job.id), links=links, job=job.id, batches=batches)
