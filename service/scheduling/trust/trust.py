@@ -1,10 +1,10 @@
 """Verification: a fraction of the batches is rendered again by another worker, and the results are compared bit by bit.
 
 The repetition is sent like any other batch, through the same queue, so a worker cannot detect which of its results are verified.
-If the first worker takes it again, it is sent once more. If two results differ, further ones decide: the result of two different
-workers is correct. A worker with another result is paused; its samples are removed from the films of unfinished jobs and rendered
-again, and finished jobs are marked (service/maintenance/taint.py). While a decision is pending, the job continues but does not
-end.
+If the first worker happens to fetch it, it is sent once more. If two results differ, further repetitions decide: a result is
+correct if two different workers return it. A worker with another result is paused; its samples are removed from the films of
+unfinished jobs and rendered again, and finished jobs are marked (service/maintenance/taint.py). Until the decision, the job
+continues but cannot finish.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Answer = tuple[BatchDone, bytes]
 
 @dataclass
 class _Check:
-    """A batch under verification."""
+    """A batch under verification, with the results received so far."""
 
     job: str
     kind: str
@@ -58,7 +58,7 @@ class _Check:
 
 
 class Trust:
-    """Verifies batches and pauses workers with wrong results. Used only by the engine's thread."""
+    """Verifies batches, and pauses workers with wrong results. Used only by the engine's thread."""
 
     def __init__(self, scheduler: Scheduler, workers: Workers, dispatcher: Dispatcher, deadline_s: float, events: Events) -> None:
         self._scheduler = scheduler
@@ -72,7 +72,7 @@ class Trust:
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
-        """Restores the distrusted workers of a previous run. Raises redis.RedisError."""
+        """Restores the list of distrusted workers from a previous run. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, why in self._workers.all_orders().items() if _is_distrust(why)}
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerSetAside(worker, None))
@@ -80,8 +80,8 @@ class Trust:
     def mergeable_answers(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
         """Returns the results that may be merged into the job's film.
 
-        Left out are repetitions for verification and results of distrusted workers; and, if the job is verified, results with no
-        or several senders, which could not be removed later.
+        Excludes repetitions for verification and results of distrusted workers. If the job is verified, also excludes results
+        with no or several senders, which could not be removed later.
         """
         kept = []
         for message, sums in answers:
@@ -97,7 +97,7 @@ class Trust:
         return kept
 
     def consider_verification(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
-        """Randomly starts the verification of a batch that the film accepted."""
+        """Starts, at random, the verification of a batch that the film has accepted."""
         if (
             not job.verify
             or len(message.senders) != 1
@@ -139,7 +139,7 @@ class Trust:
                 self._decide_by_hand(check)
 
     def carry_out(self, again: Callable[[ActiveJob], None]) -> None:
-        """Distrusts and pauses the workers found wrong. again: reloads a job without their samples."""
+        """Marks workers whose results were wrong as distrusted, and pauses them. again: reloads a job without their samples."""
         for worker, (found_in, why) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
             for check in self._open:
@@ -160,7 +160,7 @@ class Trust:
         self._count()
 
     def sentences(self) -> Mapping[str, str]:
-        """Returns the action required of a user for each job that waits for a decision, as a sentence."""
+        """Returns the action required of a user for each job that waits for a decision, as sentences by job id."""
         return {
             check.job: (
                 Sentence(
@@ -202,7 +202,7 @@ class Trust:
         self._close(check)
 
     def _decide_by_hand(self, check: _Check) -> None:
-        """Takes the workers that a user has paused, among those whose results differ, as wrong."""
+        """If a user has paused some of the workers whose results differ, treats the results of those workers as wrong."""
         orders = self._workers.roster.orders
         paused = {worker for worker in check.votes.workers if orders.get(worker) == BY_A_PERSON}
         if paused and paused != check.votes.workers:
@@ -239,7 +239,7 @@ class Trust:
             self._workers.look(now=True)
 
     def _ask(self, job: ActiveJob, check: _Check) -> None:
-        """Sends a repetition of a batch. Raises QueueError."""
+        """Sends a repetition of a batch for verification. Raises QueueError."""
         frame = job.frames.get(check.batch.frame)
         if frame is None or check.kind not in frame.compiled:  # the compiled frame of the shot was released
             self._close(check)
@@ -260,7 +260,7 @@ class Trust:
         self._count()
 
     def _count(self) -> None:
-        """Updates the number of pending decisions of each job; all jobs wait while a worker found wrong is not handled."""
+        """Updates the jobs that cannot finish: those with a pending decision; all jobs while a wrong worker is not handled yet."""
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:
@@ -268,5 +268,5 @@ class Trust:
 
 
 def _is_distrust(why: str) -> bool:
-    """Returns true for the reason of a worker that was paused since its results differed from those of others."""
+    """Whether a pause's reason says that the worker's results differed from those of others."""
     return why.startswith(OLDER_REASON) or (isinstance(why, Sentence) and why.code == "worker-quarantined")

@@ -1,4 +1,4 @@
-"""Results of several workers for one batch; the one on which two workers agree is correct. Independent of clocks and queues."""
+"""Results of several workers for one batch. A value that two workers agree on is correct. Independent of clocks and queues."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ASKED_AT_MOST = 2  # results per worker, if others are available
 
 @dataclass
 class Votes:
-    """The results for one batch, by worker. Bitwise equal results count as one value."""
+    """The results for one batch, by worker. Bitwise equal results are one value."""
 
     tile: Tile
     values: list[bytes] = field(default_factory=list)  # distinct packed sums
@@ -38,17 +38,17 @@ class Votes:
 
     @property
     def workers(self) -> set[str]:
-        """The workers with a result."""
+        """Names of the workers that returned a result."""
         return {worker for worker, _ in self.cast}
 
     @property
     def differ(self) -> bool:
-        """True if there is more than one distinct value."""
+        """Whether there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
     @property
     def right(self) -> int | None:
-        """Index of the value on which two workers agree; None if there is none."""
+        """Index of the value that two workers agree on; None if there is none."""
         supporters: dict[int, set[str]] = {}
         for worker, value in self.cast:
             supporters.setdefault(value, set()).add(worker)
@@ -57,15 +57,15 @@ class Votes:
 
     @property
     def wrong(self) -> set[str]:
-        """The workers with any other value than the correct one; empty while that is unknown."""
+        """Names of the workers with a value other than the correct one; empty while that is unknown."""
         right = self.right
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def may_help(self, ready: set[str]) -> bool:
-        """Returns True if another result of any of these workers could decide."""
+        """Whether a further result of any of these workers could decide which value is correct."""
         answers = Counter(worker for worker, _ in self.cast)
         return any(answers[worker] < ASKED_AT_MOST for worker in ready) and len(ready | self.workers) > 1
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
-        """Whether two results are equal. Decoded if needed, since releases of LZ4 may compress the same sums differently."""
+        """Whether two results are equal. Decodes them if needed, since LZ4 releases may compress the same sums differently."""
         return value == sums or np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
