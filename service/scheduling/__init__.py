@@ -1,4 +1,4 @@
-"""Scheduling: the engine's thread, which hands out work to the workers and takes in their results.
+"""Scheduling: the engine's thread, which dispatches work to the workers and merges their results.
 
 Each folder depends on those above it:
     fleet/        the workers: their reports, speeds and capabilities

@@ -1,10 +1,10 @@
 """Handles the messages from workers, grouped by job or scene.
 
-A message that cannot be stored now (its film is locked, the database is full) stays in the stream and in memory, and is retried.
-So no batch is rendered twice for that reason, and one job's trouble delays no other job's messages.
+A message that cannot be stored at present (its film is locked, the database is full) stays in the stream and in memory, and is
+retried. So no batch is rendered twice for that reason, and one job's trouble does not delay other jobs' messages.
 
-An invalid message, or one whose handling raises any other error, is put aside: counted, kept in a bounded list and deleted from
-the stream. The work that it answered is handed out again.
+An invalid message, or one whose handling raises any other error, is moved to the dead-letter list: counted, stored in a bounded
+list and deleted from the stream. Its work is dispatched again.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class _Merged(NamedTuple):
 
 
 class Answers:
-    """Reads messages from the stream, stores them, and deletes the stored ones. Used only by the engine's thread."""
+    """Reads messages from the stream, stores their content, and deletes stored messages. Used only by the engine's thread."""
 
     def __init__(
         self,
@@ -98,9 +98,10 @@ class Answers:
         events: Events,
         settled: Callable[[ActiveJob], None],
     ) -> None:
-        """Creates the handler.
+        """Stores the parameters.
 
-        settled: callback that receives a job after the plan was brought up to date with its film.
+        put_aside: dead-letter list. tell: notes a change of an item for the next snapshot. settled: called with a job after its
+        plan was updated from its film.
         """
         self._results = results
         self._bulkheads = bulkheads
@@ -123,7 +124,7 @@ class Answers:
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; and their results
 
     def read_answers(self, block_ms: int) -> None:
-        """Reads new messages, blocking for at most `block_ms` milliseconds, and stores those that can be stored.
+        """Reads new messages and stores those that can be stored. Waits at most `block_ms` milliseconds for messages.
 
         Raises redis.RedisError.
         """
@@ -140,7 +141,7 @@ class Answers:
         self._batches = 0
 
     def look_for_unread(self) -> None:
-        """Updates the number of unread results in the pace. Raises redis.RedisError."""
+        """Updates the number of unread results that the pacing uses, if it is due. Raises redis.RedisError."""
         is_due = self._results.was_full or time.monotonic() - self._looked >= UNREAD_EVERY_S
         if self._results.size and is_due:
             self._looked = time.monotonic()
@@ -148,7 +149,7 @@ class Answers:
             self._pace.unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
-        """Waits before reading while the result rate is high, so that results of one tile are stored together."""
+        """Waits before reading while results arrive at a high rate, so that results of the same tile are stored together."""
         left_s = self._took_in + self._pace.gather_s - time.monotonic()
         if left_s > 0:
             time.sleep(left_s)
@@ -171,9 +172,9 @@ class Answers:
         self._stored = []
 
     def review(self) -> None:
-        """Rereads the stream if it holds more entries than are kept here; called once a second.
+        """Reads the whole stream again if it has more entries than are pending in memory. Called once a second.
 
-        That happens when Redis was unreachable during a deletion, or has lost data. Raises redis.RedisError.
+        That happens if Redis was unreachable during a deletion, or has lost data. Raises redis.RedisError.
         """
         more = self._results.length() > sum(map(len, self._kept.values())) and self._results.has_read(self._results.end())
         if more and self._overlooked:
@@ -199,11 +200,14 @@ class Answers:
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
-        """Returns True if storing the kept messages of an owner requires the database."""
+        """Whether storing the pending messages of a job or scene (`owner`) requires the database."""
         return any(isinstance(answer.message, PrepareDone | PrepareFailed) for answer in self._kept[owner])
 
     def _store(self, owner: str) -> None:
-        """Stores the kept messages of a job or a scene. Stored messages are removed from the list even if a later one raises."""
+        """Stores the pending messages of a job or a scene.
+
+        Removes each stored message from the list even if a later one raises an error.
+        """
         answers = self._kept[owner]
         if owner in self._scheduler.jobs:
             self._merge(owner)
@@ -216,10 +220,10 @@ class Answers:
     def _isolated(
         self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
     ) -> None:
-        """Handles one message, and puts it aside if handling it raises an error that the message itself caused.
+        """Handles one message; if that raises an error that the message caused, moves the message to the dead-letter list.
 
-        message: its work is then handed out again; None: it is not. instead: an additional action in that case.
-        Errors of Redis, the database, the machine, a film or a job are raised.
+        message: its work is dispatched again in that case; None: it is not. instead: further action in that case. Errors of
+        Redis, the database, the machine, a film or a job are raised.
         """
         try:
             action()
@@ -233,7 +237,7 @@ class Answers:
                 self._hand_out_again(message, f"{type(error).__name__}: {error}")
 
     def _hand_out_again(self, message: Message, why: str) -> None:
-        """Hands out again the work that a message answered which was put aside."""
+        """Dispatches the work of a message again after the message was moved to the dead-letter list."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
                 self._unusable(job, message, batch_of(message, job), why)
@@ -268,14 +272,14 @@ class Answers:
         self._note_merged(job, arrived)
 
     def _add(self, job: ActiveJob, rendered: list[_Answer]) -> list[_Merged]:
-        """Merges batches into a job's film, all or none."""
+        """Merges the batches of results into a job's film: all of them, or none if an error is raised."""
         entries = {id(answer.message): answer for answer in rendered}
         sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
         kept = self._trust.mergeable_answers(job, sums)
         return [_Merged(each, entries[id(each.message)]) for each in merge(job, kept)]
 
     def _note_merged(self, job: ActiveJob, arrived: list[_Merged]) -> None:
-        """Updates leases, logs, statistics and listeners after a merge into the film."""
+        """Updates leases, logs, statistics and listeners after batches were merged into the film."""
         tiles: dict[int, set[int]] = {}
         with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
@@ -299,7 +303,7 @@ class Answers:
             self._lifecycle.record(job)
 
     def _end_leases(self, job: ActiveJob, each: Arrived) -> None:
-        """Ends the leases of a merged batch and updates its job: the minimum to do when full bookkeeping fails."""
+        """Ends the leases of a merged batch and updates its job: the minimum to do if the full bookkeeping fails."""
         for piece in each.message.pieces if each.taken and each.batch is not None else ():
             assert each.batch is not None
             self._scheduler.leases.end(piece.batch)
@@ -319,7 +323,7 @@ class Answers:
         self._note(job, each)
 
     def _unusable(self, job: ActiveJob, message: BatchDone, whole: Range | None, why: str) -> None:
-        """Treats unusable sums as a failed batch of their sender.
+        """Handles sums that cannot be decoded or merged as a failed batch of their sender.
 
         A joint result counts as one failure, and against no worker if several contributed to it.
         """
@@ -344,7 +348,7 @@ class Answers:
         self._scheduler.give_up(job, batch, sentence, trouble.reproduce)
 
     def _note(self, job: ActiveJob, each: Arrived) -> None:
-        """Logs a batch: always in its tile's log, and in the job's log if its slot gave warnings."""
+        """Logs a batch in its tile's log; if its slot reported warnings, also in the job's log."""
         said, batch = each.message, each.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
@@ -407,9 +411,9 @@ class Answers:
             self._give_up(job, batch, trouble)
 
     def _misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
-        """Hands out a batch again that a worker of another release did not understand.
+        """Dispatches a batch again that a worker of another release did not understand.
 
-        The job is not at fault, since other workers may render it. Workers that do so repeatedly are set aside.
+        This does not count against the job, since other workers may render it. A worker that does it repeatedly is quarantined.
         """
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:

@@ -1,4 +1,4 @@
-"""Database changes that the engine has not applied yet."""
+"""Queue of database changes that the engine has not applied yet."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Change = tuple[str, str]  # kind ("job", "scene", "worker", "terms") and id
 
 
 class Changes:
-    """Queue of changes: any thread adds to it, the engine's thread applies them.
+    """Changes of items in the database, added by any thread and applied by the engine's thread.
 
-    A change that cannot be applied yet stays in it.
+    A change that cannot be applied yet stays in the queue.
     """
 
     def __init__(self) -> None:
@@ -25,15 +25,15 @@ class Changes:
         self._later: dict[Change, None] = {}
 
     def note_later(self, what: str, ids: Iterable[str]) -> None:
-        """Adds low-priority changes left by a previous run, applied after current ones. Used only by the engine's thread."""
+        """Adds low-priority changes, such as jobs left by a previous run. Used only by the engine's thread."""
         self._later |= dict.fromkeys((what, id) for id in ids)
 
     def note(self, what: str, id: str) -> None:
-        """Adds a change: an item was created, modified or deleted."""
+        """Adds the change that an item was created, modified or deleted. what: job or scene."""
         self._new.put((what, id))
 
     def open(self) -> list[Change]:
-        """Returns the pending changes, oldest first, filled up to `AT_A_TIME` with low-priority ones."""
+        """Returns the pending changes, oldest first. If they are fewer than `AT_A_TIME`, adds low-priority ones."""
         while not self._new.empty():
             change = self._new.get()
             self._later.pop(change, None)
@@ -45,13 +45,13 @@ class Changes:
 
     @property
     def is_behind(self) -> bool:
-        """True if low-priority changes of a previous run are still unprocessed."""
+        """Whether low-priority changes left by a previous run are still unprocessed."""
         return bool(self._later)
 
     def is_open(self, change: Change) -> bool:
-        """Returns True if a change is pending, current or low-priority."""
+        """Whether a change is pending, with normal or low priority."""
         return change in self._open or change in self._later
 
     def close(self, change: Change) -> None:
-        """Removes a change that was applied or never will be."""
+        """Removes a change that was applied or can never be applied."""
         self._open.pop(change, None)

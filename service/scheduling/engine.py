@@ -1,8 +1,8 @@
-"""The engine: one thread that alternates between taking in results and handing out work.
+"""The engine: one thread that alternates between processing results and dispatching work.
 
-A single thread lets films, plans and leases do without locks. The HTTP side reads its latest snapshot, writes to the database and
-notes what changed. Errors of one job, scene or worker are contained by the bulkheads (bulkhead.py); `_run` catches only errors
-of Redis and defects of this code.
+With a single thread, films, plans and leases need no locks. The HTTP side reads its latest snapshot, writes to the database and
+notifies it of changes. Errors of one job, scene or worker are contained by the bulkheads (bulkhead.py); `_run` catches only
+errors of Redis and bugs in the engine.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ log = logging.getLogger(__name__)
 
 
 class Engine:
-    """The engine's thread. Its events are published from that thread."""
+    """The engine's thread. It also publishes the engine's events."""
 
     def __init__(
         self,
@@ -83,8 +83,8 @@ class Engine:
     ) -> None:
         """Creates the engine without starting its thread.
 
-        connection, dispatcher: closed by `stop`. guard: raises FarmError if this service may not act as the farm. has_views:
-        whether unfinished views wait for slots.
+        connection, dispatcher: closed by `stop`. guard: raises FarmError if this service may not act as the farm's owner.
+        has_views: returns whether unfinished views wait for slots.
         """
         self._guard = guard
         self.films = films
@@ -134,11 +134,11 @@ class Engine:
         events.subscribe(PreparationRequested, self._preparation_requested)
 
     def start(self) -> None:
-        """Starts the thread, which loads the unfinished jobs and scenes from the database."""
+        """Starts the thread, which first loads the unfinished jobs and scenes from the database."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the thread after its current step. Outstanding work comes back after the next start or is handed out again."""
+        """Stops the thread after its current step. Outstanding work is answered after the next start, or dispatched again."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(10)
@@ -149,20 +149,20 @@ class Engine:
 
     @property
     def is_alive(self) -> bool:
-        """True if the thread is running."""
+        """Whether the thread is running."""
         return self._thread.is_alive()
 
     def moves(self) -> bool:
-        """Returns True if the thread completes its rounds. True during start-up, which may take long after a previous run."""
+        """Whether the thread completes its rounds. Always True during the start, which may take long after a previous run."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_S)
 
     @property
     def snapshot(self) -> Snapshot:
-        """The latest snapshot of the engine."""
+        """The latest snapshot of the engine's state."""
         return self._board.latest
 
     def changed(self, what: str, id: str) -> None:
-        """Notes that a job or another item was created, modified or deleted in the database, and wakes the engine."""
+        """Notifies the engine that a job or another item was created, modified or deleted in the database, and wakes it."""
         self._changes.note(what, id)
         self._results.wake()
 
@@ -174,7 +174,7 @@ class Engine:
         self._results.wake()
 
     def order(self, worker: str, why: str | None) -> None:
-        """Pauses a worker for the given reason, or resumes it if the reason is None. Raises redis.RedisError."""
+        """Pauses a worker; `why`: the reason, shown to users. None: resumes the worker. Raises redis.RedisError."""
         if why is None:
             self._workers.resume(worker)
         else:
@@ -182,25 +182,25 @@ class Engine:
         self.changed("worker", worker)
 
     def worker_log(self, worker: str) -> list[str] | None:
-        """Returns the last lines of a worker's log, or None if the worker does not send them.
+        """Returns the last lines of a worker's log, or None if the worker does not send them in time.
 
-        Takes seconds. Raises redis.RedisError.
+        Blocks for up to several seconds. Raises redis.RedisError.
         """
         return self._workers.log(worker)
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
-        """Requests that a worker denoise the frame's current film. Raises Unavailable if no worker can."""
+        """Requests that a worker denoise a frame, as it is in the film now. Raises Unavailable if no worker can."""
         wish = DenoiseFrame("", job, frame, film.width, film.height)
         return self._awaited(self._errands.denoising.want(wish, film.version(frame)))
 
     def vectors(self, wish: FrameVectors) -> Future[ArtifactResult]:
-        """Requests a frame's motion vectors from a worker. Raises Unavailable if no worker can make them."""
+        """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""
         return self._awaited(self._errands.vectors.want(wish))
 
     def show_environment(self, wish: ShowEnvironment) -> Future[ArtifactResult]:
-        """Requests a thumbnail of an environment image.
+        """Requests that a worker make the thumbnail of an environment image.
 
-        The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make it.
+        The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make thumbnails.
         """
         return self._awaited(self._errands.environments.want(wish))
 
@@ -216,7 +216,7 @@ class Engine:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
     def _fault_of(self, action: Callable[[], None]) -> str | None:
-        """Runs an action and returns its error as a sentence, or None on success."""
+        """Runs an action. Returns None, or its error as a sentence."""
         try:
             action()
         except (redis.RedisError, QueueError) as error:
@@ -235,7 +235,7 @@ class Engine:
         return None
 
     def _own_fault_of(self, part: Callable[[], None]) -> str | None:
-        """Runs one part of a step and returns a sentence if it raised an unexpected error, else None.
+        """Runs one part of a step. Returns None, or a sentence if it raised an unexpected error.
 
         Raises redis.RedisError, QueueError and FarmError.
         """
@@ -288,7 +288,7 @@ class Engine:
             self._scheduler.fill(self._lifecycle.start)
 
     def _begin(self) -> None:
-        """Cleans up after a previous run and queues its unfinished jobs and scenes."""
+        """Deletes queued messages, films and logs left by deleted jobs or a previous run; queues unfinished jobs and scenes."""
         self._dispatcher.purge()
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
@@ -325,14 +325,14 @@ class Engine:
         return self._bulkheads.run(id, Step.RECORD, action, needs_database=True)
 
     def _renew_terms(self) -> None:
-        """Reloads the administrators' settings of shares and workers from the database."""
+        """Reloads the administrators' settings for shares and workers from the database."""
         self._scheduler.shares.terms = self._records.shares()
         for job in self._scheduler.jobs.values():
             job.share = self._scheduler.shares.name_of(job.user, job.project)
         self._terms = self._records.worker_terms()
 
     def _each_second(self) -> None:
-        """Runs the periodic tasks, once a second. An unexpected error in one does not stop the others."""
+        """Runs the tasks that are due once a second. An unexpected error in one does not prevent the others."""
         self._refused = self._fault_of(self._write)
         faults = [
             self._own_fault_of(part)
@@ -369,27 +369,27 @@ class Engine:
                 self._board.change("job", job.id)
 
     def _repair(self) -> None:
-        """Deletes Redis keys of the wrong type; errors of Redis are ignored."""
+        """Deletes Redis keys of the wrong type. Ignores errors of Redis."""
         self._repaired = time.monotonic()
         with suppress(redis.RedisError):
             self._results.repair()
             repair_all(self._redis)
 
     def _look_at_keys(self) -> None:
-        """Writes the list of put-aside messages and, every `REPAIR_EVERY_S` seconds, deletes Redis keys of the wrong type.
+        """Writes the dead-letter list to its file and, every `REPAIR_EVERY_S` seconds, deletes Redis keys of the wrong type.
 
-        Workers write to Redis, and a key of the wrong type may block other workers.
+        Workers can write to Redis, and a key of the wrong type may block other workers.
         """
         self._put_aside.flush()
         if time.monotonic() - self._repaired >= REPAIR_EVERY_S:
             self._repair()
 
     def _write(self) -> None:
-        """Writes the service's heartbeat key, which detects a full or read-only Redis early. Raises redis.RedisError."""
+        """Writes the service's heartbeat key. This detects early that Redis is full or read-only. Raises redis.RedisError."""
         self._redis.set(SERVICE_KEY, time.time(), ex=SERVICE_KEY_TTL_S)
 
     def _shots(self) -> list[tuple[ActiveJob, str | None]]:
-        """Returns the active shots, by priority and age, with the kind of workers that renders each."""
+        """Returns the active shots, by priority and age, each with the worker kind that renders it."""
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.done]
         return [

@@ -61,7 +61,7 @@ class Lifecycle:
         tell: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
-        """Creates the life cycle. tell: notes a change of a job or scene for the next snapshot."""
+        """Stores the parameters. tell: notes a change of a job or scene for the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -77,32 +77,32 @@ class Lifecycle:
         self._autos: dict[str, dict[str, Any]] = {}  # by job of a shot: the view that frames its scene at the start time
 
     def apply(self, what: str, id: str) -> bool:
-        """Applies the current row of a job or scene. Returns False if that has to wait or failed."""
+        """Applies the current row of a job or scene. Returns False if that must wait or has failed. what: job or scene."""
         is_done: list[bool] = []
         step = self._apply_job if what == "job" else self._apply_scene
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
 
     def begin_round(self) -> None:
-        """Starts a round with a new time limit for loading jobs."""
+        """Starts a round of the engine, with a new time limit for loading jobs."""
         self._loading.begin_round()
         self.expect(())
 
     def expect(self, jobs: Iterable[str]) -> None:
-        """Sets the jobs whose changes are applied next, in order, so that the rows of jobs to be loaded are read together."""
+        """Announces the jobs whose changes are applied next, in order, so that rows of jobs to load are read together."""
         self._expected = (id for id in jobs if id not in self._scheduler.jobs)
         self._pending.clear()
 
     @property
     def is_loading(self) -> bool:
-        """True if jobs remain to be loaded in a later round."""
+        """Whether jobs remain to be loaded in later rounds."""
         return self._loading.is_under_way or self._changes.is_behind
 
     def may_apply(self, what: str, id: str) -> bool:
-        """Returns True if a change can be applied in this round: loading a job requires time left in it."""
+        """Whether a change can be applied in this round. Loading a job requires that the round has time left."""
         return what != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
-        """Returns True if a job will be loaded as soon as its film and the database can be read."""
+        """Whether a job will be loaded as soon as its film and the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_open(("job", id))
 
     def _apply_job(self, id: str) -> bool:
@@ -148,7 +148,7 @@ class Lifecycle:
         return job is None or self._adjust(job, pending.row)  # changes made while it was being loaded
 
     def _adjust(self, job: ActiveJob, row: Job) -> bool:
-        """Applies a user's changes to an active job; returns whether all were applied."""
+        """Applies a user's changes to an active job. Returns whether all were applied."""
         shot = Shot.of(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.progress(job)
@@ -181,13 +181,13 @@ class Lifecycle:
             self.record(job)  # otherwise its row is up to date
 
     def again(self, job: ActiveJob) -> None:
-        """Reloads a job after a worker became distrusted, so that this worker's samples are removed and rendered again."""
+        """Reloads a job after a worker was distrusted, so that the worker's samples are removed and rendered again."""
         self._bulkheads.run(job.id, Step.RECORD, lambda: self._records.progress(job), needs_database=True)
         self._drop(job)
         self._changes.note("job", job.id)
 
     def start(self, job: ActiveJob, kind: str) -> bool:
-        """Returns True if workers of this kind can render the job now; if so, the job's kind is set."""
+        """Starts a job on workers of this kind if they can render it now; returns whether they can."""
         if kind not in job.compiled:
             self._errands.preparing.want(job.scene, kind)
             return False
@@ -233,16 +233,16 @@ class Lifecycle:
         self._tell("job", job.id)
 
     def lay_out(self, job: ActiveJob) -> None:
-        """Stores the frames' goals of the next round of a shot, then starts the round."""
+        """Stores the goals of the frames for the next round of a shot, then starts the round."""
         self._records.goals(job)
         job.agenda.begin_round()
 
     def auto_of(self, job: ActiveJob) -> dict[str, Any]:
-        """Returns the view that frames a job's scene at its start time."""
+        """Returns the automatic view of a job's scene, which frames the scene at the job's start time."""
         return self._autos[job.id]
 
     def frame_answered(self, message: FramePrepared | FrameFailed) -> None:
-        """Handles the result of a frame's preparation; if it failed, the other frames continue."""
+        """Handles the result of a frame's preparation. If it failed, the job continues with the other frames."""
         job = self._scheduler.jobs.get(message.job)
         frame = job.frames.get(message.frame) if job is not None else None
         if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
@@ -275,7 +275,7 @@ class Lifecycle:
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail(frame, error))
 
     def end(self, id: str, verdict: Verdict) -> None:
-        """Fails a job or a scene; the job's samples are kept."""
+        """Fails a job or a scene with the error in `verdict`. A job's samples are preserved."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.add_line(f"failed: {verdict.error}", verdict.reproduce or "")
@@ -293,7 +293,7 @@ class Lifecycle:
             self.prepare_failed(id, None, verdict.error)
 
     def prepared(self, scene: str, info: SceneInfo) -> None:
-        """Marks a scene as ready for a kind of workers, and continues its jobs."""
+        """Marks a scene as prepared for a worker kind, and continues its jobs."""
         self._errands.preparing.forget_kind(scene, info.kind)
         if (error := self._records.refuse(scene, info.warnings)) is not None:
             self.prepare_failed(scene, None, error)
@@ -311,7 +311,7 @@ class Lifecycle:
                 self._changes.note("job", id)
 
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
-        """Fails the jobs that wait for a scene: all, or those that require this kind of workers."""
+        """Fails the jobs that wait for a scene: all of them, or only those that require this worker kind."""
         if self._records.prepare_failed(scene, error):
             self._errands.preparing.forget(scene)
         elif kind is not None:

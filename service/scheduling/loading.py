@@ -41,7 +41,7 @@ class Loading:
         logs: JobLogs,
         loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
-        """Creates the loader. loaded: called with each job that was added to the scheduler."""
+        """Stores the parameters. loaded: called with each job that was added to the scheduler."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -54,7 +54,7 @@ class Loading:
         self._until = self._until_by_clock = 0.0
 
     def begin_round(self) -> None:
-        """Starts the time limits of a round."""
+        """Resets the time limits at the start of a round."""
         self._rounds += 1
         self._is_first = True
         self._until = time.thread_time() + ROUND_CPU_S
@@ -62,16 +62,19 @@ class Loading:
 
     @property
     def has_time(self) -> bool:
-        """True if the round has time to load another job. There is always time for one step, also on a stalled machine."""
+        """Whether the round has time to load another job. Always True for the first step, even on a stalled machine."""
         return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
     def is_under_way(self) -> bool:
-        """True if a job is partly loaded."""
+        """Whether a job is partly loaded."""
         return bool(self._under_way)
 
     def go_on(self, pending: PendingJob) -> bool:
-        """Loads an unfinished job as far as the round has time; returns whether nothing more can be done now."""
+        """Loads an unfinished job until the round's time is used up.
+
+        Returns whether it is done: loaded, or not loadable at present.
+        """
         self._is_first = False
         row = pending.row
         asked = row.shot, row.spp, row.noise, row.seconds, frozenset(self._scheduler.distrusted), row.doubted
@@ -86,11 +89,11 @@ class Loading:
         return True
 
     def forget(self, id: str) -> None:
-        """Drops the remaining steps of a job."""
+        """Discards the remaining steps of a job."""
         self._under_way.pop(id, None)
 
     def _steps(self, pending: PendingJob) -> Iterator[None]:
-        """Yields after each step. Does nothing while the scene is not ready or dependencies are unfinished."""
+        """Loads a job; yields after each step. Does nothing while the scene is not ready or dependencies are unfinished."""
         row, scene, since = pending.row, pending.scene, self._rounds
         self._waiting.note(row.id, pending.waits)
         if pending.waits or pending.frames_change:
@@ -120,7 +123,7 @@ class Loading:
         self._add(job, row, scene, is_of_this_round=since == self._rounds)
 
     def _film(self, row: Job, resolved: Job) -> Film:
-        """Opens the film and removes samples that are to be rendered again or come from distrusted workers.
+        """Opens the job's film, and removes samples that must be rendered again or come from distrusted workers.
 
         Raises FilmWaits or FilmLost.
         """
@@ -158,12 +161,12 @@ class Loading:
         self._loaded(job, scene)
 
     def _verify(self, row: Job) -> float:
-        """Returns the fraction of batches rendered twice: the job's own, or the farm's."""
+        """Returns the fraction of batches that are rendered twice for verification: the job's setting, or the farm's."""
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked
 
     def _catch_up(self, job: ActiveJob, stage: str) -> None:
-        """Adds kinds of workers for which the scene was compiled since loading began."""
+        """Adds worker kinds for which the scene was compiled after loading began. stage: the scene's id."""
         scene = self._records.scene(stage)
         for kind, ref in (scene.compiled if scene is not None else {}).items():
             if kind not in job.compiled:
@@ -172,7 +175,7 @@ class Loading:
 
 
 def _summary(job: ActiveJob, scene: Scene) -> str:
-    """Returns a line for the job's log: the goals, and the preparation of the scene."""
+    """Returns the first line of the job's log: its goals, and the preparation of the scene."""
     info = scene.info or {}
     goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
     asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"

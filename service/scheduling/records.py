@@ -68,14 +68,14 @@ class PendingJob:
 
 
 class Records:
-    """The database operations of the engine."""
+    """The engine's database operations."""
 
     def __init__(self, sessions: Sessions, max_pixels: int) -> None:
         self._sessions = sessions
         self._max_pixels = max_pixels
 
     def active_jobs(self) -> list[str]:
-        """Returns the unfinished jobs: running ones first, then by priority and age."""
+        """Returns the ids of the unfinished jobs: running ones first, then by priority and age."""
         with self._sessions() as session:
             order = case((Job.state == "running", 0), else_=1), Job.priority.desc(), Job.created
             return list(session.scalars(select(Job.id).where(Job.state.in_(ACTIVE)).order_by(*order)))
@@ -86,23 +86,23 @@ class Records:
             return set(session.scalars(select(Job.id)))
 
     def jobs_of(self, scene: str) -> list[str]:
-        """Returns the unfinished jobs that render a scene."""
+        """Returns the ids of the unfinished jobs that render a scene."""
         with self._sessions() as session:
             stage = func.coalesce(Job.lit, Job.scene)
             return list(session.scalars(select(Job.id).where(stage == scene, Job.state.in_(ACTIVE))))
 
     def waiting_for(self, scene: str) -> list[str]:
-        """Returns the scenes derived from this one that are not prepared yet."""
+        """Returns the ids of the scenes derived from this one that are not prepared yet."""
         with self._sessions() as session:
             return list(session.scalars(select(Scene.id).where(Scene.of == scene, Scene.status == "preparing")))
 
     def preparing_scenes(self) -> list[str]:
-        """Returns the scenes that are not prepared yet."""
+        """Returns the ids of the scenes that are not prepared yet."""
         with self._sessions() as session:
             return list(session.scalars(select(Scene.id).where(Scene.status == "preparing")))
 
     def blobs(self) -> set[str]:
-        """Returns the hashes of all blobs that rows refer to."""
+        """Returns the hashes of all blobs that the database refers to."""
         with self._sessions() as session:
             frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
             owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
@@ -126,17 +126,17 @@ class Records:
             return found.samples if found is not None else 0
 
     def has_frame(self, job: str, frame: int) -> bool:
-        """Returns True if a job has a frame with this key."""
+        """Whether a job has a frame with this key."""
         with self._sessions() as session:
             return session.get(Frame, (job, frame)) is not None
 
     def clear_distrusted(self, job: str) -> None:
-        """Clears the list of distrusted workers whose samples were to be removed from a job's film."""
+        """Clears a job's list of distrusted workers, after their samples were removed from its film."""
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == job).values(doubted=None))
 
     def pending(self, ids: Collection[str]) -> dict[str, PendingJob]:
-        """Returns the data of those jobs that have a row, all read together: thousands may be submitted at once."""
+        """Returns the data of those jobs that have a row, by id. Reads all together, since thousands may be submitted at once."""
         with self._sessions() as session:
             found = session.execute(_PENDING, {"ids": list(ids)}).all()
             stages = {job.stage for job, *_ in found}
@@ -150,14 +150,14 @@ class Records:
         }
 
     def all_waiting(self) -> set[str]:
-        """Returns the unfinished jobs that wait for others."""
+        """Returns the ids of the unfinished jobs that wait for other jobs."""
         with self._sessions() as session:
             return set(session.scalars(select(Wait.job).join(Job, Job.id == Wait.job).where(Job.state.in_(ACTIVE)).distinct()))
 
     def ended_waits(self) -> list[tuple[str, str, str | None, str | None]]:
-        """Returns (job, predecessor, predecessor's name, its state) for unfinished jobs whose predecessor ended.
+        """Returns (job id, other job's id, name, state) for each unfinished job that waits for a job that has ended.
 
-        The state is None if the predecessor was deleted.
+        Name and state are None if the other job was deleted.
         """
         other = aliased(Job)
         query = select(Wait.job, Wait.other, other.name, other.state).join(Job, Job.id == Wait.job)
@@ -167,12 +167,12 @@ class Records:
             return [(job, id, name, state) for job, id, name, state in session.execute(query)]
 
     def shares(self) -> dict[str, Terms]:
-        """Returns the terms of the shares that have their own, by name."""
+        """Returns the terms of the shares that have their own, by share name."""
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
     def worker_terms(self) -> dict[str, WorkerTerms]:
-        """Returns the administrators' settings of workers, by name; those of an incompatible release are left out."""
+        """Returns the administrators' settings for workers, by name. Settings of an incompatible release are skipped."""
         found = {}
         with self._sessions() as session:
             for row in session.scalars(select(Asked)):
@@ -181,24 +181,27 @@ class Records:
         return found
 
     def remove_waits(self, other: str) -> None:
-        """Removes the dependencies on a finished job."""
+        """Removes the dependencies of all jobs on this finished job."""
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
 
     def late(self, id: str, since: float | None) -> bool:
-        """Stores since when a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
+        """Stores the Unix time since which a job is late; None: it is not late.
+
+        Returns False if the job has ended or is deleted.
+        """
         with self._sessions.begin() as session:
             changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE)).values(late=since))
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def overdue(self, now: float) -> list[str]:
-        """Returns the unfinished jobs whose deadline has passed and that are not yet stored as late."""
+        """Returns the ids of the unfinished jobs whose deadline has passed and that are not stored as late."""
         with self._sessions() as session:
             query = select(Job.id).where(Job.state.in_(ACTIVE), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
     def frames(self, job: str) -> Iterator[list[FrameRow]]:
-        """Yields the rows of a job's frames, in order, `AT_A_TIME` at once."""
+        """Yields the rows of a job's frames in order, in lists of `AT_A_TIME`."""
         query = select(*_FRAME_COLUMNS).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
         last = -1
         while True:
@@ -224,7 +227,7 @@ class Records:
         return RenderSettings.from_json(found)
 
     def is_to_be_opened(self, scene: Scene) -> bool:
-        """Returns True if Blender has to open a scene's file before the scene can be prepared."""
+        """Whether Blender has to open a scene's file before the scene can be prepared."""
         with self._sessions() as session:
             return is_to_be_opened(session, scene)
 
@@ -234,7 +237,7 @@ class Records:
             return session.get(Scene, id)
 
     def resolve(self, id: str, scene: Scene) -> Job | None:
-        """Sets a job's render settings from its scene, once. Fails the job if its request does not fit the scene."""
+        """Sets a job's render settings from its scene, once. If the request does not fit the scene, marks the job as failed."""
         with self._sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is not None and job.settings is None:
@@ -245,9 +248,9 @@ class Records:
             return job
 
     def started(self, id: str, kind: str) -> bool:
-        """Marks a job as running on a kind of workers, before its first batch.
+        """Marks a job as running on workers of this kind, before its first batch.
 
-        Returns False if it must not be rendered any more.
+        Returns False if the job must not be rendered any more.
         """
         with self._sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
@@ -259,7 +262,7 @@ class Records:
             return True
 
     def progress(self, job: ActiveJob) -> None:
-        """Stores a job's progress; of a shot, that of changed frames."""
+        """Stores a job's progress; for a shot, the progress of its changed frames."""
         with self._sessions.begin() as session:
             told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
             session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=NO_SYNCHRONIZE)
@@ -271,7 +274,7 @@ class Records:
         job.history.has_changed = False
 
     def forgot(self, id: str, keys: list[int]) -> None:
-        """Records that the samples of these frames were removed from the film."""
+        """Records that the samples of these frames were removed from the job's film."""
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)
             shot = Shot.of(row.shot) if row is not None else None
@@ -280,17 +283,17 @@ class Records:
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
     def goals(self, job: ActiveJob) -> None:
-        """Stores the goals of a shot's next round, for each frame."""
+        """Stores the goals of all frames for a shot's next round."""
         with self._sessions.begin() as session:
             goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
             session.connection().execute(row.values(spp=bindparam("goal")), goals)
 
     def finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
-        """Marks a job as finished, or as failed if all of its frames failed.
+        """Marks a job as finished, or as failed if all its frames failed.
 
         measured: measurements of its scene (service/scheduling/jobs/measurements.py). Returns False if the job has already ended
-        or its goal was changed meanwhile.
+        or its goal was changed concurrently.
         """
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
@@ -325,7 +328,7 @@ class Records:
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def prepared(self, id: str, info: SceneInfo) -> bool:
-        """Marks a scene as prepared for a kind of workers. Returns False if it is deleted."""
+        """Marks a scene as prepared for a worker kind. Returns False if it is deleted."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None:
@@ -337,9 +340,9 @@ class Records:
             return True
 
     def refuse(self, id: str, warnings: Sequence[str]) -> str | None:
-        """Fails a strict scene that was prepared with warnings, and returns its error; None for other scenes.
+        """Marks a strict scene as failed if it was prepared with warnings, and returns its error; None for other scenes.
 
-        A scene that is ready for another kind of workers stays ready. The warnings are added to the scene's notes.
+        A scene that is ready for another worker kind stays ready. The warnings are added to the scene's notes.
         """
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
@@ -353,7 +356,7 @@ class Records:
             return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:
-        """Marks a scene as failed. Returns False if it is deleted or ready for another kind."""
+        """Marks a scene as failed. Returns False if it is deleted or ready for another worker kind."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None or scene.status != "preparing":

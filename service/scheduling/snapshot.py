@@ -1,4 +1,4 @@
-"""The immutable view of the engine that other threads read and the engine's thread replaces."""
+"""Immutable snapshots of the engine's state. Other threads read the latest one; the engine's thread replaces it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NUMBERS_EVERY_S = 0.1
 
 @dataclass(frozen=True)
 class JobNumbers:
-    """Progress of an active job."""
+    """Progress numbers of an active job and its frames."""
 
     state: str
     samples: int
@@ -43,7 +43,7 @@ class JobNumbers:
 
     @classmethod
     def of(cls, job: ActiveJob) -> JobNumbers:
-        """Creates the current numbers of a job."""
+        """Returns the current numbers of a job."""
         return cls(
             job.state,
             job.samples,
@@ -66,7 +66,7 @@ class JobNumbers:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The state of the engine at one time."""
+    """State of the engine at one moment: jobs, workers, and reasons for waiting."""
 
     fault: str | None = Sentence("service-starting", "The service is starting.")  # why the whole engine is stopped
     roster: WorkerSnapshot = field(default_factory=WorkerSnapshot)
@@ -83,7 +83,7 @@ class Snapshot:
 
     @property
     def not_ready(self) -> str | None:
-        """Why the farm cannot work now, as a sentence; None if it can."""
+        """Returns a sentence on why the farm cannot work at present; None if it can."""
         age = time.monotonic() - self.made
         if age > STUCK_S:
             return Sentence(
@@ -101,7 +101,7 @@ class Snapshot:
 
 
 class SnapshotBoard:
-    """Holds the engine's latest snapshot. Publishes `ItemChanged` once the snapshot shows the change."""
+    """Holds the engine's latest snapshot. Publishes `ItemChanged` as soon as the snapshot shows the change."""
 
     def __init__(self, events: Events) -> None:
         self._events = events
@@ -115,11 +115,14 @@ class SnapshotBoard:
         return self.latest.roster
 
     def change(self, what: ItemKind, id: str) -> None:
-        """Notes a change, which is published with the next snapshot."""
+        """Notes that an item has changed. The event is published with the next snapshot."""
         self._changed[what, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
-        """Replaces the snapshot. The numbers of a continuously changing job are updated ten times a second."""
+        """Replaces the snapshot. The numbers of a job that changes all the time are updated ten times a second.
+
+        jobs: ids of the active jobs. make: creates the snapshot.
+        """
         now = time.monotonic()
         late: dict[tuple[ItemKind, str], None] = {}
         numbers = {}

@@ -1,10 +1,11 @@
-"""Dependencies of jobs on others.
+"""Dependencies of jobs on other jobs.
 
-They are stored only in the database (store/models.py: Wait) and checked about once a second, so it does not matter how the
-others end, or whether the service was restarted meanwhile.
+They are stored only in the database (store/models.py: Wait) and checked about once a second, so it does not matter how the other
+jobs end, or whether the service was restarted meanwhile.
 
-Once a predecessor is finished, the dependency is removed, whatever happens to it later. If a predecessor fails, is cancelled or
-is deleted before it was finished, the job fails too, with an error that names it; and so do the jobs that depend on this one.
+Once a predecessor is finished, the dependency is removed, and later changes of the predecessor have no effect. If a predecessor
+fails, is cancelled, or is deleted before it was finished, the job fails too, with an error that names the predecessor; and so do
+the jobs that depend on this one.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ REVIEW_S = 0.1  # seconds per review, limited for long chains of failing jobs
 
 
 class DependencyTracker:
-    """Tracks jobs with dependencies. Used only by the engine's thread."""
+    """The jobs with unfinished dependencies. Used only by the engine's thread."""
 
     def __init__(self, records: Records, bulkheads: Bulkheads, changes: Changes) -> None:
         self._records = records
@@ -32,14 +33,14 @@ class DependencyTracker:
         self._held: set[str] = set()
 
     def note(self, job: str, waits: bool) -> None:
-        """Records whether a job has unfinished dependencies. It is noted as changed once it has none."""
+        """Records whether a job has unfinished dependencies."""
         if waits:
             self._held.add(job)
         else:
             self._held.discard(job)
 
     def review(self) -> None:
-        """Continues jobs without remaining dependencies and fails those whose predecessor failed; called once a second."""
+        """Continues jobs whose dependencies are finished, and fails those with a failed predecessor. Called once a second."""
         if self._held:
             self._bulkheads.run(ALL, Step.CHANGE, self._review, needs_database=True)
 
@@ -52,7 +53,7 @@ class DependencyTracker:
             self._changes.note("job", job)
 
     def _end(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
-        """Removes or fails dependencies whose predecessor ended; returns whether any job failed."""
+        """Removes dependencies on finished jobs, and fails jobs whose predecessor failed; returns whether any job failed."""
         failed = False
         for job, other, name, state in waits:
             if state == "finished":
