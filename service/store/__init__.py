@@ -1,1 +1,1 @@
-"""Storage: database rows, content-addressed blobs, and films in which each sample is stored once."""
+"""Storage: database rows, content-addressed blobs, and films, which store each sample exactly once."""

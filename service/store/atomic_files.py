@@ -1,4 +1,4 @@
-"""Atomic file writes: a file is complete or absent, also after a power cut."""
+"""Atomic file writes: a file is complete or absent, even after a power failure."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ PRIVATE_FOLDER = 0o700
 
 
 def make_private(folder: Path) -> None:
-    """Creates a folder and its missing parents, accessible to their owner only."""
+    """Creates a folder and its missing parents, accessible only to their owner."""
     if not folder.is_dir():
         make_private(folder.parent)
         folder.mkdir(PRIVATE_FOLDER, exist_ok=True)
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Writes a small file atomically: other processes see the old content or the new one."""
+    """Writes a small file atomically: other processes see either the old or the new content."""
     with _beside(path, data) as temporary:
         move_whole(temporary, path)
 
 
 def write_once(path: Path, data: bytes) -> None:
-    """Writes a small file unless it exists. If several processes do so at once, one succeeds and all read the same content."""
+    """Writes a small file unless it exists. If several processes do so at once, one succeeds and all read its content."""
     with _beside(path, data) as temporary:
         _sync(temporary)
         try:
@@ -52,7 +52,10 @@ def _beside(path: Path, data: bytes) -> Iterator[Path]:
 
 
 def move_whole(temporary: Path, path: Path) -> None:
-    """Renames a written file to its final name, synced to disk first, so that the name never refers to incomplete content."""
+    """Renames a written file to its final name.
+
+    First syncs it to disk, so that the final name never refers to incomplete content.
+    """
     _sync(temporary)
     temporary.replace(path)
     _sync(path.parent)

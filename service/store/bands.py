@@ -1,4 +1,4 @@
-"""Reads a film frame from top to bottom, one row of tiles at a time, so that a large frame is never in memory as a whole."""
+"""Reads a frame of a film from top to bottom, one row of tiles at a time, so that a large frame is never in memory as a whole."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ IN_MEMORY_BYTES = 32 << 20
 
 
 def bands(film: Readable, frame: int, names: Sequence[str]) -> Iterator[F32]:
-    """Yields a frame as bands, one per row of tiles: (h, width, channels) float32, top to bottom.
+    """Yields a frame as bands from top to bottom, one per row of tiles: (h, width, channels) float32.
 
-    names: "color" and AOVs, whose values lie side by side in the last axis. Pixels of tiles without samples are 0.
-    Raises what the film raises when it is read.
+    names: "color" and AOVs, concatenated along the last axis. Pixels of tiles without samples are 0.
+    Raises the errors of reading a film.
     """
     wanted = sorted({plane for name in names for plane in aovs.planes(name)})
     size = sum(map(aovs.size, names))
@@ -50,10 +50,10 @@ def _means(sums: Sums, film_exponent: int, name: str) -> F32:
 
 
 def digest(film: Film, frame: int, folder: Path) -> str:
-    """Returns `renderer.film.digest` of a whole frame.
+    """Returns the digest of a whole frame, as defined by `renderer.film.digest`.
 
-    The hash reads one plane after the other, so the planes are first written to a temporary file in `folder` (in memory below
-    IN_MEMORY_BYTES).
+    The hash is computed plane by plane, so the planes are first written to a temporary file in `folder` (in memory if smaller
+    than IN_MEMORY_BYTES).
     """
     with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
         for row, sums_of in _rows(film, frame, range(CHANNELS)):
@@ -73,9 +73,9 @@ def digest_memory(film: Film) -> int:
 
 
 def _rows(film: Readable, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
-    """Yields each row of tiles: all its tiles, and an iterator of (tile, sums) over the tiles that have samples.
+    """Yields for each row of tiles: all its tiles, and an iterator of (tile, sums) of those that have samples.
 
-    planes: the channels of the sums to read.
+    planes: channels of the sums to read.
     """
     for _, group in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
         row = list(group)

@@ -1,6 +1,6 @@
-"""Blender's export of a scene's files, stored with the scene and reused for other scenes with the same files.
+"""Blender's export of a scene's files: stored with the scene, and reused by other scenes with the same files.
 
-The rendered result therefore depends on the upload alone, not on the Blender version that a worker has later.
+So the rendered result depends only on the upload, not on the Blender version that a worker has later.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ __all__ = ["blend_of", "is_to_be_opened"]
 
 
 def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
-    """Returns `SceneInfo.blend` of a scene, or None.
+    """Returns the stored export (`SceneInfo.blend`) for a scene, or None.
 
-    Looks at the scene itself, then at the upload it was derived from (`scene.of`), then at the oldest other scene with the same
-    files. None if the main file is no .blend, or if Blender has not exported these files yet.
+    Searches the scene itself, then the upload from which it was derived (`scene.of`), then the oldest other scene with the same
+    files. None if the main file is not a .blend, or if Blender has not exported these files yet.
     """
     if not is_blend(scene.main):
         return None
@@ -35,7 +35,7 @@ def blend_of(session: Session, scene: Scene) -> dict[str, Any] | None:
 
 
 def is_to_be_opened(session: Session, scene: Scene) -> bool:
-    """Returns True if Blender must export the scene's files before it can be compiled."""
+    """Whether Blender must export the scene's files before the scene can be compiled."""
     return is_blend(scene.main) and blend_of(session, scene) is None
 
 

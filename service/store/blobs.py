@@ -1,4 +1,4 @@
-"""Blob storage: files addressed by the SHA-256 of their bytes. A blob is complete or absent."""
+"""Blob storage: files addressed by the SHA-256 of their content. A blob is complete or absent."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ AT_A_TIME = 8  # threads that delete blobs in parallel
 
 
 def is_sha256(text: str) -> bool:
-    """Returns True if `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
+    """Whether `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
     return SHA256.fullmatch(text) is not None
 
 
 @dataclass(frozen=True)
 class ServedBlob:
-    """A blob that is being sent: its size in bytes and its content in chunks."""
+    """A blob for a response: its size in bytes and its content in chunks."""
 
     size: int
     chunks: Iterator[bytes]
@@ -41,7 +41,7 @@ class ServedBlob:
 class BlobStore(Protocol):
     """Interface of the blob storage.
 
-    Methods raise ValueError for a malformed hash, and Unavailable if the store does not respond.
+    Methods raise ValueError for a malformed hash, and Unavailable if the storage does not respond.
     """
 
     is_local: bool  # whether workers on this machine can map the blobs from the data folder
@@ -50,16 +50,16 @@ class BlobStore(Protocol):
         """Returns a writer for a new blob."""
 
     def put(self, writer: BlobWriter) -> None:
-        """Stores the bytes of a writer as a blob. An existing blob is left as it is."""
+        """Stores the bytes of a writer as a blob. An existing blob is not changed."""
 
     def open(self, sha256: str) -> BinaryIO:
         """Opens a blob for reading. Raises NotFound."""
 
     def serve(self, sha256: str) -> ServedBlob:
-        """Returns a blob's size and chunks, for a response. Raises NotFound."""
+        """Returns a blob's size and content in chunks, for a response. Raises NotFound."""
 
     def exists(self, sha256: str) -> bool:
-        """Returns True if the blob exists."""
+        """Whether the blob exists."""
 
     def size(self, sha256: str) -> int | None:
         """Returns the size of a blob in bytes, or None if it does not exist."""
@@ -67,14 +67,14 @@ class BlobStore(Protocol):
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
         """Deletes those of the given blobs that exist.
 
-        guard: called before deletions; raises FarmError if deleting is no longer allowed.
+        guard: called before each deletion; raises FarmError if deleting is no longer allowed.
         """
 
     def sweep(self, keep: set[str], older_than_s: float = OLD_S) -> set[str]:
-        """Removes unfinished writes, and blobs older than `older_than_s` seconds that are not in `keep`.
+        """Deletes unfinished writes, and blobs older than `older_than_s` seconds that are not in `keep`.
 
-        Returns the hashes of younger blobs that are not in `keep`. They stay, because the worker's message that refers to them
-        may still be in transit.
+        Returns the hashes of younger blobs that are not in `keep`. They are not deleted, since the worker's message that refers
+        to them may still be in transit.
         """
 
 
@@ -96,7 +96,7 @@ class BlobFolder:
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """Implements `BlobStore.put`. A file of another size, as a power cut leaves it, is replaced."""
+        """Implements `BlobStore.put`. Replaces an existing file of another size, which a power failure can leave."""
         target = self._path(writer.sha256)
         target.parent.mkdir(PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(FileNotFoundError):
@@ -131,7 +131,7 @@ class BlobFolder:
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
         """Implements `BlobStore.delete`.
 
-        Deletes up to AT_A_TIME files in parallel: on a disk that discards synchronously, the waits then overlap.
+        Deletes up to AT_A_TIME files in parallel, so that the waits of disks with synchronous discard overlap.
         """
 
         def remove(path: Path) -> None:

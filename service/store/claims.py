@@ -1,8 +1,8 @@
-"""Decides which of the parts of one merge a film accepts, so that each sample is stored once.
+"""Selects which parts of a merge a film accepts, so that each sample is stored exactly once.
 
-A part that overlaps stored samples is dropped, because all or some of it arrived before. There is one exception: a part whose
-sums were added up in transit covers several batches, and one of these may already have been stored, sent by the second worker of
-a duplicated batch. If all rows that overlap lie within the new part, the part replaces them: it has the same samples and more.
+A part that overlaps stored samples is dropped, because all or some of it was stored before. One exception: a part whose sums were
+added up in transit covers several batches, of which one may already be stored, sent by the second worker of a duplicated batch.
+If all overlapping rows lie within the new part, the part replaces them: it contains the same samples and more.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _Where = tuple[int, int]  # frame, tile
 
 
 class Claims:
-    """The accepted parts of one merge.
+    """The accepted parts of a merge.
 
-    coverage: the samples of each changed tile after the merge. replaced: stored rows that a part replaces. taken: for each part,
-    whether it is accepted.
+    coverage: the samples of each changed tile after the merge. replaced: stored rows that a part replaces. taken: whether each
+    part is accepted.
     """
 
     def __init__(
@@ -35,8 +35,8 @@ class Claims:
     ) -> None:
         """Selects the parts to accept.
 
-        fit: for each part, whether it is valid. known: returns a copy of the stored coverage of (frame, tile).
-        rows: returns the stored rows of (frame, tile); None if rows must not be replaced.
+        fit: whether each part is valid. known: returns a copy of the stored coverage of (frame, tile).
+        rows: returns the stored rows of (frame, tile); None: rows must not be replaced.
         """
         self.coverage: dict[_Where, Coverage] = {}
         self.replaced: list[Head] = []
@@ -62,7 +62,7 @@ class Claims:
         return True
 
     def _within(self, part: Part) -> list[Head]:
-        """Returns the stored rows that a part replaces; empty unless it contains them completely and has more samples."""
+        """Returns the stored rows that a part replaces; empty unless the part contains them completely and has more samples."""
         where, end = (part.frame, part.tile), part.first + part.count
         if self._rows is None or any(_overlap(part, [(new.first, new.count)]) for new in self._new.get(where, ())):
             return []

@@ -1,4 +1,4 @@
-"""In-memory index of a film's file: the samples stored for each tile, and the heads of the rows that hold them."""
+"""In-memory index of a film's file: the samples stored for each tile, and the heads (columns without sums) of the rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Contents:
     """The index of one film's rows. Not thread-safe."""
 
     def __init__(self, heads: Iterable[Head], tiles: Sequence[Tile]) -> None:
-        """Builds the index from the heads of all rows. Raises FilmLost if they are not valid for `tiles`."""
+        """Builds the index from the heads of all rows. Raises FilmLost if they do not fit `tiles`."""
         self._tiles = tiles
         self._coverage: dict[Where, Coverage] = {}
         self._rows: dict[Where, list[Head]] = {}
@@ -37,7 +37,7 @@ class Contents:
 
     @property
     def is_empty(self) -> bool:
-        """True if the film has no samples in any frame."""
+        """Whether the film has no samples in any frame."""
         return not self._coverage
 
     def covered(self, frame: int, tile: int) -> Coverage:
@@ -51,7 +51,7 @@ class Contents:
         return known is not None and bool(known.ranges)
 
     def is_one_run(self, frame: int, tile: int) -> bool:
-        """Returns True if a tile has samples and they form one contiguous range."""
+        """Whether a tile has samples and they form one contiguous range."""
         return self.has(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
     def copied(self) -> dict[Where, Coverage]:
@@ -68,25 +68,25 @@ class Contents:
         return sum(covered.total * tile.w * tile.h for tile, covered in known if covered is not None)
 
     def version(self, frame: int) -> str:
-        """Returns a hash of the frame's stored sample ranges: it changes whenever samples are added."""
+        """Returns a hash of the frame's stored sample ranges. It changes whenever samples are added."""
         known = ((tile, self._coverage.get((frame, tile))) for tile in range(len(self._tiles)))
         covered = [(tile, each.ranges) for tile, each in known if each is not None]
         return hashlib.sha256(repr(covered).encode()).hexdigest()[:20]
 
     def bad_count(self, frame: int) -> int:
-        """Returns how many bad (NaN or infinite) samples of a frame were left out."""
+        """Returns the number of samples of a frame that were discarded because they were NaN or infinite."""
         return sum(head.bad for tile in range(len(self._tiles)) for head in self.rows(frame, tile))
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Returns True if all stored samples belong to the given frames."""
+        """Whether all stored samples belong to the given frames."""
         return all(frame in frames for frame, _ in list(self._coverage))
 
     def has_sent(self, worker: str) -> bool:
-        """Returns True if the film contains sums from a worker."""
+        """Whether the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
     def take(self, coverage: Mapping[Where, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
-        """Records a merge: rows that were added and rows that they replaced.
+        """Updates the index after a merge: `added` rows were stored, and the rows `instead_of` were replaced.
 
         coverage: the sample ranges of the changed tiles after the merge.
         """
@@ -97,5 +97,5 @@ class Contents:
             self._rows.setdefault(head[:2], []).append(head)
 
     def fold(self, heads: Collection[Head], made: Head) -> None:
-        """Records that `made` replaces `heads`, with the same samples."""
+        """Updates the index after a fold: row `made` replaces the rows `heads` and has the same samples."""
         self._rows[made[:2]] = [*(head for head in self._rows[made[:2]] if head not in heads), made]

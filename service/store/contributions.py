@@ -26,10 +26,10 @@ class Part:
 
 
 def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
-    """Joins parts with contiguous samples into one, since each row is costly; returns each part with its unpacked sums.
+    """Joins parts with contiguous samples, since each row is costly. Returns each part with its unpacked sums.
 
-    The sums are None for a part that was not joined. apart: do not join parts of different workers.
-    Raises ValueError if a part's sums are damaged.
+    The sums are None for a part that was not joined. apart: do not join parts of different workers. Raises ValueError if a part's
+    sums are damaged.
     """
     runs: list[list[Part]] = []
     for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):

@@ -1,4 +1,4 @@
-"""Set of the sample numbers of a tile that a film has, as sorted disjoint half-open ranges."""
+"""Set of a tile's sample numbers that a film contains, as sorted disjoint half-open ranges."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ __all__ = ["Coverage"]
 
 
 class Coverage:
-    """A set of sample numbers. Ranges that touch are joined, so equal sets are equal lists."""
+    """A set of sample numbers. Adjacent ranges are joined, so equal sets have equal lists."""
 
     def __init__(self, ranges: Iterable[tuple[int, int]] = ()) -> None:
-        """`ranges`: (first, count) pairs that do not overlap, in any order."""
+        """Creates the set. ranges: (first, count) pairs that do not overlap, in any order."""
         self.ranges: list[tuple[int, int]] = []
         for first, count in ranges:
             self.add(first, count)
@@ -24,22 +24,25 @@ class Coverage:
 
     @property
     def prefix(self) -> int:
-        """Length of the covered range that begins at sample 0; 0 if sample 0 is not covered."""
+        """Number of contiguous samples from sample 0; 0 if sample 0 is not covered."""
         return self.ranges[0][1] if self.ranges and self.ranges[0][0] == 0 else 0
 
     @property
     def end(self) -> int:
-        """One past the highest covered sample number; 0 if none is covered."""
+        """Highest covered sample number plus one; 0 if none is covered."""
         return self.ranges[-1][1] if self.ranges else 0
 
     def overlaps(self, first: int, count: int) -> bool:
-        """Returns True if any of the samples first ... first + count - 1 is covered."""
+        """Whether any of the samples first ... first + count - 1 is covered."""
         at = bisect_right(self.ranges, (first, 1 << 62))
         before = at > 0 and self.ranges[at - 1][1] > first
         return before or (at < len(self.ranges) and self.ranges[at][0] < first + count)
 
     def add(self, first: int, count: int) -> None:
-        """Adds a range. Raises ValueError if it is empty, negative, or overlaps a covered range."""
+        """Adds the samples first ... first + count - 1.
+
+        Raises ValueError if the range is empty, negative, or overlaps a covered one.
+        """
         if count < 1 or first < 0:
             raise ValueError(f"no range of samples: {count} from {first}")
         if self.overlaps(first, count):

@@ -36,9 +36,9 @@ Fence = Callable[[Session], None]  # raises FarmError if the transaction must no
 class Sessions:
     """Factory of sessions: `sessions()` for reading, `sessions.begin()` for a writing transaction.
 
-    patience_s: timeout for SQLite's lock, in seconds. fence: called at the beginning of each writing transaction; raises
-    FarmError to refuse it. Raises NoRoom if the disk is full, Unavailable if the database is locked or unreachable, Invalid for
-    values that the database cannot store.
+    patience_s: timeout of SQLite's lock in seconds. fence: called at the start of each writing transaction; raises FarmError to
+    reject it. Raises NoRoom if the disk is full, Unavailable if the database is locked or unreachable, Invalid for values that
+    the database cannot store.
     """
 
     def __init__(
@@ -51,8 +51,8 @@ class Sessions:
     ) -> None:
         """Stores the options.
 
-        turns: queue shared by all writers to this database in this process. is_urgent: whether this factory's transactions go
-        first.
+        turns: queue shared by all writers to this database in this process. is_urgent: whether this factory's transactions
+        precede the others in the queue.
         """
         self._engine = engine
         self._fence = fence
@@ -65,7 +65,10 @@ class Sessions:
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
     def with_patience(self, seconds: float) -> Sessions:
-        """Returns a factory with another lock timeout, in seconds; its transactions go before all others in the queue."""
+        """Returns a factory with another lock timeout, in seconds.
+
+        Its transactions precede all others in the queue of writers.
+        """
         return Sessions(self._engine, seconds, self._fence, self._turns, is_urgent=True)
 
     def fenced(self, fence: Fence) -> Sessions:
@@ -80,7 +83,7 @@ class Sessions:
 
     @contextmanager
     def begin(self) -> Iterator[Session]:
-        """Opens a writing transaction: commits at the end, rolls back if an exception leaves the block."""
+        """Opens a writing transaction: commits on exit, rolls back if an exception leaves the block."""
         turn = self._turns.turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
@@ -100,7 +103,7 @@ def connect(url: str) -> tuple[Engine, Sessions]:
 
 
 def open_database(url: str) -> Engine:
-    """Returns an engine for `url` without creating or migrating tables."""
+    """Returns an engine for `url`. Does not create or migrate tables."""
     is_sqlite = url.startswith("sqlite")
     engine = create_engine(
         url,
@@ -119,9 +122,9 @@ def open_database(url: str) -> Engine:
 
 
 def close_database(engine: Engine) -> None:
-    """Closes all connections and refuses new ones.
+    """Closes all connections and rejects new ones.
 
-    Connections in use are closed when they are returned to the pool: a request or a thread may outlive the service.
+    Connections in use are closed when they are returned to the pool, since a request or thread may outlive the service.
     """
 
     def close(_: Any, record: Any) -> None:
@@ -139,7 +142,7 @@ def close_database(engine: Engine) -> None:
 
 
 def _json_or_nothing(text: str | bytes) -> Any:
-    """Returns the parsed JSON value of a column, or None if it is damaged, so that the other rows stay readable."""
+    """Returns the JSON value of a column, or None if it is damaged, so that other rows stay readable."""
     try:
         return from_json(text)  # three times as fast as json.loads, and most of the time of reading many jobs
     except ValueError:
@@ -152,7 +155,7 @@ def _json_or_nothing(text: str | bytes) -> Any:
 
 @contextmanager
 def faults() -> Iterator[None]:
-    """Translates database errors as `Sessions` does, for code that uses a connection directly.
+    """Context manager that converts database errors as `Sessions` does, for code that uses a connection directly.
 
     Raises NoRoom, Unavailable or Invalid.
     """
@@ -182,7 +185,7 @@ def faults() -> Iterator[None]:
 
 
 def _make_private(database: str | None) -> None:
-    """Makes the SQLite database and its -wal and -shm files private; SQLite gives new side files the database's mode."""
+    """Makes the SQLite database and its -wal and -shm files accessible only to their owner. New side files inherit this mode."""
     if database and database != ":memory:":
         path = Path(database)
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, PRIVATE))

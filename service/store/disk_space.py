@@ -1,4 +1,4 @@
-"""Checks for free disk space, and the error for a full disk."""
+"""Checks of free disk space, and the error for a full disk."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def disk_full_error() -> NoRoom:
 
 @contextmanager
 def full_disk() -> Iterator[None]:
-    """Translates the system's disk-full errors into NoRoom."""
+    """Context manager that converts the operating system's disk-full errors to NoRoom."""
     try:
         yield
     except OSError as error:
@@ -42,9 +42,9 @@ def need_room(folder: Path, keep_free: int) -> None:
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """Returns a function to call with the number of bytes about to be written.
+    """Returns a function to be called with the number of bytes about to be written.
 
-    It raises NoRoom if the disk would fall below `keep_free` bytes; it checks once every CHECK_EVERY bytes.
+    It raises NoRoom if the disk would have less than `keep_free` bytes left. The disk is checked once every CHECK_EVERY bytes.
     """
     since_check = CHECK_EVERY
 

@@ -1,4 +1,4 @@
-"""Verifies a film's file against its checksums while others use it, and reads the rows of a damaged film that are intact."""
+"""Verifies a film's file against its checksums while others use it, and reads the intact rows of a damaged film."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PATIENCE_S = 5.0
 
 
 def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
-    """Reads the whole film and returns the number of samples of each frame, summed over its pixels.
+    """Reads and verifies the whole film. Returns the number of samples of each frame, summed over its pixels.
 
     Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost, FilmWaits.
     """
@@ -36,7 +36,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
 
 
 def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
-    """Yields the rows of a damaged film that are readable and match their checksums; none if the file cannot be read."""
+    """Yields the rows of a damaged film that are readable and match their checksums; nothing if the file cannot be read."""
     try:
         with closing(opened(path)) as database:
             is_up_to_date(database, shape)
@@ -54,7 +54,7 @@ def rows_left(path: Path, shape: FilmShape) -> Iterator[Row]:
 
 
 def opened(path: Path) -> sqlite3.Connection:
-    """Opens a separate connection to an existing film file."""
+    """Opens an additional connection to an existing film file."""
     return sqlite3.connect(f"{path.resolve().as_uri()}?mode=rw", uri=True, timeout=PATIENCE_S)
 
 

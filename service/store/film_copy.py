@@ -32,7 +32,7 @@ BYTES_AT_ONCE = 32 << 20  # or fewer if they exceed this size: a row of a shot's
 class FilmCopy:
     """Context manager that builds a film in a temporary file.
 
-    The file gets its final name when the context is left without an error and rows were copied.
+    If the block ends without an error and rows were copied, the file is renamed to its final name.
     """
 
     def __init__(self, target: Path, shape: FilmShape) -> None:
@@ -60,11 +60,11 @@ class FilmCopy:
             self._remove()
 
     def take(self, source: Path, frames: Collection[int], most: int) -> dict[int, int]:
-        """Copies frames of another film, read in one transaction; returns the number of samples of each copied frame, over all
+        """Copies frames of another film in one read transaction. Returns the number of samples of each copied frame, over all
         pixels.
 
-        most: a frame that has samples numbered `most` or higher is skipped, as is one without samples. Raises FilmWaits, or
-        FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
+        most: skips frames with sample numbers >= `most`, and frames without samples. Raises FilmWaits, or FilmLost if the source
+        is missing or a row does not match its checksum; then none of these frames is copied.
         """
         if not source.exists():
             raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))

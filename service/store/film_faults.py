@@ -1,5 +1,5 @@
-"""Classifies faults of a film's file: temporary ones (FilmWaits), permanent ones (FilmLost), and permanent ones that rendering
-again repairs (FilmDamaged, a FilmLost).
+"""Classification of faults of a film's file: temporary (FilmWaits), permanent (FilmLost), or repairable by rendering again
+(FilmDamaged, a FilmLost).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ OS_PASSES = {
 
 
 class FilmClosed(NotFound):
-    """The film was closed during a read: its job was deleted or restarted, or the service stops."""
+    """Raised if the film is closed during a read: its job was deleted or restarted, or the service stops."""
 
     def __init__(self) -> None:
         super().__init__(Sentence("film-job-changed", "The job was deleted, or is rendered again, while its picture was read."))
@@ -54,7 +54,7 @@ class FilmClosed(NotFound):
 
 @contextmanager
 def film_faults() -> Iterator[None]:
-    """Translates errors of SQLite and of the file system into FilmWaits or FilmLost."""
+    """Context manager that converts errors of SQLite and the file system to FilmWaits or FilmLost."""
     try:
         yield
     except sqlite3.DatabaseError as error:
@@ -71,12 +71,12 @@ def film_faults() -> Iterator[None]:
 
 
 def damaged(why: str) -> FilmDamaged:
-    """Returns the error for a film with invalid content; `why` is the detail for the message."""
+    """Returns the error for a film with invalid content. why: detail for the message."""
     return FilmDamaged(Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=AGAIN))
 
 
 def incomplete(has: int, recorded: int) -> FilmDamaged:
-    """Returns the error for a film with fewer samples than the database records."""
+    """Returns the error for a film with fewer samples (`has`) than the database records."""
     if not has:
         return FilmDamaged(Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=AGAIN))
     return FilmDamaged(
@@ -91,7 +91,7 @@ def incomplete(has: int, recorded: int) -> FilmDamaged:
 
 
 def owned_elsewhere() -> FilmWaits:
-    """Returns the error for a film that another service writes since it took over the farm."""
+    """Returns the error for a film that belongs to another service, which has taken over the farm."""
     return FilmWaits(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 

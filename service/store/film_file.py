@@ -1,4 +1,4 @@
-"""A film's file: rows in one SQLite database. Every change is one transaction; every fault is raised as FilmWaits or FilmLost."""
+"""A film's file: an SQLite database of rows. Every change is one transaction; every fault is raised as FilmWaits or FilmLost."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 
 
 class Head(NamedTuple):
-    """The columns of a row without its sums and checksum; service/store/film_version.py describes them."""
+    """The columns of a row without its sums and checksum. service/store/film_version.py describes them."""
 
     frame: int
     tile: int
@@ -49,10 +49,10 @@ class FilmFile:
     """One connection to a film's file. Not thread-safe."""
 
     def __init__(self, path: Path, shape: FilmShape, epoch: int | None = None) -> None:
-        """Opens the file, and creates or migrates it as needed.
+        """Opens the file; creates or migrates it if needed.
 
-        epoch: this service's ownership epoch; writes raise FilmWaits once a service with a greater epoch has written. None: no
-        fencing. Raises FilmWaits or FilmLost.
+        epoch: this service's ownership epoch: writes raise FilmWaits after a service with a greater epoch has written; None: no
+        such check. Raises FilmWaits or FilmLost.
         """
         self._is_held = False  # whether another program held the lock at the last try
         self._epoch = epoch
@@ -75,11 +75,10 @@ class FilmFile:
                 raise
 
     def claim(self) -> bool:
-        """Records this service's epoch in the file, which fences services with a lesser one. Returns False if it was recorded
-        before.
+        """Writes this service's epoch to the file, so that services with a lesser epoch can no longer write.
 
-        After True, what is cached of the film must be read again. Raises FilmWaits, also if a service with a greater epoch owns
-        the film.
+        Returns True if this is the first call: then cached contents of the film must be read again. Raises FilmWaits, also if a
+        service with a greater epoch owns the film.
         """
         if self._is_claimed:
             return False
@@ -88,12 +87,12 @@ class FilmFile:
         return True
 
     def close(self) -> None:
-        """Closes the file. Committed rows stay; if the write-ahead log cannot be merged now, it remains beside the file."""
+        """Closes the file. If its write-ahead log cannot be merged now, the log file remains; no committed row is lost."""
         with contextlib.suppress(sqlite3.Error):
             self._close()
 
     def settle(self) -> None:
-        """Moves the write-ahead log into the database file, if that is possible now; logs a failure."""
+        """Merges the write-ahead log into the database file if possible; only logs a failure."""
         try:
             with film_faults():
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
@@ -140,10 +139,10 @@ class FilmFile:
         bad: list[tuple[int, int, int, int]],
         instead: Sequence[tuple[Head, tuple[int, int, int, int]]] = (),
     ) -> None:
-        """Adds rows and bad samples (frame, x, y, sample) in one transaction.
+        """Adds rows and the records of bad samples (frame, x, y, sample) in one transaction.
 
-        instead: rows to remove at the same time, each with its tile's x, y, w, h; their bad samples are removed too.
-        At most MAX_BAD_KEPT bad samples are stored.
+        instead: rows to delete in the same transaction, each with its tile's x, y, w, h; records of their bad samples are deleted
+        too. At most MAX_BAD_KEPT records are stored.
         """
         with film_faults(), self._transaction():
             if instead:
@@ -157,9 +156,9 @@ class FilmFile:
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
     def fold(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
-        """Replaces rows by one row; returns False and changes nothing if the stored rows are not `heads`.
+        """Replaces rows by one row. Returns False, without any change, if the rows `heads` are not all stored.
 
-        are_all: whether `heads` must be all rows of the tile.
+        are_all: also requires that `heads` are all rows of the tile.
         """
         with film_faults(), self._transaction():
             there = self._database.execute("SELECT first, count FROM part WHERE frame = ? AND tile = ?", row[:2]).fetchall()
@@ -171,7 +170,7 @@ class FilmFile:
         return True
 
     def forget(self, frames: Iterable[int]) -> None:
-        """Deletes the rows and bad samples of frames, FORGOTTEN_AT_ONCE frames per transaction."""
+        """Deletes the rows and bad samples of these frames, FORGOTTEN_AT_ONCE frames per transaction."""
         left = iter([(frame,) for frame in frames])
         while some := list(islice(left, FORGOTTEN_AT_ONCE)):
             with film_faults(), self._transaction():
@@ -198,7 +197,7 @@ class FilmFile:
         self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
     def forget_bad(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
-        """Deletes the records of bad samples first ... first + count - 1 of the pixels in area (x, y, w, h)."""
+        """Deletes the records of bad samples first ... first + count - 1 for pixels in area (x, y, w, h)."""
         with film_faults(), self._transaction():
             self._forget_bad(frame, area, first, count)
 
@@ -225,7 +224,10 @@ class FilmFile:
             raise
 
     def _fence(self, epoch: int) -> None:
-        """Checks within a transaction that no greater epoch owns the film, and records this service's epoch."""
+        """Raises FilmWaits if a service with a greater epoch owns the film; otherwise stores this service's epoch.
+
+        In a transaction.
+        """
         if not self._is_claimed:
             self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")
         found = self._database.execute("SELECT epoch FROM owner").fetchone()
@@ -238,8 +240,8 @@ class FilmFile:
     def _begin(self) -> None:
         """Begins a writing transaction.
 
-        If the film was locked at the last try, this one does not wait for the lock: many locked films would block the engine's
-        thread.
+        If the film was locked at the last attempt, does not wait for the lock: many locked films would otherwise block the
+        engine's thread.
         """
         try:
             self._database.execute("BEGIN IMMEDIATE")

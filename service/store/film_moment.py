@@ -1,7 +1,7 @@
-"""A consistent snapshot of a film, readable while the film grows.
+"""A consistent snapshot of a film, which stays readable while the film grows.
 
 With SQLite's write-ahead log, a reader sees the file as it was when its transaction began. A snapshot is an open read
-transaction: it costs the writer nothing, and can be read slowly.
+transaction: it does not slow down the writer, and can be read slowly.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["FilmMoment", "Readable"]
 
 
 class Readable(Protocol):
-    """Interface for reading a film or a snapshot of one. Reading raises FilmWaits, FilmLost or FilmClosed."""
+    """Interface for reading a film or a snapshot of one. Methods raise FilmWaits, FilmLost or FilmClosed."""
 
     width: int
     height: int
@@ -34,11 +34,17 @@ class Readable(Protocol):
         """Returns the stored sample ranges of a tile."""
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums, (CHANNELS, h, w) int64, or None if it has no samples. Only the given planes are defined."""
+        """Returns a tile's sums, (CHANNELS, h, w) int64, or None if it has no samples.
+
+        Channels other than `planes` are undefined.
+        """
 
 
 class FilmMoment:
-    """A snapshot, as a context manager that ends it. May be opened in one thread and read in another, by one at a time."""
+    """A snapshot of a film; leaving its context ends it.
+
+    May be opened in one thread and used in another, but not concurrently.
+    """
 
     def __init__(self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile]) -> None:
         """Opens a snapshot of an existing film file. Raises FilmWaits or FilmLost."""
@@ -62,7 +68,7 @@ class FilmMoment:
         self.close()
 
     def close(self) -> None:
-        """Ends the snapshot."""
+        """Ends the snapshot's transaction."""
         self._database.close()
 
     def coverage(self, frame: int, tile: int) -> Coverage:

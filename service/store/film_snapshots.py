@@ -1,7 +1,7 @@
-"""Saved intermediate states of films, at 1, 2, 4, 8 ... spp: `<folder>/<job>/<samples>.film`.
+"""Stored intermediate pictures of films, at 1, 2, 4, 8 ... spp: `<folder>/<job>/<samples>.film`.
 
-A file is one line of JSON with the facts, followed by the gzipped film packet that the page reads
-(service/watching/film_packet.py). Files are written completely or not at all, and no database table lists them.
+A file is one line of JSON with metadata, followed by the gzip-compressed film packet that the page reads
+(service/watching/film_packet.py). Files are written atomically, and no database table lists them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FilmSnapshot:
-    """Facts about a snapshot: the film when every tile had `spp` samples per pixel or was complete with fewer."""
+    """Metadata of a snapshot, taken when every tile had `spp` samples per pixel or was complete with fewer."""
 
     spp: int
     least: int  # spp of the tile with the fewest samples
@@ -46,7 +46,7 @@ class FilmSnapshots:
     def __init__(self, folder: Path, max_bytes: int, min_free_bytes: int) -> None:
         """Stores the limits.
 
-        max_bytes: total size of all snapshots; 0 turns them off. min_free_bytes: free disk space below which none is written.
+        max_bytes: total size of all snapshots; 0: no snapshots. min_free_bytes: none is written if the disk has less free space.
         """
         self._folder = folder
         self._max_bytes = max_bytes
@@ -56,17 +56,17 @@ class FilmSnapshots:
 
     @property
     def is_off(self) -> bool:
-        """True if snapshots are turned off."""
+        """Whether snapshots are disabled."""
         return self._max_bytes <= 0
 
     def begin(self, job: str) -> list[int]:
-        """Accepts snapshots of a job until `drop`; returns the spp of those that exist, as `kept` does."""
+        """Accepts snapshots of a job until `drop` is called. Returns the sample counts of existing ones, as `kept` does."""
         with self._lock:
             self._begun.add(job)
         return self.kept(job)
 
     def kept(self, job: str) -> list[int]:
-        """Returns the spp of a job's snapshots, in order."""
+        """Returns the samples per pixel of each stored snapshot of a job, ascending."""
         try:
             names = [name.removesuffix(SUFFIX) for name in os.listdir(self._folder / job) if name.endswith(SUFFIX)]  # noqa: PTH208
         except OSError:
@@ -74,12 +74,12 @@ class FilmSnapshots:
         return sorted(int(name) for name in names if name.isascii() and name.isdigit())
 
     def facts(self, job: str) -> list[FilmSnapshot]:
-        """Returns the facts of all readable snapshots of a job, in order."""
+        """Returns the metadata of all readable snapshots of a job, ascending by samples."""
         found = (self.find(job, spp) for spp in self.kept(job))
         return [snapshot for snapshot in found if snapshot is not None]
 
     def find(self, job: str, spp: int) -> FilmSnapshot | None:
-        """Returns the facts of a snapshot, or None if it is missing or invalid."""
+        """Returns the metadata of a snapshot, or None if it is missing or invalid."""
         try:
             with self._path(job, spp).open("rb") as file:
                 return _facts(file.readline(MOST_FACTS))
@@ -87,7 +87,7 @@ class FilmSnapshots:
             return None
 
     def packed(self, job: str, spp: int) -> tuple[int, Iterator[bytes]]:
-        """Returns the size of a snapshot's gzipped film packet in bytes, and its chunks. Raises FileNotFoundError."""
+        """Returns the size in bytes of a snapshot's compressed film packet, and its chunks. Raises FileNotFoundError."""
         file = self._path(job, spp).open("rb")
         file.readline(MOST_FACTS)
         size = os.fstat(file.fileno()).st_size - file.tell()
@@ -100,9 +100,9 @@ class FilmSnapshots:
         return size, pieces()
 
     def keep(self, job: str, facts: FilmSnapshot, packed: Iterable[bytes]) -> bool:
-        """Writes a snapshot; returns whether it was kept.
+        """Writes a snapshot; returns whether it was stored.
 
-        If space is short, snapshots of other jobs are deleted first, starting with the jobs that were written least recently.
+        If space is short, snapshots of other jobs are deleted first, beginning with the jobs whose latest snapshot is oldest.
         """
         head = json.dumps(asdict(facts)).encode() + b"\n"
         folder = self._folder / job
@@ -124,7 +124,7 @@ class FilmSnapshots:
         return True
 
     def drop(self, job: str) -> None:
-        """Deletes all snapshots of a job and accepts no more."""
+        """Deletes all snapshots of a job, and rejects further ones."""
         with self._lock:
             self._begun.discard(job)
             shutil.rmtree(self._folder / job, ignore_errors=True)
@@ -141,7 +141,7 @@ class FilmSnapshots:
                     Path(entry.path).unlink(missing_ok=True)
 
     def _make_room(self, size: int, job: str) -> bool:
-        """Deletes snapshots of other jobs until `size` more bytes are within the limits; returns whether that succeeded."""
+        """Deletes snapshots of other jobs until `size` more bytes fit into the limits. Returns whether they do."""
         if size > self._max_bytes or shutil.disk_usage(self._folder).free < self._min_free:
             return False
         jobs = []

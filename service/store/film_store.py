@@ -1,4 +1,4 @@
-"""The films of all jobs: one `Film` per job, opened on demand and closed when it has not been used for long."""
+"""The films of all jobs: one `Film` object per job, opened on demand and closed after long disuse."""
 
 from __future__ import annotations
 
@@ -48,35 +48,38 @@ class FilmStore(Protocol):
         """Returns the job's film, the same object for all callers. Raises FilmWaits or FilmLost.
 
         pin: keep it in memory until `unpin`, because it will be rendered. Its file is created with the first batch.
-        recorded: the number of samples that the frame must have; FilmLost if it has fewer.
+        recorded: the number of samples that `frame` must have; raises FilmLost if it has fewer.
         """
 
     def unpin(self, job: str) -> None:
-        """Marks a film as no longer rendered: merges its log, and allows it to be closed."""
+        """Marks a film as no longer rendered: merges its write-ahead log, and allows the film to be closed."""
 
     def set_aside(self, job: str) -> None:
-        """Moves an unreadable film aside, so that its job starts again. Raises FilmWaits or FilmLost."""
+        """Renames an unreadable film, so that its job starts again with an empty one. Raises FilmWaits or FilmLost."""
 
     def heal(self, job: str, settings: RenderSettings, tile_size: int) -> None:
-        """Repairs a film: removes rows that do not match their checksums; their samples then count as missing.
+        """Repairs a film: deletes rows that do not match their checksums, so that their samples are rendered again.
 
-        A film that cannot be opened is set aside, and its intact rows are copied to a new one. Raises FilmWaits or FilmLost.
+        A film that cannot be opened is renamed, and its intact rows are copied to a new one. Raises FilmWaits or FilmLost.
         """
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
-        """Reads the whole film and returns the number of samples of each frame. Raises FilmDamaged, FilmLost, FilmWaits."""
+        """Reads and verifies the whole film. Returns the number of samples of each frame.
+
+        Raises FilmDamaged, FilmLost, FilmWaits.
+        """
 
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[Take]:
-        """Creates a job's film from frames of other films, as a context manager that yields a `Take`.
+        """Context manager that creates a job's film from frames of other films; yields the function that copies frames.
 
-        The film exists once the context is left, if frames were copied. Raises FilmWaits or FilmLost; then no film is created.
+        The film exists after the block, if frames were copied. Raises FilmWaits or FilmLost; then no film is created.
         """
 
     def size(self, job: str) -> int:
-        """Returns the disk space of a job's film in bytes; 0 if it has none."""
+        """Returns the disk space of a job's film in bytes; 0 if it has no film."""
 
     def delete(self, job: str) -> None:
-        """Closes and deletes a film, and the copy of it that was set aside. Raises FilmWaits or FilmLost."""
+        """Closes and deletes a film, and its damaged copy if it was set aside. Raises FilmWaits or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
         """Deletes films of jobs not in `keep`, and unfinished copies of an earlier process."""
@@ -98,8 +101,8 @@ class FilmFolder:
     ) -> None:
         """Creates the folder if needed.
 
-        snapshots: deleted together with the films; None: snapshots are not touched. epoch: see service/store/film_file.py.
-        guard: called before deletions; raises FarmError if deleting is not allowed.
+        snapshots: deleted together with the films; None: there are none. epoch: see service/store/film_file.py. guard: called
+        before deletions; raises FarmError if deleting is not allowed.
         """
         self._epoch = epoch
         self._guard = guard
@@ -143,7 +146,10 @@ class FilmFolder:
         return film
 
     def _used(self, film: Film) -> None:
-        """Records the use of a film with an open file, and closes the least recently used beyond MAX_FILES. Thread-safe."""
+        """Records that a film with an open file is used, and closes the least recently used files beyond MAX_FILES.
+
+        Thread-safe.
+        """
         with self._use_lock:
             self._in_use[id(film)] = weakref.ref(film)
             self._in_use.move_to_end(id(film))
@@ -237,7 +243,7 @@ class FilmFolder:
                 self._close(job)
 
     def _is_of_before(self, path: Path) -> bool:
-        """Returns True if a file was last written before this store was created."""
+        """Whether a file was last written before this store was created."""
         with contextlib.suppress(FileNotFoundError):
             return path.stat().st_mtime < self._made
         return False
@@ -268,7 +274,7 @@ class FilmFolder:
 
 
 def _bytes_of(path: Path) -> int:
-    """Returns a file's size, or 0 if it does not exist; a film may be deleted at any time during the query."""
+    """Returns a file's size in bytes; 0 if it does not exist, since a film may be deleted concurrently."""
     try:
         return path.stat().st_size
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Versions of a film's file. A film of an older release is migrated when it is opened.
+"""Versions of the film file format. A film of an older release is migrated when it is opened.
 
 0   release 0.1.0: parts and bad samples, without a record of the image they belong to
 1   stores image size, tile size and fixed-point exponent, so that another job's film is rejected
@@ -47,9 +47,9 @@ class FilmShape:
 
 
 def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
-    """Returns True if the film has this release's version. Writes nothing.
+    """Whether the film has this release's version. Writes nothing.
 
-    Raises FilmLost for a newer version or a film of another shape.
+    Raises FilmLost for a newer version or a film with another shape.
     """
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
@@ -83,7 +83,7 @@ def bring_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> None:
 
 
 def select_rows(version: int = VERSION) -> str:
-    """Returns the SQL that selects all parts of a film of some version: the columns of a Row and its checksum."""
+    """Returns the SQL query for all parts of a film with this version: the columns of a Row and its checksum."""
     later = [name if ADDED[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
     return f"SELECT frame, tile, first, count, bad, sums, {', '.join(later)} FROM part"
 
@@ -105,5 +105,5 @@ def checksum(row: Row) -> int:
 
 
 def is_whole(row: Row, known: int | None) -> bool:
-    """Returns True if a part matches its checksum `known`; True if that is None (written by an older release)."""
+    """Whether a part matches its checksum `known`. True if that is None, for parts written by an older release."""
     return known is None or (isinstance(row[5], bytes) and checksum(row) == known)

@@ -1,9 +1,9 @@
-"""Films: the exact sums of all batches, each stored once.
+"""Films: the exact sums of all batches, each stored exactly once.
 
 A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as received.
-The row stores the sums and the record of their samples in one write, so a batch is never half merged. The order of rows does not
-matter, because integer addition is exact. Tiles with many rows are folded into one. A row names the workers whose sums it
-contains, so that one worker's samples can be removed; where that is likely, rows of different workers are kept apart.
+The row contains the sums and the record of their samples, so a batch is never half merged. The order of rows does not matter,
+because integer addition is exact. Tiles with many rows are folded into one. A row names the workers whose sums it contains, so
+that one worker's samples can be removed; where that is likely, rows of different workers are not folded together.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 class Film:
     """The film of a job: the tiles of its frames, the stored sample ranges, and their sums. Thread-safe.
 
-    FilmStore makes sure that a job has one such object at a time, so the cached index of the file stays valid.
+    FilmStore ensures that a job has only one such object at a time, so the cached index of the file stays valid.
     Methods that read or write raise FilmWaits, FilmLost or FilmClosed.
     """
 
@@ -56,9 +56,9 @@ class Film:
         epoch: int | None = None,
         on_use: Callable[[Film], None] = lambda film: None,
     ) -> None:
-        """Stores the parameters; the file is opened when it is needed.
+        """Stores the parameters. The file is opened on demand.
 
-        epoch: see service/store/film_file.py. on_use: called each time the file is used.
+        epoch: see service/store/film_file.py. on_use: called whenever the file is used.
         """
         self.width = width
         self.height = height
@@ -87,7 +87,7 @@ class Film:
                 self._file.close()
 
     def load(self, make: bool = False) -> None:
-        """Opens the file if it exists; with `make`, opens it for writing and creates it if needed."""
+        """Opens the file if it exists. make: opens it for writing, and creates it if needed."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed
@@ -103,7 +103,10 @@ class Film:
                 self._on_use(self)
 
     def close_file(self) -> bool:
-        """Closes the file but keeps its index; the next use opens it again. Returns False if another thread uses the film."""
+        """Closes the file but keeps its index in memory; the next use opens it again.
+
+        Returns False if another thread uses the film.
+        """
         if not self._lock.acquire(blocking=False):
             return False
         try:
@@ -116,7 +119,7 @@ class Film:
 
     @property
     def has_file(self) -> bool:
-        """True if the film is known to have a file."""
+        """Whether the film is known to have a file."""
         return self._is_known
 
     def check(self, recorded: int, frame: int = 0) -> None:
@@ -126,7 +129,7 @@ class Film:
             raise incomplete(has, recorded)
 
     def settle(self) -> None:
-        """Moves the write-ahead log into the database file, for a film that will not be written soon."""
+        """Merges the write-ahead log into the database file, for a film that will not be written soon."""
         with self._lock:
             if self._file is not None and not self._is_closed:
                 self._file.settle()
@@ -147,17 +150,17 @@ class Film:
 
     @property
     def is_empty(self) -> bool:
-        """True if the film has no samples in any frame."""
+        """Whether the film has no samples in any frame."""
         with self._lock:
             return self._known().is_empty
 
     def version(self, frame: int) -> str:
-        """Returns a hash of the frame's stored sample ranges: it changes whenever samples are added."""
+        """Returns a hash of the frame's stored sample ranges. It changes whenever samples are added."""
         with self._lock:
             return self._known().version(frame)
 
     def bad_samples(self, frame: int) -> tuple[int, list[BadSample]]:
-        """Returns how many samples of a frame were NaN or infinite and left out, and the first of them."""
+        """Returns the number of samples of a frame that were discarded as NaN or infinite, and the first of them."""
         with self._lock:
             self.load()
             if self._file is None:
@@ -166,12 +169,12 @@ class Film:
         return count, [BadSample(*sample) for sample in first]
 
     def bad_count(self, frame: int) -> int:
-        """Returns how many samples of a frame were left out, from the index in memory, without reading the file."""
+        """Returns the number of discarded samples of a frame from the index in memory, without reading the file."""
         with self._lock:
             return self._contents.bad_count(frame)
 
     def merge(self, parts: Iterable[Part]) -> list[bool]:
-        """Adds parts in one transaction; returns for each whether it was accepted. If this raises, none was added.
+        """Adds parts in one transaction. Returns whether each was accepted. If this raises, none was added.
 
         A part that overlaps stored samples is dropped, unless it contains all of them and more (claims.py). A part with an
         unknown tile or damaged sums is dropped too.
@@ -191,7 +194,7 @@ class Film:
             return claims.taken
 
     def _joined(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
-        """Selects the parts to accept and joins adjacent ones. Raises ValueError if sums are damaged."""
+        """Selects the parts to accept, and joins adjacent ones. Raises ValueError if sums are damaged."""
         claims = Claims(parts, fit, self._contents.covered, None if self.keeps_apart else self._contents.rows)
         return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
 
@@ -214,7 +217,7 @@ class Film:
             self._fold(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Returns True if all stored samples belong to the given frames."""
+        """Whether all stored samples belong to the given frames."""
         return self._known().has_only(frames)
 
     def forget(self, *frames: int) -> None:
@@ -228,7 +231,7 @@ class Film:
             self._take_in(self._file)
 
     def heal(self) -> int:
-        """Deletes rows that do not match their checksums, so that their samples count as missing.
+        """Deletes rows that do not match their checksums, so that their samples are rendered again.
 
         Returns the number of deleted samples, over all pixels.
         """
@@ -241,12 +244,12 @@ class Film:
             return self._remove(broken)
 
     def has_sent(self, worker: str) -> bool:
-        """Returns True if the film contains sums from a worker."""
+        """Whether the film contains sums from this worker."""
         with self._lock:
             return self._known().has_sent(worker)
 
     def take_back(self, worker: str) -> int:
-        """Deletes all rows that contain a worker's sums, so that their samples count as missing.
+        """Deletes all rows that contain a worker's sums, so that their samples are rendered again.
 
         Sums of other workers in the same rows are lost too. Returns the number of deleted samples, over all pixels.
         """
@@ -271,7 +274,7 @@ class Film:
         return sum(head.count * self.tiles[head.tile].w * self.tiles[head.tile].h for head in heads)
 
     def take_over(self, rows: Iterable[Row]) -> None:
-        """Adds rows recovered from a film that cannot be opened. Records of their bad samples are not recovered."""
+        """Adds rows that were recovered from a film that cannot be opened. Records of their bad samples are lost."""
         with self._lock:
             self.load(make=True)
             assert self._file is not None
@@ -312,10 +315,10 @@ class Film:
             return sums
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums as `tile_sums` does, in which only the given planes are defined.
+        """Returns a tile's sums as `tile_sums` does; channels other than `planes` are undefined.
 
-        For reading a whole frame: bypasses the cache, which would evict frequently read tiles, and holds the film's lock only
-        while the file is read.
+        For reading a whole frame: bypasses the cache, whose frequently used tiles would be evicted, and holds the film's lock
+        only while the file is read.
         """
         with self._lock:
             self.load()
@@ -326,7 +329,10 @@ class Film:
         return added_up(packed, self.tiles[tile], planes) if sums is None else sums
 
     def moment(self) -> FilmMoment:
-        """Returns a snapshot of the film, readable while the film grows. Raises FilmWaits, also if it has no file yet."""
+        """Returns a snapshot of the film, which stays readable while the film grows.
+
+        Raises FilmWaits, also if there is no file yet.
+        """
         with self._lock:
             self.load()
             if self._file is None:
@@ -338,13 +344,13 @@ class Film:
             return self._path.exists()
 
     def _known(self) -> Contents:
-        """Returns the index of the file, which stays valid while the file cannot be read."""
+        """Returns the index of the file. It stays valid while the file cannot be read."""
         if self._is_closed or not self._is_known:
             self.load()
         return self._contents
 
     def _take_in(self, file: FilmFile) -> None:
-        """Reads the index from the file, and drops the film's cached tiles."""
+        """Reads the index from the file, and drops the film's tiles from the cache."""
         self._contents = Contents(file.heads(), self.tiles)
         self._cache.forget(self._path.stem)
         self._is_known, self._in_doubt = True, False
@@ -360,7 +366,7 @@ class Film:
         return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
 
     def _fold(self, frame: int, tile: int) -> None:
-        """Folds a tile's rows into one if there are many. Logs failures: the merged samples are stored in either case."""
+        """Folds a tile's rows into one if there are many. Only logs failures, since the merged samples are stored in any case."""
         rows, is_one_run = self._contents.rows(frame, tile), self._contents.is_one_run(frame, tile)
         try:
             for heads in to_fold(rows, self.keeps_apart, is_one_run):

@@ -1,8 +1,8 @@
-"""Changes to many frames of a shot, applied in portions.
+"""Changes of many frames of a shot, applied in several transactions.
 
-One transaction over a hundred thousand rows would lock the database for seconds. A long change is therefore recorded as a whole,
-in the transaction that accepts it, and then applied AT_A_TIME frames at a time. After a restart, the service continues a change
-that was left unfinished. The job is not rendered while its change is pending.
+One transaction over a hundred thousand rows would lock the database for seconds. So a long change is recorded as a whole in the
+transaction that accepts it, and then applied to AT_A_TIME frames at a time. After a restart, the service continues unfinished
+changes. The job is not rendered while its change is pending.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Step:
     more: sets each frame to `spp` samples per pixel, or to `more` above its present goal. heal: queues failed frames again.
     drop: the job is being deleted with all its frames.
 
-    frames: the frame numbers, as `renderer.frames.frames_text` writes them.
+    frames: the frame numbers, in the notation of `renderer.frames.frames_text`.
     """
 
     do: Literal["add", "unplan", "again", "aim", "more", "heal", "drop"]
@@ -64,35 +64,35 @@ class Step:
 
     @property
     def keys(self) -> list[int]:
-        """The keys of the step's frames."""
+        """The keys of the frames to which the step applies."""
         return [frame_key(number) for number in parse_frames(self.frames)] if self.frames else []
 
 
 def is_short(steps: Sequence[Step]) -> bool:
-    """Returns True if the steps are small enough for one transaction."""
+    """Whether the steps are small enough for one transaction."""
     return sum(len(step.keys) for step in steps) <= AT_A_TIME and all(step.do != "drop" for step in steps)
 
 
 def begin(job: str, steps: Sequence[Step], session: Session) -> None:
-    """Records steps to be applied to a job's frames; replaces a pending change of the job."""
+    """Records steps to be applied to a job's frames. Replaces a pending change of the job."""
     session.execute(delete(FrameChange).where(FrameChange.job == job))
     samples = sum(len(step.keys) * step.target for step in steps if step.do == "add")
     session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
 
 
 def apply_at_once(job: Job, steps: Sequence[Step], session: Session, given: Given | None = None) -> None:
-    """Applies short steps within the caller's transaction."""
+    """Applies short steps inside the caller's transaction. given: see `FrameChanges.carry_out`."""
     for step in steps:
         _apply(job, step, step.keys, session, given or {})
 
 
 class FrameChanges:
-    """Applies recorded changes, with a background thread for unfinished ones. Thread-safe."""
+    """Applies recorded changes. A background thread continues unfinished ones. Thread-safe."""
 
     def __init__(self, sessions: Sessions, events: Events, deleted: Callable[[str], None]) -> None:
-        """Prepares the background thread.
+        """Stores the parameters.
 
-        deleted: called with the id of a job marked for deletion, after its frames were deleted.
+        deleted: called with a job's id after the frames of a job marked for deletion were deleted.
         """
         self._sessions = sessions
         self._events = events
@@ -102,29 +102,29 @@ class FrameChanges:
         self._thread = threading.Thread(target=self._run, name="frame changes", daemon=True)
 
     def start(self) -> None:
-        """Starts the background thread, which first continues the changes left by an earlier process."""
+        """Starts the background thread, which first continues changes left by an earlier process."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the background thread after the portion in progress; waits up to 10 seconds."""
+        """Stops the background thread after its current transaction; waits up to 10 seconds."""
         self._stop.set()
         self._later.put(None)
         if self._thread.is_alive():
             self._thread.join(10)
 
     def is_under_way(self, job: str) -> bool:
-        """Returns True if a job has a pending change of its frames."""
+        """Whether a job has a pending change of its frames."""
         return self._under_way(job) is not None
 
     def is_dropped(self, job: str) -> bool:
-        """Returns True if a job is being deleted."""
+        """Whether a job is being deleted."""
         change = self._under_way(job)
         return change is not None and _is_drop(change)
 
     def carry_out(self, job: str, given: Given | None = None) -> None:
         """Applies the pending changes of a job. If this raises FarmError, the background thread continues later.
 
-        given: column values of frames to be added that differ from the defaults, by frame key.
+        given: column values, by frame key, of frames to be added whose values differ from the defaults.
         """
         try:
             self._carry_out(job, given or {})
@@ -133,9 +133,9 @@ class FrameChanges:
             raise
 
     def drop_frames(self, job: str) -> None:
-        """Deletes the frames of a job that is being deleted, except those that refer to blobs.
+        """Deletes the frames of a job that is being deleted, except frames that refer to blobs.
 
-        If this raises FarmError, the background thread tries again later.
+        If this raises FarmError, the background thread retries later.
         """
         try:
             self._drop(job)
@@ -165,7 +165,7 @@ class FrameChanges:
             return session.get(FrameChange, job)
 
     def _next(self, known: FrameChange, plan: list[tuple[Step, list[int]]], given: Given) -> bool:
-        """Applies the next portion of a change; returns whether another is left. plan: (step, frame keys) of each portion."""
+        """Applies the next portion of a change. Returns whether another is left. plan: (step, frame keys) of each portion."""
         began = time.monotonic()
         with self._sessions.begin() as session:
             change = session.get(FrameChange, known.job, with_for_update=True)
@@ -188,7 +188,7 @@ class FrameChanges:
         return is_left
 
     def _pause(self, began: float) -> None:
-        """Waits as long as the last transaction took, at most MOST_PAUSE_S, so that other writers get SQLite's lock."""
+        """Waits as long as the last transaction took, at most MOST_PAUSE_S seconds, so that other writers get SQLite's lock."""
         self._stop.wait(min(time.monotonic() - began, MOST_PAUSE_S))
 
     def _run(self) -> None:
@@ -277,7 +277,7 @@ def _apply(job: Job, step: Step, keys: list[int], session: Session, given: Given
 
 
 def _note_spent(job: Job, keys: list[int], session: Session) -> None:
-    """Adds the samples of frames that are rendered again to the user's account, so that they still count for the quota."""
+    """Records the samples of frames that are rendered again, so that they still count towards their owner's quota."""
     rendered = select(func.sum(Frame.samples)).where(Frame.job == job.id, Frame.number.in_(keys))
     if job.user is None or not (samples := int(session.scalar(rendered) or 0)):
         return
@@ -289,7 +289,7 @@ def _note_spent(job: Job, keys: list[int], session: Session) -> None:
 
 
 def _aimed(job: Job) -> dict[str, Any]:
-    """Returns the new `target` and `progress` of frames as SQL expressions, after a change of their spp."""
+    """Returns SQL expressions for the new `target` and `progress` of frames after a change of the job's spp."""
     size = job.settings or {}
     pixels = literal(int(size.get("width", 0)) * int(size.get("height", 0)), BigInteger)
     wanted = cast(func.coalesce(Frame.spp, job.spp or 0), BigInteger) * pixels

@@ -1,9 +1,9 @@
 """Garbage collection of blobs: deletes those that no scene, environment, reference or frame refers to, unless they are pinned.
 
-An upload pins its blobs until its scene is recorded; a blob stored by a worker is pinned until its message must have arrived.
-The lock is held while the blobs to delete are chosen, together with the deletion of the row that referred to them; the blobs are
-then deleted without it, in portions. Pinning a blob removes it from the pending deletions, or waits until its deletion is done.
-Code that pins a blob and then finds or stores it can rely on it.
+An upload pins its blobs until its scene is recorded. A blob stored by a worker is pinned until its message must have arrived.
+The lock is held while the row that referred to blobs is deleted and the blobs to delete are selected; the blobs are then deleted
+without the lock, in portions. Pinning a blob removes it from the pending deletions, or waits until its deletion is done. So code
+that pins a blob and then finds or stores it can rely on its existence.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ log = logging.getLogger(__name__)
 
 
 class Garbage:
-    """The only component that deletes blobs of scenes. Thread-safe."""
+    """Deletes unreferenced blobs of scenes; no other component does. Thread-safe."""
 
     def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float, guard: Callable[[], None] = lambda: None) -> None:
         """Stores the parameters.
 
-        patience_s: how long, in seconds, a blob stored by a worker may wait for its reference. guard: raises FarmError if
-        deleting is not allowed.
+        patience_s: time, in seconds, that a blob stored by a worker may stay unreferenced. guard: raises FarmError if deleting is
+        not allowed.
         """
         self._sessions = sessions
         self._blobs = blobs
@@ -63,7 +63,7 @@ class Garbage:
 
     @contextmanager
     def pinned(self, hashes: Iterable[str]) -> Iterator[None]:
-        """Pins blobs, existing or not, for the duration of the block in which a scene is made of them."""
+        """Context manager that pins blobs, existing or not, while a scene is created from them."""
         mine = set(hashes)
         with self._lock:
             self._pins.update(mine)
@@ -84,17 +84,17 @@ class Garbage:
                     self.collect(lambda session: set())
 
     def pin_until_recorded(self, sha256: str) -> None:
-        """Pins a blob that a worker stores, until its reference is recorded or `patience_s` has passed."""
+        """Pins a blob that a worker stores, until a reference to it is recorded or `patience_s` seconds have passed."""
         with self._lock:
             self._forget_promises()
             self._promise(sha256)
             self._save({sha256})
 
     def adopt_unreferenced(self, hashes: set[str]) -> None:
-        """Takes over unreferenced blobs found at start.
+        """Registers unreferenced blobs that were found at start.
 
-        A worker may have stored some of them, with its message still in transit. Those not referred to within `patience_s` are
-        deleted by the next collection after that.
+        A worker may have stored some of them with its message still in transit. Those without a reference after `patience_s`
+        seconds are deleted by the next collection.
         """
         with self._lock:
             for sha256 in hashes:
@@ -102,19 +102,24 @@ class Garbage:
             self._left |= hashes
 
     def keep_promise(self, sha256: str, times: int = 1) -> None:
-        """Removes `times` pins made by `pin_until_recorded`: the blob is referred to, or was never stored."""
+        """Removes `times` pins made by `pin_until_recorded`: the blob is referred to now, or was never stored."""
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
 
     def release(self, event: BlobsReleased) -> None:
-        """Removes the pins of these blobs as often as the event says they were referred to, and deletes the unreferenced ones."""
+        """Handles BlobsReleased: removes pins as often as the event counts references, and deletes the blobs that became
+        unreferenced.
+        """
         for sha256, times in event.references.items():
             self.keep_promise(sha256, times)
         self.collect(lambda session: set(event.references))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
-        """Runs a database change that returns the blobs it no longer refers to, and deletes those without references or pins."""
+        """Runs a database change, and deletes the blobs that are then neither referred to nor pinned.
+
+        let_go: makes the change; returns the blobs to which it removed references.
+        """
         with self._lock:
             with self._sessions.begin() as session:
                 gone = let_go(session) | self._free()
@@ -129,7 +134,7 @@ class Garbage:
             pass
 
     def _delete_some(self) -> bool:
-        """Deletes one portion of the pending blobs; returns whether there was one."""
+        """Deletes one portion of the pending blobs. Returns whether there was one."""
         with self._lock:
             some = {self._going.pop() for _ in range(min(AT_A_TIME, len(self._going)))}
             self._deleting |= some
@@ -148,13 +153,13 @@ class Garbage:
         return bool(some)
 
     def _save(self, hashes: set[str]) -> None:
-        """Removes pinned blobs from the pending deletions, and waits for the end of deletions in progress."""
+        """Removes blobs that are now pinned from the pending deletions, and waits for deletions in progress."""
         self._left |= hashes & self._going
         self._going -= hashes
         self._deleted.wait_for(lambda: not hashes & self._deleting)
 
     def _free(self) -> set[str]:
-        """Returns the blobs kept by an earlier collection that are no longer pinned."""
+        """Returns the blobs that an earlier collection did not delete and that are no longer pinned."""
         self._forget_promises()
         return {sha256 for sha256 in self._left if not self._is_kept(sha256)}
 

@@ -1,4 +1,4 @@
-"""Compiled kernels for the farm's kinds of workers: compiled by one worker, signed, and stored for later ones.
+"""Compiled kernels of the farm's worker kinds: compiled and signed by one worker, and stored for others.
 
 The service does not unpack them. They are only a cache: a worker that finds none compiles its own.
 """
@@ -19,7 +19,7 @@ KEPT = 24  # artefacts: a few kernels for each of a few kinds of workers; older 
 
 
 class KernelStore:
-    """Stored artefacts (renderer.kernel_file) by name. token: the key that they are signed with."""
+    """Stored artefacts (renderer.kernel_file) by name. token: the key with which they are signed."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
@@ -42,7 +42,10 @@ class KernelStore:
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
-        """Stores an artefact atomically, and deletes the oldest beyond KEPT. Raises Invalid for an invalid name or signature."""
+        """Stores an artefact atomically, and deletes the oldest ones beyond KEPT.
+
+        Raises Invalid for an invalid name or signature.
+        """
         if not is_name(name):
             raise Invalid(Sentence("kernels-name-invalid", "This is no name of kernels: see renderer/kernel_file.py."))
         if not is_signed(io.BytesIO(data), self._token):

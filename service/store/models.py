@@ -1,4 +1,4 @@
-"""The database tables: scenes, jobs and frames, and access to them. Samples are stored in films, not here."""
+"""The database tables: scenes, jobs, frames, and access control. Samples are stored in films, not here."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ NOTED = text("note IS NOT NULL")
 
 
 class Base(DeclarativeBase):
-    """Base class of the tables."""
+    """Base class of all tables."""
 
 
 def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
-    """Returns the hashes of the blobs that BlobRefs (protocol.contract) and their parts refer to; skips malformed ones."""
+    """Returns the hashes of the blobs that BlobRefs (protocol.contract) and their parts refer to. Skips malformed ones."""
     found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
     for ref in refs:
         parts = ref.get("parts") or ()
@@ -54,9 +54,9 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An uploaded scene, or one derived from it for a job, with other lighting or another material variant.
+    """An uploaded scene, or a scene derived from one by other lighting or another material variant.
 
-    The id is a hash of the content, so the same files are the same scene; a strict scene has another id.
+    The id is a hash of the content, so uploading the same files again gives the same scene. A strict scene has a different id.
     """
 
     __tablename__ = "scenes"
@@ -91,7 +91,7 @@ class Scene(Base):
     def blobs(self) -> set[str]:
         """The hashes of the blobs that the scene refers to: files, Blender's export, compiled forms, thumbnail and preview.
 
-        Malformed references are skipped, so that a damaged row or one of another release does not block the deletion of others.
+        Skips malformed references, so that a damaged row, or one of another release, does not block the deletion of others.
         """
         files = self.files if isinstance(self.files, list) else []
         compiled = self.compiled if isinstance(self.compiled, dict) else {}
@@ -104,7 +104,7 @@ class Scene(Base):
 
 
 class Job(Base):
-    """A request for pictures of a scene, and its progress."""
+    """A request to render pictures of a scene, with its progress."""
 
     __tablename__ = "jobs"
     # Covering indexes for lists and counts: a row takes thousands of bytes, mostly its settings.
@@ -165,12 +165,12 @@ class Job(Base):
 
     @property
     def stage(self) -> str:
-        """The id of the scene whose compiled form is rendered."""
+        """The id of the scene to render: the uploaded one, or one derived from it."""
         return self.lit or self.scene
 
 
 class Wait(Base):
-    """A dependency: a job that begins only when another is finished, after which the row is deleted.
+    """A dependency: a job that starts only after another has finished. The row is then deleted.
 
     See service/scheduling/waiting.py.
     """
@@ -182,7 +182,7 @@ class Wait(Base):
 
 
 class ShareTerms(Base):
-    """A user's share of the slots, if an administrator has set it: service/scheduling/jobs/shares.py."""
+    """Terms of a share of the slots, if set by an administrator. See service/scheduling/jobs/shares.py."""
 
     __tablename__ = "shares"
 
@@ -192,7 +192,7 @@ class ShareTerms(Base):
 
 
 class WorkerTerms(Base):
-    """Settings of a worker, by its name; they apply also when a disconnected worker comes back."""
+    """An administrator's settings for a worker, by its name. They also apply when the worker reconnects."""
 
     __tablename__ = "worker_terms"
 
@@ -201,7 +201,7 @@ class WorkerTerms(Base):
 
 
 class Environment(Base):
-    """An uploaded environment image that lights scenes. Its id is a hash of its content."""
+    """An uploaded environment image for lighting. Its id is a hash of its content."""
 
     __tablename__ = "environments"
 
@@ -245,7 +245,7 @@ class Reference(Base):
 
 
 class Frame(Base):
-    """One frame of a job. For a still, the state is that of the job."""
+    """One frame of a job. The state of a still image's frame is the job's."""
 
     __tablename__ = "frames"
     __table_args__ = (Index("frames_of_job", "job"),)
@@ -273,7 +273,10 @@ class Frame(Base):
 
 
 class FrameChange(Base):
-    """A pending change to the frames of a long shot: service/store/frame_changes.py. The row is deleted when it is complete."""
+    """A pending change of a long shot's frames (service/store/frame_changes.py).
+
+    The row is deleted when the change is complete.
+    """
 
     __tablename__ = "frame_changes"
 
@@ -296,7 +299,7 @@ class User(Base):
 
 
 class Project(Base):
-    """A project: its contents are visible only to its members; see service/access/projects.py."""
+    """A project, whose content is visible only to its members. See service/access/projects.py."""
 
     __tablename__ = "projects"
 
@@ -315,7 +318,7 @@ class Member(Base):
 
 
 class Quota(Base):
-    """A user's or token's limits, if an administrator has set them: service/access/quotas.py. None: no limit."""
+    """Limits of a user or token, if set by an administrator; None: unlimited. See service/access/quotas.py."""
 
     __tablename__ = "quotas"
 
@@ -326,9 +329,9 @@ class Quota(Base):
 
 
 class Spent(Base):
-    """Samples of the last day that count for quotas though no frame records them any more.
+    """Samples of the last day that count towards quotas although no frame records them any more.
 
-    job: the id of a deleted job, or `<id>/again` for frames that are rendered again.
+    job: id of a deleted job, or `<id>/again` for frames that are rendered again.
     """
 
     __tablename__ = "spent"
@@ -341,7 +344,7 @@ class Spent(Base):
 
 
 class Key(Base):
-    """A secret that grants access. Only its hash is stored."""
+    """A secret that grants access: of a session, token, link or worker. Only its hash is stored."""
 
     __tablename__ = "keys"
 
@@ -357,7 +360,7 @@ class Key(Base):
 
 
 class Delivery(Base):
-    """A webhook message to one hook about the end of one job; service/hooks/outbox.py sends it until it is delivered."""
+    """A webhook message to one hook about one job. service/hooks/outbox.py sends it until it is delivered."""
 
     __tablename__ = "deliveries"
     __table_args__ = (UniqueConstraint("hook", "job", "ended", name="deliveries_once"), Index("deliveries_due", "due"))
@@ -374,7 +377,7 @@ class Delivery(Base):
 
 
 class Owner(Base):
-    """The service that owns the farm, if several were started for it: see service/ownership/."""
+    """The service that owns the farm, when several were started for it. See service/ownership/."""
 
     __tablename__ = "owners"
 

@@ -1,4 +1,4 @@
-"""Disk space kept in reserve, so that a deletion can be recorded on a full disk; deleting frees space only after that."""
+"""Reserved disk space, so that a deletion, which frees space only afterwards, can be recorded even on a full disk."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ log = logging.getLogger(__name__)
 
 
 class Reserve:
-    """A file of unused bytes that is deleted when the space is needed."""
+    """A file of unused bytes that is deleted when its space is needed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def fill(self) -> None:
-        """Writes the reserve file if it is missing and there is space."""
+        """Writes the reserve file if it is missing and the disk has space for it."""
         with contextlib.suppress(OSError):
             if self._path.exists() and self._path.stat().st_size == SIZE:
                 return
@@ -37,7 +37,10 @@ class Reserve:
                 os.fsync(file.fileno())
 
     def spend_on(self, deletion: Callable[[], T]) -> T:
-        """Runs a deletion; if the disk is full, deletes the reserve and runs it again. Refills the reserve afterwards."""
+        """Runs `deletion`; if the disk is full, deletes the reserve file and runs it again.
+
+        Writes the reserve file again afterwards.
+        """
         try:
             return deletion()
         except NoRoom:

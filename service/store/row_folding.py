@@ -1,4 +1,4 @@
-"""Selects rows of a tile to fold into one: many rows take more space and more time to read than one."""
+"""Selects rows of a tile to fold into one, since many rows take more space and are slower to read."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MOST_APART = 64  # rows of a tile above which rows of different workers are fold
 
 
 def to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
-    """Returns lists of a tile's rows, each to be folded into one row.
+    """Returns lists of a tile's rows; each list is to be folded into one row.
 
-    All rows, once the tile's samples are contiguous; or the rows of each worker that has many, if `keeps_apart`.
-    keeps_apart: whether rows of different workers stay separate. is_one_run: whether the tile's samples are contiguous.
+    All rows, if the tile's samples are contiguous (is_one_run). If rows of different workers stay separate (keeps_apart): the
+    rows of each worker that has many, and beyond MOST_APART rows all of them.
     """
     if len(rows) < FOLD_AT:
         return []

@@ -44,7 +44,7 @@ class S3Blobs:
     is_local = False
 
     def __init__(self, url: str, temporary: Path) -> None:
-        """Connects to the bucket of a URL s3://bucket/prefix."""
+        """Connects to a bucket. url: s3://bucket/prefix."""
         address = urlsplit(url)
         self._bucket = address.netloc
         self._temporary = temporary
@@ -62,9 +62,9 @@ class S3Blobs:
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """Implements `BlobStore.put`. An object appears when it was uploaded completely.
+        """Implements `BlobStore.put`. The object appears once it is uploaded completely.
 
-        Raises Unavailable if the bucket is missing.
+        Raises Unavailable if the bucket does not exist.
         """
         try:
             with self._faults():
@@ -79,7 +79,7 @@ class S3Blobs:
             ) from None
 
     def open(self, sha256: str) -> BinaryIO:
-        """Implements `BlobStore.open`. The file is a temporary copy."""
+        """Implements `BlobStore.open`. Returns a temporary copy."""
         chunks = self.serve(sha256).chunks
         file = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+b", dir=str(self._temporary))  # noqa: SIM115 - the caller closes it
         try:
@@ -152,7 +152,7 @@ class S3Blobs:
 
 
 def _credentials() -> dict[str, Any]:
-    """Returns the credentials that are given by files (AWS_SECRET_ACCESS_KEY_FILE ...); obstore reads the others itself."""
+    """Returns the credentials that are read from files (AWS_SECRET_ACCESS_KEY_FILE ...). obstore reads the environment itself."""
     return {key: value_of(name) for key, name in CREDENTIALS.items() if os.environ.get(name + FILE)}
 
 

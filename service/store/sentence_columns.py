@@ -1,6 +1,6 @@
-"""Column types that keep sentences with their codes.
+"""Column types for sentences with codes.
 
-A column of texts holds plain text, as older releases wrote it, or the JSON object of a sentence: `{"text", "code", "params"}`.
+A text column contains plain text, as written by older releases, or a sentence as JSON: `{"text", "code", "params"}`.
 """
 
 from __future__ import annotations
@@ -16,45 +16,45 @@ __all__ = ["SentenceList", "SentenceRecord", "SentenceText"]
 
 
 class SentenceText(TypeDecorator[str]):
-    """A text, which may be a sentence."""
+    """Column type: a text, which may be a sentence with a code."""
 
     impl = Text
     cache_ok = True
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
-        """Converts a value to what the column holds."""
+        """Encodes a value for the database."""
         return None if value is None else to_text(value)
 
     def process_result_value(self, value: str | None, dialect: Dialect) -> str | None:
-        """Converts what the column holds to a value."""
+        """Decodes a value from the database."""
         return None if value is None else from_text(value)
 
 
 class SentenceList(TypeDecorator[list[str]]):
-    """A JSON list of texts, which may be sentences."""
+    """Column type: a JSON list of texts, which may be sentences with codes."""
 
     impl = JSON
     cache_ok = True
 
     def process_bind_param(self, value: list[str] | None, dialect: Dialect) -> Any:
-        """Converts a value to what the column holds."""
+        """Encodes a value for the database."""
         return None if value is None else [to_json(each) for each in value]
 
     def process_result_value(self, value: Any, dialect: Dialect) -> list[str] | None:
-        """Converts what the column holds to a value."""
+        """Decodes a value from the database."""
         return [from_json(each) for each in value] if isinstance(value, list) else value
 
 
 class SentenceRecord(TypeDecorator[dict[str, Any]]):
-    """A JSON object with texts that may be sentences."""
+    """Column type: a JSON object with texts that may be sentences with codes."""
 
     impl = JSON
     cache_ok = True
 
     def process_bind_param(self, value: dict[str, Any] | None, dialect: Dialect) -> Any:
-        """Converts a value to what the column holds."""
+        """Encodes a value for the database."""
         return encoded(value) if isinstance(value, dict) else value
 
     def process_result_value(self, value: Any, dialect: Dialect) -> Any:
-        """Converts what the column holds to a value."""
+        """Decodes a value from the database."""
         return decoded(value) if isinstance(value, dict) else value

@@ -1,4 +1,4 @@
-"""Staging of uploads: bytes are written to a local temporary file and hashed meanwhile."""
+"""Staging of uploads: bytes are hashed while they are written to a local temporary file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AT_A_TIME = 8  # blobs put into the store in parallel
 
 
 class BlobWriter:
-    """A blob being written, visible after `commit`; `discard` deletes it. `path`: the temporary file, for the store."""
+    """A blob being written. `commit` stores it; `discard` deletes it. `path`: its temporary file."""
 
     def __init__(self, folder: Path, put: Callable[[BlobWriter], None]) -> None:
         handle, name = tempfile.mkstemp(dir=folder, prefix=PREFIX)
@@ -35,7 +35,7 @@ class BlobWriter:
         self.size += len(data)
 
     def end(self) -> None:
-        """Closes the file after the last write, so that an upload of thousands of files does not hold them all open."""
+        """Closes the file after the last write, so that an upload of thousands of files does not keep all of them open."""
         self._file.close()
 
     @property
@@ -50,7 +50,7 @@ class BlobWriter:
         return self._file
 
     def commit(self) -> str:
-        """Puts the blob into the store; returns its hash."""
+        """Moves the blob into the store and returns its hash."""
         self._file.close()
         self._put(self)
         self.discard()
@@ -64,23 +64,23 @@ class BlobWriter:
 
 
 def commit_all(writers: Iterable[BlobWriter]) -> list[str]:
-    """Commits blobs in parallel threads, so that their waits for the disk overlap.
+    """Commits blobs in parallel threads, so that the waits for the disk overlap.
 
-    Returns their hashes in the same order. Raises what `commit` raises.
+    Returns their hashes in the same order. Raises the errors of `commit`.
     """
     with ThreadPoolExecutor(AT_A_TIME, "blobs") as threads:
         return list(threads.map(BlobWriter.commit, writers))
 
 
 class Staging:
-    """The folder of temporary files."""
+    """The folder of temporary files for uploads."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
 
     def writer(self, put: Callable[[BlobWriter], None]) -> BlobWriter:
-        """Returns a writer for a new blob; `put` is called with it by `commit`."""
+        """Returns a writer for a new blob. put: called with the writer by its `commit`."""
         return BlobWriter(self._folder, put)
 
     def sweep(self) -> None:

@@ -1,7 +1,7 @@
-"""LRU cache of the unpacked sums of tiles, over all films.
+"""LRU cache of the unpacked sums of tiles, shared by all films.
 
-Samples added to a cached tile are kept pending and added up when the tile is read next; if too many are pending, the tile is
-evicted. A film that grows without readers therefore costs no additions.
+Samples added to a cached tile are pending, and added up when the tile is read; a tile with too many pending additions is evicted.
+So a film that grows without readers causes no additions.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Grow = Callable[[Sums], None]  # adds pending samples to a tile's sums, in place
 
 
 class TileCache:
-    """An LRU cache bounded in bytes. The arrays are read-only, so readers need no lock."""
+    """An LRU cache limited in bytes. Its arrays are read-only, so readers need no lock."""
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
@@ -33,7 +33,7 @@ class TileCache:
     def get(self, key: Key) -> Sums | None:
         """Returns the sums of a tile, or None if they are not cached.
 
-        Must not be called for one tile by several threads at a time.
+        Must not be called concurrently for the same tile.
         """
         with self._lock:
             sums, pending = self._items.get(key), self._pending.get(key, ())
@@ -57,7 +57,10 @@ class TileCache:
             self._make_room()
 
     def grow(self, key: Key, add: Grow, size: int) -> None:
-        """Records an addition to a tile, applied at the next `get` if the tile is cached. size: bytes that `add` holds."""
+        """Adds samples to a cached tile at its next `get`; does nothing if the tile is not cached.
+
+        add: returns the increased sums. size: bytes of memory that `add` occupies.
+        """
         with self._lock:
             if key in self._items:
                 pending = self._pending.setdefault(key, [])
@@ -68,7 +71,7 @@ class TileCache:
                 self._make_room()
 
     def drop(self, key: Key) -> None:
-        """Evicts a tile."""
+        """Evicts one tile."""
         with self._lock:
             self._drop(key)
 

@@ -1,4 +1,4 @@
-"""Adds up the packed sums of a tile's film rows."""
+"""Adds up the packed sums of a tile's rows in a film."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["added_up"]
 def added_up(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
     """Returns the sum of a tile's packed rows, (CHANNELS, h, w) int64.
 
-    rows: packed sums as stored in the film. planes: channels to add; None: all. The contents of the other channels are undefined.
+    rows: packed sums as stored in the film. planes: channels to add; None: all. Other channels are undefined.
     Raises FilmDamaged if `rows` is empty or a row cannot be unpacked.
     """
     total: Sums | None = None

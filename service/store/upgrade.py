@@ -1,6 +1,7 @@
-"""Creates or migrates the database's tables for this release; refuses a database of a newer release.
+"""Creates or migrates the database's tables for this release. Rejects a database of a newer release.
 
-Alembic is imported only to migrate: it and the migrations take a tenth of a service's start, and most starts change nothing.
+Alembic is imported only for migrations: importing it and the migrations takes a tenth of a service's start, and most starts
+migrate nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ FIRST = "0001"  # the tables of release 0.1.0, which recorded no revision
 
 @dataclass(frozen=True)
 class SchemaState:
-    """The revision of a database (None: release 0.1.0, or empty), and that of this release."""
+    """The revision of a database (None: release 0.1.0, or empty), and the revision of this release."""
 
     current: str | None
     head: str
@@ -69,5 +70,5 @@ def upgrade(engine: Engine) -> None:
 
 @functools.cache
 def _revisions() -> tuple[str, ...]:
-    """Returns the revisions that this release knows, oldest first, from the names of the migrations: r0020_strict.py is 0020."""
+    """Returns the known revisions, oldest first, from the file names of the migrations: r0020_strict.py is revision 0020."""
     return tuple(sorted(path.name[1:5] for path in (MIGRATIONS / "versions").glob("r*.py")))

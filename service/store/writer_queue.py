@@ -1,7 +1,7 @@
-"""A fair queue of a process's threads for a database that takes one writer at a time.
+"""Fair queue for the threads of a process that write to a database with a single writer.
 
-With SQLite, waiting writers poll: under many submissions one of them may wait for seconds while others succeed. Here they are
-served in order, and urgent ones first.
+With SQLite, waiting writers poll, so with many submissions one of them can wait for seconds while others succeed. Here they are
+served in order, urgent ones first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Turns"]
 
 
 class Turns:
-    """The queue. Thread-safe; not reentrant."""
+    """Fair queue of writers. Thread-safe; not reentrant."""
 
     def __init__(self) -> None:
         self._free = threading.Condition()
@@ -29,9 +29,10 @@ class Turns:
 
     @contextmanager
     def turn(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
-        """Waits for a turn and holds it for the duration of the block.
+        """Context manager that waits for a turn and holds it during its block.
 
-        patience_s: timeout in seconds. is_urgent: go before all that are not urgent. Raises Unavailable at the timeout.
+        patience_s: timeout in seconds. is_urgent: precede all waiting writers that are not urgent. Raises Unavailable after the
+        timeout.
         """
         ticket = not is_urgent, next(self._numbers)
         with self._free:

@@ -1,1 +1,1 @@
-"""Database migrations, by Alembic. Each change of service/store/models.py needs a file in versions/."""
+"""Database migrations with Alembic. Each change of service/store/models.py needs a file in versions/."""

@@ -1,4 +1,4 @@
-"""Adds the time of a job's last film check, and whether the job is pinned (exempt from deletion by age)."""
+"""Adds the time of a job's last film check, and whether the job is pinned (exempt from retention rules)."""
 
 from __future__ import annotations
 

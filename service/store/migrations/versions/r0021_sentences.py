@@ -1,4 +1,4 @@
-"""Lets errors and notes hold sentences with codes (service/store/sentence_columns.py), which releases before show as JSON."""
+"""Allows errors and notes to hold sentences with codes (service/store/sentence_columns.py), which older releases show as JSON."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Changes no table: the texts of older releases stay as they are."""
+    """Changes no table, since texts of older releases remain valid."""
