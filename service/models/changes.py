@@ -16,7 +16,7 @@ MOST_JOBS = 1000  # per request
 
 
 class ChangesIn(Strict):
-    """What is to become of many jobs."""
+    """A change to apply to many jobs."""
 
     jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
     state: Literal["running", "paused", "cancelled", "deleted"] | None = None
@@ -31,7 +31,7 @@ class ChangesIn(Strict):
 
 
 class WasOut(BaseModel):
-    """A job that changed, as it was before."""
+    """A job that was changed, with its previous state and priority."""
 
     id: str
     state: str
@@ -39,14 +39,14 @@ class WasOut(BaseModel):
 
 
 class RefusedOut(Coded):
-    """A job to which it could not be done."""
+    """A job that the change could not be applied to, with the reason."""
 
     id: str
     why: str
 
 
 class ChangesOut(BaseModel):
-    """What came of it."""
+    """Result of changing many jobs: those that were changed, and those that refused the change."""
 
     changed: list[WasOut]
     refused: list[RefusedOut]

@@ -12,7 +12,7 @@ __all__ = ["Coded"]
 
 
 class Coded(BaseModel):
-    """A model with texts that may be sentences: their codes are beside them."""
+    """Base of models with fields that may be coded sentences: `codes` contains their codes and parameters."""
 
     codes: dict[str, Any] = Field(
         default_factory=dict,

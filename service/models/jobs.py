@@ -80,7 +80,7 @@ class ViewModel(Strict):
 
 
 class SkyIn(Strict):
-    """A clear sky with the sun there, in degrees: above the horizon, and clockwise from -Z as seen from above (90 is +X)."""
+    """A clear sky, given by the sun's direction in degrees: above the horizon, and clockwise from -Z seen from above (90: +X)."""
 
     elevation: float = Field(ge=-90.0, le=90.0)
     azimuth: float = Field(0.0, ge=-360.0, le=360.0)
@@ -88,8 +88,10 @@ class SkyIn(Strict):
 
 @with_fields(ENVIRONMENT)
 class EnvironmentIn(Strict):
-    """Light from all around in place of the scene's: a linear RGB radiance, a sky, an image or a preset; a factor, and a further
-    turn."""
+    """Environment lighting that replaces the scene's: a constant linear RGB radiance, a sky, an image or a preset.
+
+    With a scale factor and a rotation.
+    """
 
     color: Vec3 | None = None
     sky: SkyIn | None = None
@@ -115,7 +117,7 @@ class EnvironmentIn(Strict):
 @with_fields(WORK)
 @with_fields({name: SETTINGS[name] for name in ("width", "height", *OPTIONAL)}, of_scene=True)
 class JobIn(QueueIn):
-    """A request for a picture. Quality is asked for by spp, noise or seconds; whichever comes first ends it."""
+    """A request to render a picture. Goals: spp, noise or seconds; the job ends when the first of them is reached."""
 
     scene: str = Field(description="a scene's id", max_length=100)
     name: str | None = Field(None, max_length=200)
@@ -198,7 +200,7 @@ Focus = tuple[Coordinate, Coordinate, Annotated[int, Field(ge=1, le=1 << 20)], A
 
 
 class JobPatch(QueuePatch):
-    """What can change in a job. Of frames, as in a request: 10-20 or 7,9."""
+    """The changeable fields of a job. Frames are given as in a request, such as 10-20 or 7,9."""
 
     state: Literal["running", "paused", "cancelled"] | None = None
     name: str | None = Field(None, max_length=200, description="what it is called; empty: as its scene")
@@ -245,7 +247,7 @@ class JobPatch(QueuePatch):
 
 
 class BadSampleOut(BaseModel):
-    """A sample that was NaN or infinite, and so left out."""
+    """A sample that was NaN or infinite, and was therefore discarded."""
 
     x: int
     y: int
@@ -254,7 +256,7 @@ class BadSampleOut(BaseModel):
 
 
 class FrameOut(Coded):
-    """One picture of a job."""
+    """A frame of a job: its state, samples and noise."""
 
     number: int | float
     state: FrameState
@@ -268,7 +270,7 @@ class FrameOut(Coded):
 
 
 class ShotOut(BaseModel):
-    """Of a job with several frames: how time runs, in which order they come, and how they are."""
+    """A job with several frames: their timing, rendering order and states."""
 
     frames: str = Field(description="which there are, as 0-99,120")
     count: int
@@ -285,7 +287,7 @@ class ShotOut(BaseModel):
 
 
 class TakenOut(BaseModel):
-    """What a job began with: the film of an earlier one of the same picture."""
+    """Samples that a job reused at its start, from an earlier job of the same picture."""
 
     job: str = Field(description="from which it was taken, of a shot most of it; it may be deleted by now")
     spp: float = Field(description="samples that it had, of a pixel on the average; of a shot in the frames that were taken")
@@ -294,7 +296,7 @@ class TakenOut(BaseModel):
 
 
 class JobOut(QueueOut):
-    """A job and how far it is."""
+    """A job with its settings, state and progress."""
 
     id: str
     scene: str

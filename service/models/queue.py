@@ -55,7 +55,7 @@ Wants = Annotated[
 
 
 class QueueIn(Strict):
-    """Of a request for a picture."""
+    """Queue options in a request for a picture."""
 
     after: JobIds = Field(
         [],
@@ -68,7 +68,7 @@ class QueueIn(Strict):
 
 
 class QueuePatch(Strict):
-    """Of what can change in a job."""
+    """Queue options in a change of a job."""
 
     max_slots: MaxSlots = None
     deadline: Deadline = None
@@ -77,7 +77,7 @@ class QueuePatch(Strict):
 
 
 class WaitOut(BaseModel):
-    """A job that another waits for."""
+    """A job that another job waits for."""
 
     id: str
     name: str | None = Field(description="null: it was deleted")
@@ -85,7 +85,7 @@ class WaitOut(BaseModel):
 
 
 class QueueOut(Coded):
-    """Of a job."""
+    """Queue options of a job, and its forecast."""
 
     after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")
     user: str | None = Field(description="who asked for it; null where the farm asks nobody who they are")

@@ -14,7 +14,7 @@ SceneStatus = Literal["preparing", "ready", "failed"]
 
 
 class MeasuredOut(BaseModel):
-    """What the latest job of a scene that was rendered to its end has measured."""
+    """Cost and noise of a scene, measured by the latest finished job that rendered it."""
 
     sample_s: float = Field(description="seconds that one slot takes for one sample of one pixel")
     noise: float | None = Field(
@@ -23,7 +23,7 @@ class MeasuredOut(BaseModel):
 
 
 class SceneOut(Coded):
-    """An uploaded scene."""
+    """An uploaded scene: its files, state of preparation, cameras and warnings."""
 
     id: str
     name: str

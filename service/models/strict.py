@@ -10,7 +10,7 @@ __all__ = ["Strict"]
 
 
 class Strict(BaseModel):
-    """A body in which unknown fields are an error: a misspelt option must not be ignored."""
+    """Request body in which unknown fields are an error, so that a misspelt option is not ignored."""
 
     model_config = ConfigDict(extra="forbid")
 

@@ -27,7 +27,7 @@ Week = Annotated[str | None, Field(max_length=500), AfterValidator(_possible)]
 
 
 class WorkerPatch(Strict):
-    """What can change in a worker while it runs. Of all but state null: as it was started."""
+    """The changeable settings of a running worker. Null resets a setting, except `state`, to the worker's start value."""
 
     state: Literal["running", "paused"] | None = None
     hours: Week = Field(None, description="when it works, by its own clock: Mon-Fri 19:00-07:00, Sat-Sun; empty: always")
@@ -57,7 +57,7 @@ class WorkerPatch(Strict):
 
 
 class OfferOut(Coded):
-    """What a worker offers, by its own word."""
+    """What a worker offers, as it reports: tags, memory, hours and limits."""
 
     tags: list[str]
     memory: int = Field(description="bytes that it may use: its limit, else all that its machine has")
@@ -72,7 +72,7 @@ class OfferOut(Coded):
 
 
 class WorkerOut(Coded):
-    """A worker, by its own report."""
+    """A connected worker, as it reports itself."""
 
     name: str
     host: str

@@ -1,1 +1,1 @@
-"""The REST API: one router per resource, which translates requests into calls of the service's functions."""
+"""The REST API: one router per resource. Routes translate requests into calls of the service's functions."""

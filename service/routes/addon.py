@@ -1,4 +1,4 @@
-"""GET /api/blender-addon.zip: the add-on that lets Blender render on this farm."""
+"""GET /api/blender-addon.zip: the Blender add-on that renders on this farm."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ ZIP = {"content": {"application/zip": {}}, "description": "The add-on."}
 
 @router.get("/api/blender-addon.zip", response_class=Response, responses={200: ZIP})
 def blender_addon() -> Response:
-    """The add-on for Blender 4.2 and later, as Blender installs it. It is the same for everybody, and knows no token."""
+    """Returns the add-on for Blender 4.2 and later as an installable zip. It is the same for all users and contains no token."""
     return Response(addon_zip(), media_type="application/zip", headers={"Content-Disposition": named(FILE, "attachment")})

@@ -43,7 +43,7 @@ _Id = Annotated[str, PathParameter(max_length=100)]
 
 
 class EnvironmentOut(BaseModel):
-    """Light to choose. environment: what to ask for it by, in a job's request."""
+    """An environment for lighting. environment: the value to use for it in a job's request."""
 
     id: str
     name: str
@@ -60,9 +60,9 @@ class EnvironmentOut(BaseModel):
 def list_environments(
     farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
 ) -> list[EnvironmentOut]:
-    """The presets, then what was uploaded, the newest first. With a project: its own, and those of none.
+    """Lists the presets, then the uploaded environments, newest first. project: only its own and those of no project.
 
-    The header X-Total-Count has their number.
+    The header X-Total-Count contains their number.
     """
     presets = [
         EnvironmentOut(
@@ -90,7 +90,10 @@ def list_environments(
 async def add_environment(
     request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
 ) -> EnvironmentOut:
-    """Upload one equirectangular image, best an .exr or .hdr. A worker looks at it; sent again, it is the same one."""
+    """Uploads an equirectangular image, preferably .exr or .hdr, which a worker validates.
+
+    Uploading it again returns the same one.
+    """
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
     form = await read_one(request, farm, Sentence("kind-image", "image"))
@@ -115,7 +118,7 @@ async def add_environment(
 
 @router.get("/{id}/thumbnail.jpg", response_class=StreamingResponse)
 def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
-    """A small picture of it, twice as wide as high, tone-mapped."""
+    """Returns a tone-mapped thumbnail of the environment, twice as wide as high."""
     headers = {"Cache-Control": "max-age=86400"}
     if id in PRESETS:
         return FileResponse(PICTURES / f"{id}.jpg", media_type="image/jpeg", headers=headers)
@@ -129,7 +132,7 @@ def environment_thumbnail(id: _Id, farm: FarmDependency) -> Response:
 
 @router.delete("/{id}", status_code=204)
 def delete_environment(id: _Id, farm: FarmDependency) -> None:
-    """Delete an uploaded environment. Finished pictures stay; jobs that still need it are in the way."""
+    """Deletes an uploaded environment. Finished pictures stay; 409 if unfinished jobs need it."""
     if id in PRESETS:
         raise Conflict(
             Sentence("environment-not-deletable", "This light is made by a formula and takes no room: it cannot be deleted.")
@@ -156,7 +159,7 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
 
 
 async def _recorded(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
-    """Has a worker make the thumbnail of an uploaded image, then stores the image's row."""
+    """Requests the thumbnail of an uploaded image from a worker, then stores the image's row and returns it."""
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
     made = await asyncio.shield(asyncio.wrap_future(asked))

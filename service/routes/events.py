@@ -1,4 +1,4 @@
-"""GET /api/events: server-sent events about changes in jobs, scenes and workers."""
+"""GET /api/events: server-sent events about changes of jobs, scenes and workers."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ KEEP_ALIVE_S = 10.0
 
 @router.get("/api/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
 async def events(farm: FarmDependency, visit: VisitDependency) -> StreamingResponse:
-    """A stream of events `job`, `scene`, `worker` with the resource as JSON, or {"id", "deleted": true}.
+    """Streams events `job`, `scene` and `worker` with the resource as JSON, or {"id", "deleted": true}.
 
-    A resource that changes quickly is sent at most twice a second. After a reconnection, fetch the lists again. What is in a
-    project that you do not see is not told of.
+    A resource that changes quickly is sent at most twice a second. After a reconnection, fetch the lists again. There are no
+    events about content of projects that are not visible to you.
     """
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return StreamingResponse(_stream(farm, visit), media_type="text/event-stream", headers=headers)
@@ -89,7 +89,7 @@ def _texts(farm: Farm, visit: Visit, changed: list[tuple[str, str]]) -> list[str
 
 
 def _described(what: str, id: str, session: Session, farm: Farm) -> dict[str, Any] | None:
-    """Returns a scene or worker as JSON-ready data; None if it no longer exists."""
+    """Returns a scene or worker as JSON data; None if it no longer exists."""
     if what == "scene":
         scene = session.get(Scene, id)
         return scene_out(scene, farm.engine).model_dump() if scene else None

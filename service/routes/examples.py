@@ -1,4 +1,4 @@
-"""/api/examples: the scenes shipped with Rayfarm, for a first picture without an upload."""
+"""/api/examples: the example scenes shipped with Rayfarm."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ router = api_router(prefix="/api/examples", tags=["examples"])
 
 
 class ExampleOut(BaseModel):
-    """A scene that can be opened without an upload. frames, fps: of one made as a shot, as `POST /api/jobs` takes them."""
+    """An example scene. frames, fps: values for `POST /api/jobs`, if it is meant as a shot."""
 
     name: str
     title: str
@@ -32,7 +32,7 @@ class ExampleOut(BaseModel):
 
 @router.get("", response_model=list[ExampleOut])
 def list_examples(farm: FarmDependency) -> list[ExampleOut]:
-    """The examples, by name."""
+    """Lists the example scenes by name."""
     return [ExampleOut(**asdict(example)) for example, _ in examples(farm.settings.examples)]
 
 
@@ -40,7 +40,7 @@ def list_examples(farm: FarmDependency) -> list[ExampleOut]:
 def open_example(
     name: str, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
 ) -> SceneOut:
-    """Make a scene of an example, as if its files had been uploaded. Opened again, it is the same scene."""
+    """Creates a scene from an example, as if its files had been uploaded. Opening it again returns the same scene."""
     scene = store_example(name, project, visit, farm)
     response.headers["Location"] = f"/api/scenes/{scene.id}"
     return scene_out(scene, farm.engine)

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}/explain: explains a pixel's colour; a worker traces its paths again."""
+"""/api/jobs/{id}/explain: explains a pixel's colour; a worker traces the paths of its samples again."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Ending = Literal["missed", "absorbed", "roulette", "depth", "diffuse", "glossy",
 
 
 class LightOut(BaseModel):
-    """The point of a light that was chosen for a vertex (next-event estimation)."""
+    """The point on a light that was chosen at a vertex (next-event estimation)."""
 
     point: Numbers | None = Field(description="null: infinitely far")
     direction: Numbers
@@ -53,7 +53,7 @@ class LightOut(BaseModel):
 
 
 class PathVertexOut(BaseModel):
-    """What a path's ray met. Colours are linear Rec.709, places in world space."""
+    """One vertex of a path: what its ray hit, and the light found there. Colours are linear Rec.709; positions in world space."""
 
     kind: Literal["surface", "passed", "medium", "missed"] = Field(
         description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, "
@@ -87,7 +87,7 @@ class PathVertexOut(BaseModel):
 
 
 class PathOut(BaseModel):
-    """A sample, followed once more. What its vertices' light (emitted, direct, beside) adds up to is its value."""
+    """The path of one sample. The sample's value is the sum of `emitted`, `direct` and `beside` over its vertices."""
 
     chosen: list[Choice]
     sample: int
@@ -98,7 +98,7 @@ class PathOut(BaseModel):
 
 
 class ExplainedOut(BaseModel):
-    """A pixel explained."""
+    """Explanation of a pixel's colour: the paths of some of its samples, vertex by vertex."""
 
     x: int
     y: int
@@ -122,10 +122,10 @@ def explain(
     frame: float = Query(0.0, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
     sample: int | None = Query(None, ge=0, lt=MAX_SPP, description="one more that is to be shown"),
 ) -> ExplainedOut:
-    """The paths of a few of a pixel's samples: the first, that of median luminance, the brightest.
+    """Returns the paths of a few of a pixel's samples: the first, the one of median luminance, and the brightest.
 
-    A worker renders the pixel's samples once more, with the job's own settings and numbers, which takes a moment. 409 where there
-    is nothing to render them from any more, 503 where no worker can now, 504 where none had time.
+    A worker renders the pixel's samples again, with the job's settings and sample numbers. 409 if they cannot be rendered any
+    more, 503 if no worker can render them now, 504 if none was free in time.
     """
     job = find_job(id, farm)
     film = find_film(id, frame, farm)
@@ -154,7 +154,10 @@ def explain(
 def _explained_out(
     found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
 ) -> ExplainedOut:
-    """Builds the answer. sums: the film's sums of the pixel's `count` samples, if rendered by the worker's kind; else None."""
+    """Builds the response.
+
+    sums: the film's sums of the pixel's `count` samples; None if a worker of another kind rendered them.
+    """
     names = (scene.info or {}).get("names") or {}
     for path in found["paths"]:
         for vertex in path["vertices"]:
@@ -183,8 +186,7 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
 
 
 def _kind(job: Job, scene: Scene, farm: Farm) -> str:
-    """Returns the kind of workers to use: the job's own, which reproduces paths exactly; else another for which the scene is
-    compiled.
+    """Returns the worker kind to use: the job's own, which reproduces paths exactly; else one for which the scene is compiled.
 
     Raises Unavailable if there is none yet.
     """
@@ -202,9 +204,9 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 
 
 def _in_film(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
-    """Returns the film's sums of a pixel's colour and samples, and the number of contiguous samples from 0.
+    """Returns the film's sums of a pixel's colour and samples, and the number of contiguous samples from sample 0.
 
-    The sums are None unless the film has exactly those samples.
+    The sums are None if the film has further samples.
     """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)

@@ -1,4 +1,4 @@
-"""/api/farm: the service's routes for workers. Workers send the farm's token, or one of their own."""
+"""/api/farm: the routes that workers use. They authenticate with the farm's token or with a worker token."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ router = api_router(prefix="/api/farm", tags=["farm"])
 
 @router.get("/join")
 def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
-    """Where the queue is, and how a worker on this machine recognises the service's own files.
+    """Returns the address of the queue, and data by which a worker on the same machine recognises the service's files.
 
-    A worker with a token of its own gets a password of its own, too.
+    A worker with a token of its own also gets a Redis password of its own.
     """
     data = str(farm.settings.data) if farm.blobs.is_local else ""
     redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
@@ -52,7 +52,7 @@ def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
 
 @router.get("/scenes/{id}/manifest")
 def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
-    """The files of a scene, by hash; of a .blend what Blender wrote of it, as soon as it did."""
+    """Returns the hashes of a scene's files; for a .blend also of Blender's export, once it exists."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
@@ -71,7 +71,7 @@ def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
 
 @router.get("/blobs/{sha256}", response_class=StreamingResponse)
 def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
-    """A stored file by its hash."""
+    """Returns the blob with this hash."""
     if not is_sha256(sha256):
         raise blob_not_found()
     blob = farm.blobs.serve(sha256)
@@ -80,7 +80,7 @@ def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
 
 @router.post("/blobs/{sha256}/keep", status_code=204)
 def keep_blob(sha256: str, farm: FarmDependency) -> Response:
-    """Keep a file for as long as one that was stored just now; 404 where it is not here and is to be sent."""
+    """Keeps a blob as long as one that was just stored. 404 if it does not exist and has to be uploaded."""
     if not is_sha256(sha256):
         raise blob_not_found()
     farm.garbage.pin_until_recorded(sha256)
@@ -92,7 +92,7 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
-    """The means of a frame (in halves) for a denoiser: protocol.contract.DenoiseFrame says how they are laid out."""
+    """Returns the mean values of a frame (number in halves of a frame) for a denoiser; layout: protocol.contract.DenoiseFrame."""
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):
@@ -117,7 +117,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
 
 @router.put("/blobs/{sha256}", status_code=204)
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
-    """Store a file; its bytes must have the hash it is stored under."""
+    """Stores a blob. Its content must have the hash in the path."""
     if not is_sha256(sha256):
         raise Invalid(Sentence("blob-name-invalid", "A blob's name is the SHA-256 of its bytes in lower-case hexadecimal."))
     check_disk = disk_checker(farm.settings.data, farm.settings.min_free_bytes)

@@ -1,6 +1,7 @@
-"""/api/jobs/{id}/frames/{n}: the pictures, available from the first sample on.
+"""/api/jobs/{id}/frames/{n}: pictures of frames, available from the first sample on.
 
-A frame without samples returns 409 with an explanation; its film, which clients fetch first, is empty until the job ends.
+A frame without samples returns 409 with an explanation. Only its film, which clients fetch first, is returned empty until the job
+ends.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ AOV_HELP = (
 
 
 class Pixel(BaseModel):
-    """A pixel as the film has it: means of its samples, scene-linear, in world space."""
+    """Values of a pixel in the film: means over its samples, scene-linear; positions and normals in world space."""
 
     x: int
     y: int
@@ -79,7 +80,7 @@ class Pixel(BaseModel):
 
 
 class Digest(BaseModel):
-    """SHA-256 of a frame's sums and sample counts."""
+    """SHA-256 digest of a frame's sums and sample counts."""
 
     digest: str
     samples: int
@@ -93,7 +94,7 @@ def list_frames(
     limit: int | None = Query(None, ge=1, le=MAX_FRAMES, description="at most so many; all unless told"),
     offset: int = Query(0, ge=0, le=MAX_FRAMES, description="from which one on, counted from 0"),
 ) -> Response:
-    """The frames of a job, in their order: the state, samples, noise and error of each."""
+    """Lists the frames of a job in order, each with its state, samples, noise and error."""
     job = find_job(id, farm)
     with farm.sessions() as session:
         body = frames_json(job, session, farm.engine, state, (offset, limit))
@@ -102,7 +103,7 @@ def list_frames(
 
 @router.get("/{n}", response_model=FrameOut)
 def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
-    """One frame of a job, with the first of its samples that were left out."""
+    """Returns one frame of a job, with the first of its discarded samples."""
     job = find_job(id, farm)
     with farm.sessions() as session:
         found = frame_out(job, session, farm.engine, frame_key(n))
@@ -125,10 +126,10 @@ async def image(
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
-    """The picture so far. EXR, HDR and RGB9E5 (words as in the live tiles) are scene-linear; PNG and JPEG are tone-mapped.
+    """Returns the picture rendered so far. EXR, HDR and RGB9E5 (words as in live tiles) are scene-linear; PNG and JPEG are
+    tone-mapped.
 
-    The header X-Samples has the number of samples, of all pixels together, that it was made of; of a heat map, X-Span has the
-    values between which it is drawn.
+    The header X-Samples contains the number of its samples over all pixels; for a heat map, X-Span contains the range of values.
     """
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
@@ -176,7 +177,10 @@ async def image(
 
 @router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
 async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
-    """All of a frame's light, and how many samples each tile has, in one answer: see docs/api.md. For watchers that begin."""
+    """Returns a whole frame's colour and the sample count of each tile in one response, for viewers that start.
+
+    See docs/api.md.
+    """
     film, version, _ = await run_in_threadpool(_state, id, n, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")
     headers = {"ETag": f'"{version}{"-gzip" if gzip else ""}"', "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
@@ -196,7 +200,7 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
 
 @router.get("/{n}/pixel", response_model=Pixel)
 async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
-    """The exact values of a pixel, counted from the upper left, and how many samples it has."""
+    """Returns the exact values of a pixel and its number of samples. x, y: from the upper left corner."""
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
 
@@ -234,8 +238,10 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
 
 @router.get("/{n}/log", response_class=PlainTextResponse)
 def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
-    """What is known of the tile that has a pixel, line by line: which worker rendered which samples, how long that and its steps
-    took, what it warned of; what failed or was lost. Of successes the latest 16, since the service started."""
+    """Returns the log of the tile with this pixel: worker, samples, durations and warnings of each batch; failures and losses.
+
+    One line per batch. Of successful batches, only the latest 16 since the service started.
+    """
     film = find_film(id, n, farm)
     at, _ = _tile_at(film, x, y)
     about = re.compile(rf"\btile {at}, frame {re.escape(frame_text(n))}(?!\.?\d)")
@@ -246,7 +252,7 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
 
 @router.get("/{n}/digest", response_model=Digest)
 async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependency) -> Digest:
-    """A name for the frame's every bit: equal requests give equal digests, whoever rendered them."""
+    """Returns the digest of a frame's sums. Equal requests give equal digests, whichever workers rendered them."""
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.make(
@@ -256,7 +262,7 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
 
 
 async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
-    """Waits for the denoised frame without occupying a thread, since many clients may wait at once."""
+    """Waits for the denoised frame without occupying a thread, since many clients may wait at the same time."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     return await asyncio.shield(asyncio.wrap_future(made))
@@ -273,7 +279,7 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 
 def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """Returns a frame's film, the version of its content, and its number of samples."""
+    """Returns a frame's film, the version of the film's content, and the frame's number of samples."""
     film, job = find_film(id, n, farm), find_job(id, farm)
     samples = film.samples(frame_key(n))
     if not samples and job.state in FINAL:
@@ -282,13 +288,13 @@ def _state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
 
 
 def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """As `_state`, for a frame that has samples."""
+    """Like `_state`, but raises Conflict if the frame has no samples."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
 
 
 def _names(id: str, farm: Farm) -> dict[str, list[str]]:
-    """Returns the names of the scene's objects and materials, in order of their numbers."""
+    """Returns the names of the scene's objects and materials, as lists indexed by their numbers."""
     with farm.sessions() as session:
         scene = session.get(Scene, find_job(id, farm).scene)
     names = ((scene.info if scene else None) or {}).get("names")

@@ -1,4 +1,4 @@
-"""/healthz, /readyz, /metrics: for monitoring the service."""
+"""/healthz, /readyz, /metrics: monitoring of the service."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PATIENCE_S = 2.0  # seconds, timeout of the database check
 
 @router.get("/healthz")
 async def healthz(farm: FarmDependency) -> dict[str, str]:
-    """Whether the process is sane; if not, restart it. It waits for nothing: no thread, no database, no disk."""
+    """Reports whether the process is healthy; if not, restart it. Uses no thread, database or disk, so it never blocks."""
     if not farm.engine.is_alive:
         raise Unavailable(Sentence("engine-ended", "The engine has ended. Restart the service."))
     return {"status": "ok"}
@@ -32,7 +32,7 @@ async def healthz(farm: FarmDependency) -> dict[str, str]:
 
 @router.get("/readyz")
 async def readyz(farm: FarmDependency) -> dict[str, str]:
-    """Whether the service can work now: its database, its films and Redis answer."""
+    """Reports whether the service can work now: whether its database, films and Redis respond."""
     try:
         with anyio.fail_after(PATIENCE_S):
             await anyio.to_thread.run_sync(_ask_database, farm, limiter=farm.readiness, abandon_on_cancel=True)
@@ -56,5 +56,5 @@ def _ask_database(farm: Farm) -> None:
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
 def get_metrics(farm: FarmDependency) -> Response:
-    """Numbers for Prometheus."""
+    """Returns metrics for Prometheus."""
     return Response(metrics.render(farm), media_type=CONTENT_TYPE_LATEST)

@@ -1,4 +1,4 @@
-"""/api/hooks: notifications at the end of a job, and their delivery."""
+"""/api/hooks: notifications about jobs, and the state of their delivery."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ router = api_router(prefix="/api/hooks", tags=["hooks"])
 
 @router.get("")
 def list_hooks(farm: FarmDependency) -> list[dict[str, Any]]:
-    """All hooks, with how many messages arrived, wait, or were given up, and the latest error."""
+    """Lists all hooks with their numbers of delivered, pending and abandoned messages, and the latest error."""
     return [_hook_status(farm, number, hook) for number, hook in enumerate(farm.outbox.hooks)]
 
 
 @router.post("/{number}/test", status_code=204)
 def test_hook(number: int, farm: FarmDependency) -> Response:
-    """Send a message that says only that messages arrive; 503 with the reason where it does not."""
+    """Sends a test message to a hook. 503 with the reason if the delivery fails."""
     if not 0 <= number < len(farm.outbox.hooks):
         raise NotFound(
             Sentence("hook-not-found", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")

@@ -1,4 +1,4 @@
-"""GET /api/info: what this service is and what it accepts."""
+"""GET /api/info: the service's version, limits and accepted settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ router = api_router(tags=["info"])
 
 @router.get("/api/info")
 def info(farm: FarmDependency) -> dict[str, Any]:
-    """The version, the limits, and what requests may ask for: every setting with its range, its names and what it does."""
+    """Returns the version, the limits, and every setting of a request with its range, names and description."""
     settings = farm.settings
     return {
         "name": "rayfarm",

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: the history of a job: its progress over time, and its events."""
+"""/api/jobs/{id}: the history of a job: progress over time, and events."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ router = api_router(prefix="/api/jobs", tags=["jobs"])
 
 
 class HistoryPoint(BaseModel):
-    """A moment of rendering."""
+    """Samples and noise of a job at one moment of rendering."""
 
     seconds: float = Field(description="of rendering, pauses left out")
     spp: float = Field(description="samples of a pixel; of a shot those of all frames together")
@@ -27,7 +27,7 @@ class HistoryPoint(BaseModel):
 
 
 class HistoryEvent(BaseModel):
-    """Something that happened."""
+    """An event in a job's history."""
 
     at: float = Field(description="unix time")
     kind: str = Field(
@@ -37,7 +37,7 @@ class HistoryEvent(BaseModel):
 
 
 class HistoryOut(BaseModel):
-    """How a job came to its picture; some hundred points and events at most."""
+    """The history of a job; at most some hundred points and events."""
 
     points: list[HistoryPoint]
     events: list[HistoryEvent]
@@ -45,9 +45,9 @@ class HistoryOut(BaseModel):
 
 @router.get("/{id}/log", response_class=PlainTextResponse)
 def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
-    """What happened to a job, line by line: its scene prepared, batches handed out, back, lost, failed, and by which workers.
+    """Returns the log of a job: preparation of its scene; batches dispatched, returned, lost and failed; and their workers.
 
-    The newest 256 kB. Lines begin with the time (UTC); below errors, further in, stand the last lines of their traces.
+    The latest 256 kB. Lines begin with the time (UTC); errors are followed by the last lines of their tracebacks, indented.
     """
     find_job(id, farm)
     text = farm.engine.logs.text(id)
@@ -60,7 +60,7 @@ def job_log(id: str, farm: FarmDependency, request: Request) -> Response:
 
 @router.get("/{id}/history", response_model=HistoryOut)
 def job_history(id: str, farm: FarmDependency) -> HistoryOut:
-    """How a job came to its picture: noise and samples against the time of rendering, and what happened."""
+    """Returns the history of a job: noise and samples over rendering time, and its events."""
     job = find_job(id, farm)
     size = job.settings or {}
     pixels = max(int(size.get("width", 1)) * int(size.get("height", 1)), 1)

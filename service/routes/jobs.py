@@ -1,4 +1,4 @@
-"""/api/jobs: creates, watches, changes and deletes jobs."""
+"""/api/jobs: creates, lists, changes and deletes jobs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def create_job(
     idempotency_key: Key = None,
     traceparent: Traced = None,
 ) -> JobOut:
-    """Ask for a picture of a scene. A scene that is still being prepared is waited for; with a full disk none is taken."""
+    """Creates a job that renders a scene. If the scene is still being prepared, the job waits for it. 507 if the disk is full."""
     created = create(request, visit, farm, idempotency_key, traceparent)
     response.headers["Location"] = f"/api/jobs/{created.job.id}"
     if created.is_repeat:
@@ -77,7 +77,7 @@ def list_jobs(
     limit: int = Query(100, ge=1, le=MOST_JOBS),
     offset: int = Query(0, ge=0, le=1 << 31),
 ) -> Response:
-    """The jobs, or those that are chosen, a page of them. The header X-Total-Count has their number."""
+    """Lists a page of the jobs that match the filter. The header X-Total-Count contains the number of all matching jobs."""
     view = farm.engine.snapshot
     with farm.sessions() as session:
         rows = chosen.rows(sort, session, limit, offset)
@@ -90,14 +90,14 @@ def list_jobs(
 def list_ids(
     chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: int = Query(50_000, ge=1, le=50_000)
 ) -> list[str]:
-    """As the list of jobs, but nothing except their ids, and of all of them at once."""
+    """Lists only the ids of all jobs that match the filter, without pages."""
     with farm.sessions() as session:
         return chosen.ids_in(sort, session, limit)
 
 
 @router.get("/tallies")
 def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
-    """How many jobs are in each state; `state` itself makes no difference to it."""
+    """Returns the number of matching jobs in each state. The filter `state` is ignored."""
     with farm.sessions() as session:
         found = chosen.tallies(session)
     return {state: found.get(state, 0) for state in get_args(JobState)}
@@ -105,37 +105,37 @@ def tally_jobs(chosen: Choice, farm: FarmDependency) -> dict[JobState, int]:
 
 @router.post("/changes", response_model=ChangesOut)
 def change_jobs(changes: ChangesIn, farm: FarmDependency, visit: VisitDependency) -> ChangesOut:
-    """Pause, go on, cancel, change the priority of many jobs, or delete them. What cannot be done to one is done to the others.
+    """Pauses, resumes, cancels or deletes many jobs, or changes their priority. Jobs that do not allow the change are skipped.
 
-    The answer has how those that changed were before, so that it can be taken back.
+    The response contains the previous values of the changed jobs, so that the change can be undone.
     """
     return change_many(changes, farm, visit)
 
 
 @router.get("/{id}", response_model=JobOut)
 def get_job(id: str, farm: FarmDependency) -> JobOut:
-    """One job: its state, progress, speed and errors."""
+    """Returns a job: its state, progress, speed and errors."""
     return describe(id, farm)
 
 
 @router.patch("/{id}", response_model=JobOut)
 def change_job(id: str, change_: JobPatch, farm: FarmDependency, visit: VisitDependency) -> JobOut:
-    """Pause, go on, cancel, change the priority, or ask for more samples. Cancelling keeps the picture so far.
+    """Pauses, resumes or cancels a job, or changes its goal or priority. A cancelled job keeps its picture.
 
-    A job that is over and set to running renders what its picture lacks, frames that failed among it; a film that is damaged is
-    set aside first. Of a shot: more frames, some of them anew or with more samples, one before all others. focus: a rectangle is
-    rendered first, which changes no bit of how the picture ends. pinned: what a farm lets go by its rules, it keeps of this job.
-    name and note are for people: what it is called, and what there is to say about it.
+    Setting an ended job to running renders what its picture lacks, including failed frames; a damaged film is moved aside first.
+    For a shot: adds frames, renders some again or with more samples, or one before all others. focus: rectangle to render first,
+    which does not change the final picture. pinned: exempts the job's film from the farm's retention rules. name, note: texts for
+    users.
     """
     return change(id, change_, visit, farm)
 
 
 @router.post("/{id}/anew", status_code=201, response_model=JobOut, name="begin_anew")
 def begin_job_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDependency) -> JobOut:
-    """Ask for the same picture in a new job, from the first sample, and cancel this one, which keeps its picture so far.
+    """Cancels a job, which keeps its picture, and creates a new one that renders the same picture from the first sample.
 
-    For a job that was begun by workers of a kind that is gone, after an upgrade: another kind may compute other bits, so it never
-    continues a film. To take it back, set this job to running and cancel the new one.
+    For a job that was started on a kind of worker that is gone, for instance after an upgrade: another kind may compute different
+    bits, so it never continues a film. To undo this, set the old job to running and cancel the new one.
     """
     made = begin_anew(id, visit, farm)
     response.headers["Location"] = f"/api/jobs/{made.id}"
@@ -144,6 +144,6 @@ def begin_job_anew(id: str, farm: FarmDependency, response: Response, visit: Vis
 
 @router.delete("/{id}", status_code=204)
 def delete_job(id: str, farm: FarmDependency) -> None:
-    """Delete a job and its pictures; one that is being rendered is stopped."""
+    """Deletes a job and its pictures. Stops it if it is being rendered."""
     if not farm.deleting.delete([id]):
         raise job_not_found(id)

@@ -1,6 +1,6 @@
-"""/api/farm/kernels: machine code that one worker compiled, for the others of its kind.
+"""/api/farm/kernels: machine code that one worker compiled, for other workers of its kind.
 
-Loading a kernel executes its code. Uploads are therefore accepted only with the farm's own token; a worker with its own token may
+Loading a kernel executes its code. So uploads are accepted only with the farm's own token. A worker with a worker token may
 download kernels, signed with that token.
 """
 
@@ -32,7 +32,7 @@ NOT_FROM_THEM = (
 
 @router.get("/{name}", response_class=FileResponse)
 def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request: Request) -> Response:
-    """The kernels of this name; renderer/kernel_file.py says what a name follows from and how the file is signed."""
+    """Returns the kernels with this name. For names and signatures see renderer/kernel_file.py."""
     path = farm.kernels.find(name)
     if path is None:
         raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile them, and hand them in."))
@@ -44,7 +44,7 @@ def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request
 
 @router.put("/{name}", status_code=204)
 async def put_kernels(name: str, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
-    """Hand in kernels, signed with the farm's token."""
+    """Stores kernels that are signed with the farm's token."""
     if _has_own_token(visit):
         raise Problem(403, NOT_FROM_THEM)
     data = bytearray()

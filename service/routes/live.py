@@ -1,13 +1,13 @@
 """WS /api/jobs/{id}/live: a job's state as JSON, its frames' states, and the tiles of one frame as they change.
 
-The client gets a state, a snapshot of all tiles of its frame that have samples, and then changes; it may switch to another frame
-by {"frame": n}, of which it gets a snapshot. A client that fetches the film itself (GET .../frames/{n}/film) requests no
-snapshot, and reports afterwards what it has, by {"have": [samples a pixel of every tile]}: the tiles that differ are sent.
+The client gets a state, a snapshot of all tiles of its frame that have samples, and then changes. By {"frame": n} it switches to
+another frame, of which it gets a snapshot. A client that fetches the film itself (GET .../frames/{n}/film) requests no
+snapshot; it then sends {"have": [samples per pixel of every tile]}, and receives the tiles that differ.
 
-For a shot, all frames are sent first, and then those that change. Tiles are sent in rounds; every packet has a number, and the
-client answers with {"ack": number}, which acknowledges all up to it. At most two rounds are unacknowledged. Meanwhile changed
-tiles are only recorded, and read from the film when their round comes, so a slow client gets fewer pictures, but never older
-ones.
+For a shot, the states of all frames are sent first, and then those that change. Tiles are sent in rounds. Every packet has a
+number; the client answers {"ack": number}, which acknowledges all packets up to it. At most two rounds are unacknowledged. In the
+meantime changed tiles are only recorded, and read from the film when their round is sent, so a slow client gets fewer pictures,
+but never outdated ones.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ async def live(
     frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
     snapshot: bool = True,
 ) -> None:
-    """Watch a job, and the tiles of one of its frames: the first, unless told. snapshot: begin with all of its tiles."""
+    """Sends a job's state and the tiles of one frame as they change. frame: default the first. snapshot: start with all tiles."""
     await socket.accept()
     first = await run_in_threadpool(_first_frame, farm, id)
     if first is None:
@@ -99,7 +99,7 @@ class _Watcher:
         self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
-        """Processes acknowledgements and frame selections until the client leaves. Ignores malformed messages."""
+        """Processes acknowledgements and frame selections until the client disconnects. Ignores malformed messages."""
         async for text in throttled_messages(self._socket):
             tiles = MOST_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MOST_TEXT + TILE_TEXT * tiles:
@@ -108,7 +108,7 @@ class _Watcher:
                 self._react(read_client(text, FROM_CLIENT))
 
     def _react(self, message: FromClient | None) -> None:
-        """Processes a message. Raises ValueError."""
+        """Processes one message of the client. Raises ValueError if it is malformed."""
         match message:
             case WatchFrame(frame, snapshot):
                 self._wanted, self._have = (_frame(frame), snapshot), None
@@ -122,7 +122,7 @@ class _Watcher:
                 self._listener.wake()
 
     def _turn(self) -> None:
-        """Switches to the most recently requested frame; earlier requests are skipped."""
+        """Switches to the frame that was requested last; skips earlier requests."""
         if self._wanted is None:
             return
         (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
@@ -131,12 +131,12 @@ class _Watcher:
             self._begin(self._film)
 
     def _begin(self, film: Film) -> None:
-        """Queues all tiles, unless the client wants no snapshot."""
+        """Queues all tiles of the frame for sending, unless the client has requested no snapshot."""
         if self._snapshot:
             self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
 
     async def _note_what_differs(self, film: Film, have: list[Any]) -> None:
-        """Queues the tiles whose sample counts differ from the client's; all, if its list has another length."""
+        """Queues the tiles whose sample counts differ from the client's list `have`; all tiles if the list has another length."""
         frame = self._listener.frame
         counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
         if frame == self._listener.frame:
@@ -144,7 +144,7 @@ class _Watcher:
             self._listener.tiles.update((tile, None) for tile, (a, b) in enumerate(zip(differ, counts, strict=True)) if a != b)
 
     async def send(self) -> None:
-        """Sends states and tiles until the service ends or the job is deleted."""
+        """Sends states and tiles until the service stops or the job is deleted."""
         self._listener.changed["job", self._job] = None
         while not self._farm.broadcast.closing:
             if self._film is None:
@@ -216,7 +216,7 @@ class _Watcher:
 
 
 def _frame(number: float) -> int:
-    """Returns the key of a frame number. Raises ValueError."""
+    """Returns the frame key of a frame number. Raises ValueError."""
     if not 0 <= number <= MAX_FRAME or not (2 * number).is_integer():
         raise ValueError(f"there is no frame {number}")
     return frame_key(number)
@@ -228,7 +228,7 @@ def _first_frame(farm: Farm, id: str) -> int | None:
 
 
 def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], float]:
-    """Returns a job, its frames' numbers, and the CPU seconds spent reading them."""
+    """Returns a job, the numbers of its frames by key, and the processor time, in seconds, that reading them took."""
     begun = time.thread_time()
     with farm.sessions() as session:
         job = session.get(Job, id)
@@ -237,7 +237,7 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
 
 
 def _frames_told(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
-    """Returns messages about the changed frames, up to FRAMES_TOLD frames each."""
+    """Returns messages about the frames that changed, each with at most FRAMES_TOLD frames."""
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_TOLD] for at in range(0, len(changed), FRAMES_TOLD))
     return [Frames(plain_frames(job, part)).to_text() for part in some] if job is not None else []
@@ -257,7 +257,7 @@ def _film(farm: Farm, id: str) -> Film | None:
 
 
 def _state(farm: Farm, id: str) -> tuple[dict[str, Any] | None, str]:
-    """Returns a job's state as JSON-ready data, and its message."""
+    """Returns a job's state as JSON data, and as an encoded message."""
     with farm.sessions() as session:
         job = session.get(Job, id)
         state = None if job is None else job_out(job, session, farm.engine).model_dump()

@@ -1,9 +1,9 @@
-"""/api/login, /api/logout, /api/session: a browser's login by name and password or by a one-time link, and its logout.
+"""/api/login, /api/logout, /api/session: login of a browser by name and password or by a one-time link, and logout.
 
 A session is a secret in a cookie that scripts cannot read and that is not sent with cross-site requests. Each login creates a new
-session, and invalidates the one that the browser sent before.
+session, and revokes the one that the browser sent.
 
-Passwords are verified in a separate thread pool, so that many guesses do not block other requests.
+Passwords are verified in a separate thread pool, so that many attempts do not block other requests.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Password = Annotated[str, Field(min_length=1, max_length=LONGEST)]
 
 
 class LoginIn(BaseModel):
-    """A name and its password; or the code of a link."""
+    """A login: a name and password, or the code of a login link."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -51,7 +51,7 @@ class LoginIn(BaseModel):
 
 
 class PasswordIn(BaseModel):
-    """old: needed where there is one."""
+    """A password change. old: the present password, required if there is one."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -60,13 +60,13 @@ class PasswordIn(BaseModel):
 
 
 class LogoutOut(BaseModel):
-    """provider: the address at which the browser's session at the OpenID provider ends, and which leads back here."""
+    """Result of a logout. provider: URL that ends the browser's session at the OpenID provider and leads back here."""
 
     provider: str
 
 
 class SessionOut(BaseModel):
-    """Who the service takes you for. login: whether one is needed here; name: null where nobody is logged in."""
+    """The present session. login: whether a login is required; name: null if nobody is logged in."""
 
     login: bool
     name: str | None
@@ -77,7 +77,7 @@ class SessionOut(BaseModel):
 
 @router.get("/api/session", response_model=SessionOut)
 def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
-    """Who you are here, and whether a login is needed."""
+    """Returns the present user, and whether a login is required."""
     return _session_out(visit.caller, visit.needs_login, farm)
 
 
@@ -85,7 +85,7 @@ def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
 async def log_in(
     asked: LoginIn, request: Request, response: Response, visit: VisitDependency, farm: FarmDependency
 ) -> SessionOut:
-    """Log in; the answer sets the session's cookie."""
+    """Logs in. The response sets the session cookie."""
     return await run_sync(_log_in, asked, request, response, visit, farm, limiter=farm.logins)
 
 
@@ -116,7 +116,7 @@ def _log_in(asked: LoginIn, request: Request, response: Response, visit: Visit, 
 
 @router.post("/api/logout", status_code=204, response_model=None, responses={200: {"model": LogoutOut}})
 def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> Response:
-    """End the session that the cookie shows. Where an OpenID provider let it in, the answer says where it ends there too."""
+    """Ends the present session. After a login through OpenID, the response contains the provider's logout URL."""
     provider = None
     if _end(request, farm) and visit.caller is not None:
         farm.access.audit.add(visit.caller.name, "logout", kind="session", address=visit.address, status=204)
@@ -129,7 +129,7 @@ def log_out(request: Request, visit: VisitDependency, farm: FarmDependency) -> R
 
 @router.put("/api/session/password", status_code=204)
 async def change_password(asked: PasswordIn, visit: VisitDependency, farm: FarmDependency) -> None:
-    """Change your own password. All else that you have open is logged out."""
+    """Changes your own password. All your other sessions are ended."""
     await run_sync(_change_password, asked, visit, farm, limiter=farm.logins)
 
 
@@ -149,7 +149,10 @@ def _change_password(asked: PasswordIn, visit: Visit, farm: Farm) -> None:
 
 
 def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
-    """Verifies a name and password; returns the user's name and role. Raises Problem."""
+    """Verifies a name and password; returns the user's name and role.
+
+    Raises Problem if they are wrong or there were too many attempts.
+    """
     access = farm.access
     wait = access.attempts.begin(address, name)
     if wait is not None:
@@ -174,7 +177,7 @@ def _by_password(name: str, password: str, farm: Farm, address: str) -> tuple[st
 
 
 def _end(request: Request, farm: Farm) -> bool:
-    """Ends the session of the request's cookie; returns whether there was one."""
+    """Ends the session in the request's cookie. Returns whether there was one."""
     access = farm.access
     shown = cookie_parser(request.headers.get("cookie", "")).get(cookie_name(access, request.scope), "")
     caller = access.keys.find(shown) if shown else None

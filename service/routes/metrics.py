@@ -88,9 +88,9 @@ class _Collector:
 
 
 def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:
-    """Returns the number of slots in demand.
+    """Returns the number of slots that could work at present, for autoscaling.
 
-    Unmeasured work counts as one slot each, so that a farm scaled to no workers gets some.
+    Work of unknown duration counts as one slot each, so that a farm scaled to no workers gets some.
     """
     measured = sum(job.slots_wanted for job in view.jobs.values())
     return max(measured, jobs.get("queued", 0) + jobs.get("running", 0) + scenes.get("preparing", 0))
@@ -104,7 +104,7 @@ def _gauge(name: str, text: str, label: str, values: Mapping[str, float]) -> Met
 
 
 def render(farm: Farm) -> bytes:
-    """Returns the metrics in Prometheus's text format."""
+    """Returns all metrics in Prometheus's text format."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collector(farm))
     return generate_latest(registry)

@@ -1,4 +1,4 @@
-"""/api/login/openid: login through an OpenID provider. The browser is redirected there, and returns with a one-time code."""
+"""/api/login/openid: login through an OpenID provider. The browser is redirected to it, and returns with a one-time code."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_PENDING = 8  # logins of one browser; their cookies, of 410 characters each
 
 @router.get("", status_code=302, response_class=RedirectResponse)
 def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
-    """Send the browser to the provider."""
+    """Redirects the browser to the OpenID provider."""
     oidc = _oidc(farm)
     try:
         begun = oidc.begin(f"{base_url(request, farm)}/api/login/openid/answer")
@@ -57,7 +57,7 @@ def finish(
     code: str = Query("", max_length=LONGEST),
     error: str = Query("", max_length=LONGEST),
 ) -> RedirectResponse:
-    """The browser comes back; the answer sets the session's cookie, and leads to the page."""
+    """Completes the login after the provider's redirect: sets the session cookie and redirects to the page."""
     access, oidc = farm.access, _oidc(farm)
     cookie = _cookie(farm, request, state)
     try:
@@ -84,12 +84,12 @@ def _refused(request: Request, refusal: Refused) -> RedirectResponse:
 
 
 def _cookie(farm: Farm, request: Request, state: str) -> str:
-    """Returns the name of a login's cookie: one for each login, so that several tabs can log in at once."""
+    """Returns the name of the cookie for one login attempt; different for each, so that several tabs can log in at once."""
     return f"{_prefix(farm, request)}{fingerprint(state)[:16]}"
 
 
 def _pending(farm: Farm, request: Request) -> list[str]:
-    """Returns the cookie names of all logins that this browser has started and not finished."""
+    """Returns the cookie names of all login attempts that this browser has not completed."""
     return [name for name in _cookies(request) if name.startswith(_prefix(farm, request))]
 
 

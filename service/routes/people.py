@@ -1,4 +1,4 @@
-"""/api/users, /api/links, /api/audit: users, login links and the audit log. For administrators."""
+"""/api/users, /api/links, /api/audit: users, login links and the audit log, for administrators."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Password = Annotated[str | None, Field(max_length=LONGEST)]
 
 
 class UserIn(BaseModel):
-    """A new user. Without a password it is let in by a link alone, and may set one then."""
+    """A new user. Without a password, the user can log in only by a link, and may then set one."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -39,7 +39,7 @@ class UserIn(BaseModel):
 
 
 class UserChange(BaseModel):
-    """What is to be another."""
+    """Changes of a user: role or password."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -48,7 +48,7 @@ class UserChange(BaseModel):
 
 
 class UserOut(BaseModel):
-    """Somebody who may log in. sessions: how many browsers are."""
+    """A user. sessions: number of open browser sessions."""
 
     name: str
     role: str
@@ -58,7 +58,7 @@ class UserOut(BaseModel):
 
 
 class LinkIn(BaseModel):
-    """user: whom it lets in; the farm's owner unless told."""
+    """A login link to create. user: whom it logs in; default: the farm's owner."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -66,7 +66,7 @@ class LinkIn(BaseModel):
 
 
 class LinkOut(BaseModel):
-    """code: told this once. The page's address with #/login?code=CODE behind it lets the user in, once."""
+    """A new login link. code: returned only this once; the page's URL followed by #/login?code=CODE logs the user in, once."""
 
     user: str
     code: str
@@ -74,7 +74,7 @@ class LinkOut(BaseModel):
 
 
 class AuditLine(BaseModel):
-    """Something that was done."""
+    """An entry of the audit log."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -85,7 +85,7 @@ class AuditLine(BaseModel):
 
 @router.get("/api/users", response_model=list[UserOut])
 def list_users(farm: FarmDependency, page: PageDependency) -> list[UserOut]:
-    """A page of the users, by name. The header X-Total-Count has their number."""
+    """Lists the users by name. The header X-Total-Count contains their number."""
     with farm.sessions() as session:
         _, rows = page.rows(select(User).order_by(User.name), session)
     sessions = farm.access.keys.count("session", [user.name for user in rows])
@@ -94,13 +94,13 @@ def list_users(farm: FarmDependency, page: PageDependency) -> list[UserOut]:
 
 @router.post("/api/users", status_code=201, response_model=UserOut)
 def add_user(asked: UserIn, farm: FarmDependency) -> UserOut:
-    """Add a user."""
+    """Creates a user."""
     return _out(farm.access.users.add(asked.name, Role.of(asked.role), asked.password), 0)
 
 
 @router.patch("/api/users/{name}", response_model=UserOut)
 def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
-    """Another role, which holds at once; another password, which logs the user out everywhere."""
+    """Changes a user's role, with immediate effect, or password, which ends all sessions of the user."""
     users = farm.access.users
     user = users.find(name)
     if asked.password is not None:
@@ -112,7 +112,7 @@ def change_user(name: str, asked: UserChange, farm: FarmDependency) -> UserOut:
 
 @router.delete("/api/users/{name}", status_code=204)
 def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None:
-    """Remove a user, and all that lets it in. Its scenes and jobs stay."""
+    """Deletes a user with all credentials. The user's scenes and jobs stay."""
     if visit.caller is not None and visit.caller.name == name:
         raise Conflict(
             Sentence(
@@ -125,7 +125,7 @@ def remove_user(name: str, visit: VisitDependency, farm: FarmDependency) -> None
 
 @router.post("/api/links", status_code=201, response_model=LinkOut)
 def make_link(asked: LinkIn, farm: FarmDependency) -> LinkOut:
-    """A link that lets somebody in once, within a day."""
+    """Creates a link that logs a user in once, within a day."""
     if asked.user != OWNER:
         farm.access.users.find(asked.user)
     code, row = farm.access.keys.make("link", asked.user, Role.ADMIN, lasts_s=LINK_S)
@@ -134,7 +134,7 @@ def make_link(asked: LinkIn, farm: FarmDependency) -> LinkOut:
 
 @router.get("/api/audit", response_model=list[AuditLine])
 def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MOST_LINES)) -> list[dict[str, Any]]:
-    """What was done, by whom, from where; the newest first."""
+    """Returns the audit log, newest entries first: who did what, and from where."""
     return farm.access.audit.latest(limit)
 
 

@@ -1,4 +1,4 @@
-"""/api/projects: groups of resources visible to their members only. Administrators create them and choose the members."""
+"""/api/projects: groups of content that only their members can see. Administrators create them and choose the members."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ router = api_router(prefix="/api/projects", tags=["access"])
 
 
 class ProjectIn(BaseModel):
-    """A new project."""
+    """A new project, by name."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -26,7 +26,10 @@ class ProjectIn(BaseModel):
 
 
 class MemberIn(BaseModel):
-    """What a member may do in a project, of what the user may do at all. view: look at it; submit: add and change too."""
+    """A member's role in a project, which can restrict the user's own role.
+
+    view: read only; submit: also add and change content.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -34,7 +37,7 @@ class MemberIn(BaseModel):
 
 
 class ProjectOut(BaseModel):
-    """A project that you see. roles: of its members. counts: how many scenes, jobs, environments and references are in it."""
+    """A project visible to you. roles: by member. counts: number of scenes, jobs, environments and references in it."""
 
     name: str
     created: float
@@ -45,32 +48,32 @@ class ProjectOut(BaseModel):
 
 @router.get("", response_model=list[ProjectOut])
 def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
-    """Your projects, by name; administrators see all. The header X-Total-Count has their number."""
+    """Lists your projects by name; for administrators, all projects. The header X-Total-Count contains their number."""
     projects = farm.access.projects
     return [_out(found) for found in projects.described(page.slice_of(projects.named(visit.sight)))]
 
 
 @router.post("", status_code=201, response_model=ProjectOut)
 def add_project(asked: ProjectIn, farm: FarmDependency) -> ProjectOut:
-    """Make one. Nobody but administrators sees what is in it until it has members."""
+    """Creates a project. Until it has members, only administrators can see its content."""
     return _out(farm.access.projects.add(asked.name))
 
 
 @router.delete("/{name}", status_code=204)
 def remove_project(name: str, farm: FarmDependency) -> None:
-    """Remove one that is empty."""
+    """Deletes an empty project."""
     farm.access.projects.remove(name)
 
 
 @router.put("/{name}/members/{user}", response_model=ProjectOut)
 def let_in(name: str, user: str, farm: FarmDependency, asked: MemberIn | None = None) -> ProjectOut:
-    """Let a user see what is in it, and unless the role is view add to it; of a member it is the role from now on."""
+    """Adds a user to a project, or changes a member's role. With role `view`, the user can only read."""
     return _out(farm.access.projects.add_member(name, user, (asked or MemberIn()).role))
 
 
 @router.delete("/{name}/members/{user}", response_model=ProjectOut)
 def put_out(name: str, user: str, farm: FarmDependency) -> ProjectOut:
-    """Let a user see it no more. It holds at once, also for what is open."""
+    """Removes a member from a project, with immediate effect, also on open connections."""
     return _out(farm.access.projects.remove_member(name, user))
 
 

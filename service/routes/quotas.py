@@ -1,4 +1,4 @@
-"""/api/quota, /api/quotas: the caller's limits and their use, and for administrators those of others."""
+"""/api/quota, /api/quotas: the caller's limits and usage, and, for administrators, those of others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Of = Literal["users", "tokens"]
 
 
 class LimitsIn(BaseModel):
-    """What somebody may; null: no limit. bytes: of uploads and films. jobs: unfinished at a time. samples_day: in 24 hours."""
+    """Limits of a user or token; null: unlimited. bytes: uploads and films. jobs: unfinished ones. samples_day: in 24 hours."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -32,7 +32,7 @@ class LimitsIn(BaseModel):
 
 
 class AllowanceOut(BaseModel):
-    """whose: user:NAME or token:ID. limits: null where there is none. used: as it is now."""
+    """Limits and usage of a user or token. whose: user:NAME or token:ID. limits: null: unlimited. used: at present."""
 
     whose: str
     limits: LimitsIn
@@ -40,33 +40,33 @@ class AllowanceOut(BaseModel):
 
 
 class SetAllowanceOut(AllowanceOut):
-    """is_own: an administrator has said so; else they are everybody's."""
+    """Limits and usage. is_own: whether the limits were set by an administrator, and are not the defaults."""
 
     is_own: bool
 
 
 @router.get("/api/quota", response_model=list[AllowanceOut])
 def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut]:
-    """What you may have and do, and what of it is used; of your token too, where that has limits of its own."""
+    """Returns your limits and usage; also your token's, if it has limits of its own."""
     return [_out(found) for found in farm.quotas.allowances_of(visit.caller)]
 
 
 @router.get("/api/quotas", response_model=list[SetAllowanceOut])
 def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowanceOut]:
-    """Of all users, and of tokens that have limits of their own: a page. The header X-Total-Count has their number."""
+    """Lists the limits of all users and of tokens with limits of their own. The header X-Total-Count contains their number."""
     described = farm.quotas.described(page.slice_of(farm.quotas.named()))
     return [SetAllowanceOut(**_out(found).model_dump(), is_own=found.is_own) for found in described]
 
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)
 def set_quota(of: Of, name: str, asked: LimitsIn, farm: FarmDependency) -> None:
-    """Say what a user, or a token, may."""
+    """Sets the limits of a user or token."""
     farm.quotas.set(f"{of.removesuffix('s')}:{name}", Limits(**asked.model_dump()))
 
 
 @router.delete("/api/quotas/{of}/{name}", status_code=204)
 def forget_quota(of: Of, name: str, farm: FarmDependency) -> None:
-    """A user may what every user may; a token what its user may."""
+    """Restores the default limits of a user; for a token, removes its own limits."""
     farm.quotas.set(f"{of.removesuffix('s')}:{name}", None)
 
 

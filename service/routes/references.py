@@ -1,4 +1,4 @@
-"""/api/references: pictures uploaded for comparison, such as another renderer's or an earlier one."""
+"""/api/references: uploaded pictures for comparison, for instance from another renderer."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ Id = Annotated[str, PathParameter(max_length=100)]
 
 
 class ReferenceOut(BaseModel):
-    """A picture to compare with. Its light is taken for linear Rec.709, and kept true to 0.2 % of the brightest channel."""
+    """A reference picture. Interpreted as linear Rec.709, and stored with an error of at most 0.2 % of the brightest channel."""
 
     id: str
     name: str
@@ -61,7 +61,10 @@ class ReferenceOut(BaseModel):
 def list_references(
     farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
 ) -> list[ReferenceOut]:
-    """A page of them, the newest first. With a project: its own, and those of none. The header X-Total-Count has their number."""
+    """Lists the reference pictures, newest first. project: only its own and those of no project.
+
+    X-Total-Count contains their number.
+    """
     seen = select(Reference).where(visit.sight.clause(Reference.project))
     seen = seen if project is None else seen.where(usable_in(Reference.project, project))
     with farm.sessions() as session:
@@ -73,7 +76,7 @@ def list_references(
 async def add_reference(
     request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
 ) -> ReferenceOut:
-    """Upload one image, best an .exr or .hdr; its first name stays. Sent again, it is the same one."""
+    """Uploads an image, preferably .exr or .hdr. Uploading it again returns the same one, with its first name."""
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_room(request, farm, visit)
     form = await read_one(request, farm, Sentence("kind-picture", "picture"))
@@ -94,13 +97,13 @@ async def add_reference(
 
 @router.get("/{id}", response_model=ReferenceOut)
 def get_reference(id: Id, farm: FarmDependency) -> ReferenceOut:
-    """One of them."""
+    """Returns one reference picture."""
     return _out(_find(id, farm))
 
 
 @router.get("/{id}/film", response_class=Response, responses={200: FILM})
 def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
-    """Its light, in the form of /api/jobs/{id}/frames/{n}/film: one tile of one sample."""
+    """Returns a reference picture's colour in the format of /api/jobs/{id}/frames/{n}/film: one tile with one sample."""
     blob = farm.blobs.serve(_find(id, farm).film["sha256"])
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers = {**KEPT, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
@@ -121,7 +124,7 @@ async def reference_image(
         "neutral", alias="tonemap", json_schema_extra={"enum": list(tonemap.CURVES)}, description="for png and jpg"
     ),
 ) -> Response:
-    """It as it is compared, as a picture file; /file has the one that was uploaded."""
+    """Returns a reference picture as used for comparisons, as a picture file. /file returns the uploaded file."""
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(
@@ -149,7 +152,7 @@ async def reference_image(
 
 @router.get("/{id}/file", response_class=Response, responses={200: FILM})
 def reference_file(id: Id, farm: FarmDependency) -> Response:
-    """The file that was uploaded, byte for byte."""
+    """Returns the uploaded file unchanged."""
     row = _find(id, farm)
     blob = farm.blobs.serve(row.file["sha256"])
     headers = {**KEPT, "Content-Length": str(blob.size), "Content-Disposition": named(row.name, "attachment")}
@@ -158,7 +161,7 @@ def reference_file(id: Id, farm: FarmDependency) -> Response:
 
 @router.delete("/{id}", status_code=204)
 def delete_reference(id: Id, farm: FarmDependency) -> None:
-    """Delete one, and its file."""
+    """Deletes a reference picture and its file."""
 
     def forget(session: Session) -> set[str]:
         found = session.get(Reference, id, with_for_update=True)

@@ -1,4 +1,4 @@
-"""The REST API: one router per resource."""
+"""List of all routers of the REST API."""
 
 from starlette.routing import BaseRoute
 

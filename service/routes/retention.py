@@ -1,4 +1,4 @@
-"""/api/retention: lists or deletes what a farm's retention rules, or given ones, would delete."""
+"""/api/retention: lists or deletes what the farm's retention rules, or the rules in the request, allow to delete."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_DAYS = 36500.0
 
 
 class RetentionIn(Strict):
-    """By which rules; where none is given, by the farm's own (RAYFARM_KEEP_*)."""
+    """Retention rules; if none is given, the farm's own (RAYFARM_KEEP_*)."""
 
     films_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="films of jobs that were over for longer go")
     films_bytes: int | None = Field(None, ge=0, le=1 << 60, description="films beyond that go, the oldest first")
@@ -32,7 +32,7 @@ class RetentionIn(Strict):
 
 
 class ItemOut(BaseModel):
-    """Something that may go, or went."""
+    """An item that can be deleted, or was."""
 
     what: Literal["film", "compiled", "upload"]
     id: str
@@ -43,7 +43,7 @@ class ItemOut(BaseModel):
 
 
 class RetentionOut(BaseModel):
-    """What may go, or went. A film is rendered again and a scene compiled again when somebody asks; an upload is gone."""
+    """Items that can be deleted, or were. Films and compiled scenes can be made again on demand; uploads cannot."""
 
     state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
         description="planned: nothing is deleted; stopped: the service has ended before all was done"
@@ -57,8 +57,10 @@ class RetentionOut(BaseModel):
 
 @router.post("", response_model=RetentionOut, responses={202: {"model": RetentionOut, "description": "It has begun."}})
 def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> RetentionOut:
-    """What the farm would let go by these rules. With dry_run false it begins to, and answers at once with 202; `GET` says how
-    far it is. What unfinished and pinned jobs need stays."""
+    """Lists what these rules allow to delete. With dry_run false, starts the deletion and responds 202; `GET` shows its progress.
+
+    Data of unfinished and pinned jobs is never deleted.
+    """
     rules = Rules(**wish.model_dump(exclude={"dry_run"}))
     rules = farm.rules if rules.is_empty else rules
     if wish.dry_run:
@@ -70,7 +72,7 @@ def let_go(wish: RetentionIn, farm: FarmDependency, response: Response) -> Reten
 
 @router.get("", response_model=RetentionOut)
 def retention_run(farm: FarmDependency) -> RetentionOut:
-    """How far the latest deletion is that somebody has asked for."""
+    """Returns the progress of the latest requested deletion."""
     run = farm.retention.latest
     if run is None:
         raise NotFound(

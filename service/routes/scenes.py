@@ -1,4 +1,4 @@
-"""/api/scenes: upload, inspect and delete scenes."""
+"""/api/scenes: uploads, describes and deletes scenes."""
 
 from __future__ import annotations
 
@@ -71,12 +71,12 @@ async def upload(
     project: IntoProject = "",
     strict: Annotated[bool, Query(description="as the form's field `strict`")] = False,
 ) -> SceneOut:
-    """Upload a scene: one file, many with their folders in the names, or a zip. The same files again are the same scene.
+    """Uploads a scene: one file, several with their folders in the names, or a zip. The same files always give the same scene.
 
-    Warnings are known once a worker has prepared the scene: a strict one with warnings is then `failed`, and jobs of it are
-    refused with 409. It is another scene than the same files without `strict`.
+    Warnings are known once a worker has prepared the scene. A strict scene with warnings then becomes `failed`, and jobs of it
+    are rejected with 409. A strict scene differs from the scene of the same files without `strict`.
 
-    With `base`, in that scene's project unless told; with `main` beside it, another of its files is the one that is shown.
+    base: adds the files to a copy of this scene, by default in its project; main: then selects another main file.
     """
     await check_room(request, farm, visit)
     check_length(request, farm, Sentence("kind-upload", "upload"), "Leave files out")
@@ -96,7 +96,7 @@ def list_scenes(
     offset: int = Query(0, ge=0, le=1 << 31),
     search: str = Query("", max_length=200, description="words that its name has, or the begin of its id"),
 ) -> list[SceneOut]:
-    """All scenes, or those that are sought, the newest first. The header X-Total-Count has their number."""
+    """Lists all scenes, or those that match the search, newest first. The header X-Total-Count contains their number."""
     chosen = SceneFilter(visit.sight, project, search)
     with farm.sessions() as session:
         response.headers["X-Total-Count"] = str(chosen.count(session))
@@ -105,13 +105,13 @@ def list_scenes(
 
 @router.get("/{id}", response_model=SceneOut)
 def get_scene(id: str, farm: FarmDependency) -> SceneOut:
-    """One scene: whether it is ready, its cameras, counts, bounds and warnings."""
+    """Returns a scene: whether it is ready, its cameras, counts, bounds and warnings."""
     return scene_out(find_scene(id, farm), farm.engine)
 
 
 @router.get("/{id}/thumbnail.png", response_class=Response, responses={200: THUMBNAIL, 304: {"description": "not changed"}})
 def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
-    """A small picture of the scene, made when it was prepared."""
+    """Returns the thumbnail of a scene, made when the scene was prepared."""
     scene = find_scene(id, farm)
     ref = (scene.info or {}).get("thumbnail")
     if not ref:
@@ -121,7 +121,7 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
 
 @router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})
 def preview(id: str, request: Request, farm: FarmDependency) -> Response:
-    """The scene's triangles, at most about a million, as soon as a worker has read it. protocol/mesh.py has the layout."""
+    """Returns at most about a million of the scene's triangles, once a worker has read it. Layout: protocol/mesh.py."""
     scene = find_scene(id, farm)
     progress = farm.engine.snapshot.preparing.get(id)
     ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)
@@ -140,5 +140,5 @@ def _blob(ref: dict[str, Any], media_type: str, request: Request, farm: Farm) ->
 
 @router.delete("/{id}", status_code=204)
 def delete_scene(id: str, farm: FarmDependency) -> None:
-    """Delete a scene and its files. Finished pictures stay; jobs that still need the scene are in the way."""
+    """Deletes a scene and its files. Finished pictures stay; 409 if unfinished jobs need it."""
     delete(id, farm)

@@ -1,4 +1,4 @@
-"""/api/shares: how slots are shared between users, and projects with their own terms."""
+"""/api/shares: division of the slots between users, and projects that have terms of their own."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs th
 
 
 class ShareIn(Strict):
-    """What a share is to get."""
+    """New terms of a share: weight and maximum number of slots."""
 
     weight: float = Field(1.0, ge=1e-3, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
     max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
 
 
 class ShareOut(BaseModel):
-    """What a share gets, and has now."""
+    """A share: its terms and current usage."""
 
     share: str
     weight: float
@@ -53,10 +53,10 @@ class ShareOut(BaseModel):
 
 @router.get("", response_model=list[ShareOut])
 def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ShareOut]:
-    """The shares of all users, of whoever else has jobs, and of whom an administrator gave terms, by name: a page.
+    """Lists the shares by name: of all users, of others who have jobs, and of those with terms set by an administrator.
 
-    The header X-Total-Count has their number. Who else there is, administrators alone are told: others see their own share, and
-    those of their projects.
+    The header X-Total-Count contains their number. Users who are not administrators see only their own share and those of their
+    projects.
     """
     with farm.sessions() as session:
         terms = _terms(session)
@@ -79,7 +79,7 @@ def _terms(session: Session) -> dict[str, Terms]:
 
 
 def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
-    """Returns the number of unfinished jobs of each share."""
+    """Returns the number of unfinished jobs by share."""
     found = Counter[str]()
     by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE)).group_by(Job.user, Job.project)
     for user, project, number in session.execute(by_owner):
@@ -89,7 +89,7 @@ def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
 
 @router.put("/{share}", response_model=ShareOut)
 def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
-    """Give a share other terms, from the next batch on. What was handed out before comes back first."""
+    """Sets the terms of a share, which apply from the next batch on. Batches already dispatched are not withdrawn."""
     if not SHARE.fullmatch(share):
         raise Invalid(
             Sentence(
@@ -106,7 +106,7 @@ def set_share(share: Share, asked: ShareIn, farm: FarmDependency) -> ShareOut:
 
 @router.delete("/{share}", response_model=ShareOut)
 def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
-    """Let a share have what all have by themselves: the weight 1, and no limit. A project's is none any more."""
+    """Resets a share to the default terms: weight 1, no limit. A project then has no share of its own."""
     with farm.sessions.begin() as session:
         if (row := session.get(ShareTerms, share)) is not None:
             session.delete(row)
@@ -122,7 +122,7 @@ def _changed(share: str, farm: Farm) -> ShareOut:
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
-    """Returns the number of slots that work on each share's jobs."""
+    """Returns the number of slots that render jobs of each share."""
     busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
     with farm.sessions() as session:
         rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()

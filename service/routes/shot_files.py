@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: a shot's frames as a zip file, and as a movie."""
+"""/api/jobs/{id}: all frames of a shot as a zip file or a movie."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ async def frames_zip(
     exposure: float = Exposure,
     tonemap_curve: str = Curve,
 ) -> StreamingResponse:
-    """The frames as numbered files in a zip, sent while it is made.
+    """Streams a zip with the frames as numbered files.
 
-    which: those that are finished; all that have samples, as they are now; or all, each as soon as it is finished (coming).
+    which: the finished frames; all frames with samples, as they are now; or all frames, each as soon as it is finished (coming).
     """
     wish = _wish(format, aov, exposure, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
@@ -100,7 +100,7 @@ async def get_movie(
     exposure: float = Exposure,
     tonemap_curve: str = Curve,
 ) -> StreamingResponse:
-    """The frames that have samples as a film: H.264, AV1, or an animated WebP; tone mapped as a png is."""
+    """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped like PNG."""
     wish = PictureWish(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
     job = await run_in_threadpool(find_job, id, farm)
     chosen = await run_in_threadpool(_chosen, job, frames, farm)
@@ -179,7 +179,7 @@ def _curve(name: str) -> str:
 
 
 def _chosen(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
-    """Returns the selected frames' numbers by key, in order."""
+    """Returns the numbers of the selected frames by key, in order."""
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
@@ -212,6 +212,6 @@ def _fps(job: Job, farm: Farm) -> float:
 
 
 def _title(job: Job, frames: str | None = None) -> str:
-    """Returns a file name's title: the job's name, and the numbers of its frames."""
+    """Returns the title for the file's name: the job's name and the frame numbers."""
     which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
     return f"{title_of(job)}.{which}" if which else title_of(job)

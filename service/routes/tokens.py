@@ -1,4 +1,4 @@
-"""/api/tokens: access tokens of programs and workers. A token's secret is returned once, when it is created."""
+"""/api/tokens: access tokens of programs and workers. A token's secret is returned only once, when it is created."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ Scope = Literal["view", "submit", "admin", "worker"]
 
 
 class TokenIn(BaseModel):
-    """name: what it is for. role: at most this, and at most what its maker may; worker: it lets workers join, and nothing else.
+    """A token to create. name: its purpose. role: at most this and its creator's; worker: only to connect workers.
 
-    days: for how long; null: until it is withdrawn.
+    days: lifetime; null: until it is revoked.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -42,7 +42,7 @@ class TokenIn(BaseModel):
 
 
 class TokenOut(BaseModel):
-    """A token, without its secret. seen: when it was last shown, to some minutes."""
+    """A token without its secret. seen: time of its last use, accurate to some minutes."""
 
     id: str
     name: str
@@ -54,7 +54,7 @@ class TokenOut(BaseModel):
 
 
 class NewToken(TokenOut):
-    """secret: told this once."""
+    """A new token. secret: returned only this once."""
 
     secret: str
 
@@ -66,7 +66,7 @@ def list_tokens(
     page: PageDependency,
     everybody: Annotated[bool, Query(alias="all", description="for administrators: everybody's")] = False,
 ) -> list[TokenOut]:
-    """Your own tokens, the newest first; an administrator sees those of workers too. The header X-Total-Count has the number."""
+    """Lists your tokens, newest first; for administrators also worker tokens. The header X-Total-Count contains their number."""
     caller = _caller(visit.caller)
     is_admin = caller.role >= Role.ADMIN
     if everybody and not is_admin:
@@ -85,7 +85,7 @@ def list_tokens(
 
 @router.post("", status_code=201, response_model=NewToken)
 def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> NewToken:
-    """Make one. A token cannot make tokens: one that fell into wrong hands must end with it."""
+    """Creates a token. Requires a login by a user: a token cannot create tokens, so revoking a leaked one is enough."""
     caller = _caller(visit.caller)
     if caller.kind == "token":
         raise Conflict(
@@ -124,7 +124,7 @@ def make_token(asked: TokenIn, visit: VisitDependency, farm: FarmDependency) -> 
 
 @router.delete("/{id}", status_code=204)
 def withdraw_token(id: str, visit: VisitDependency, farm: FarmDependency) -> None:
-    """It lets nobody in from now on. Administrators withdraw everybody's and workers'; a token that only looks itself alone."""
+    """Revokes a token at once. Administrators may revoke any; a token with role `view` only itself."""
     caller = _caller(visit.caller)
     if caller.kind == "token" and caller.role < Role.SUBMIT and id != caller.key:
         raise Problem(

@@ -1,8 +1,8 @@
-"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is kept when the page leaves.
+"""WS /api/scenes/{id}/viewport: interactive views of a scene. No job is created, and nothing is stored.
 
-Messages are those of protocol/viewport.py, pictures those of protocol/pictures.py: a small one first, then the whole view with
-increasing samples. Each has the tiles that have at least half as many samples again as last sent, and complete tiles exactly.
-At most two pictures are unacknowledged: a slow client gets fewer pictures, but never older ones.
+Messages: protocol/viewport.py; pictures: protocol/pictures.py. First a small picture is sent, then the whole view with an
+increasing number of samples. A picture contains the tiles whose samples have grown by half since they were last sent, and all
+tiles that are complete. At most two pictures are unacknowledged, so a slow client gets fewer pictures, but never outdated ones.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ NOT_UNDERSTOOD = Sentence(
 
 
 class ViewIn(JobIn):
-    """What the page wants to see: a job's request, and the page's number for it."""
+    """A requested view: the fields of a job's request. id: number chosen by the page."""
 
     id: int = Field(ge=0, lt=1 << 32)
     scene: str = Field("", max_length=100)
@@ -61,7 +61,7 @@ class ViewIn(JobIn):
 
 @router.websocket("/api/scenes/{id}/viewport")
 async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
-    """ViewRequest at a scene."""
+    """Interactive view of a scene."""
     await socket.accept()
     try:
         await run_in_threadpool(find_scene, id, farm)
@@ -115,7 +115,7 @@ class _Viewer:
         self.session = ViewSession(wake)
 
     async def receive(self) -> None:
-        """Processes messages until the page leaves."""
+        """Processes messages until the page disconnects."""
         async for text in throttled_messages(self._socket):
             try:
                 self._hear(text)
@@ -125,7 +125,7 @@ class _Viewer:
                 self._refuse(NOT_UNDERSTOOD)
 
     def _hear(self, text: str) -> None:
-        """Processes a message. Raises ValueError, TypeError, OverflowError or RecursionError."""
+        """Processes one message of the page. Raises ValueError, TypeError, OverflowError or RecursionError."""
         if len(text) > MOST_BYTES:
             raise ValueError("too long")
         match read_client(text, FROM_CLIENT):
@@ -148,10 +148,10 @@ class _Viewer:
         self._changed.set()
 
     async def settle(self) -> None:
-        """Resolves the most recently requested view and has it rendered, until cancelled.
+        """Resolves the view that was requested last and starts rendering it; runs until cancelled.
 
-        Environments are prepared one after the other: dragging the sun requests new ones faster than they can be prepared, and
-        each prepared one is shown.
+        Environments are prepared one after another: dragging the sun requests new ones faster than they can be prepared, and each
+        that is prepared is shown.
         """
         while True:
             with contextlib.suppress(TimeoutError):
@@ -169,7 +169,7 @@ class _Viewer:
                 self._asked.set()
 
     async def _settles(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
-        """Resolves a view; returns whether it is being rendered or was refused, False while it is being prepared.
+        """Resolves a view. Returns True if it is being rendered or was rejected, False while it is being prepared.
 
         Does not raise.
         """
@@ -194,13 +194,13 @@ class _Viewer:
         return True
 
     def _is_unprepared(self) -> bool:
-        """Returns True if to resolve the view again, as the scene may have been compiled meanwhile for the connected workers."""
+        """Whether the view must be resolved again, since the scene may now be compiled for the connected workers."""
         return self._notice is not None or (self.session.request is not None and self.session.message is not None)
 
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
-        """Returns the view to render; None while its scene is being prepared, or if it does not exist and `makes` is false.
+        """Returns the view to render; None while its scene is being prepared. Raises FarmError.
 
-        Raises FarmError.
+        makes: create the scene with the requested lighting if it does not exist; otherwise returns None then.
         """
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
@@ -217,13 +217,13 @@ class _Viewer:
         return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
 
     def release(self) -> None:
-        """Releases the scene of the current view, so that it may be deleted."""
+        """Releases the derived scene of the current view, so that it can be deleted."""
         if self._held is not None:
             self._farm.lighting.release(self._held)
             self._held = None
 
     async def send(self) -> None:
-        """Sends pictures and states until the service ends."""
+        """Sends pictures and states until the service stops."""
         while not self._farm.broadcast.closing:
             while self._errors:
                 await self._socket.send_text(_text(self._errors.popleft()))
@@ -262,5 +262,5 @@ class _Viewer:
 
 
 def _text(message: FromService) -> str:
-    """Encodes a message, with the codes of its sentences beside them."""
+    """Encodes a message as JSON, including the codes of its sentences."""
     return json.dumps(encoded({"type": message.TYPE, **vars(message)}))

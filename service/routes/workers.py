@@ -25,9 +25,9 @@ router = api_router(prefix="/api/workers", tags=["workers"])
 
 @router.get("", response_model=list[WorkerOut])
 def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut]:
-    """The workers that are connected, by name: slots, processor, speed, and what each slot does now.
+    """Lists the connected workers by name: slots, processor, speed, and the current work of each slot.
 
-    Of a slot that works for a project that you do not see: {"hidden": true}.
+    Work for a project that is not visible to you is shown as {"hidden": true}.
     """
     view = farm.engine.snapshot
     roster = view.roster
@@ -39,10 +39,10 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
 
 @router.patch("/{name:path}", response_model=WorkerOut)  # a worker's name may contain slashes, as in rack/3
 def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
-    """Pause a worker: it finishes what it has in hand and takes no more. Or let it go on, also one that was set aside.
+    """Pauses a worker, which finishes its current work but takes no more; or resumes one, also one that was quarantined.
 
-    Its hours, limits and nice level are told to it within a second or two; what it has in hand it finishes in any case. They are
-    kept by its name, also for when it comes back. The answer has what it keeps now.
+    Changes of hours, limits and nice level reach the worker within two seconds. They are stored under its name, also for later
+    connections. The response contains the worker's present values.
     """
     roster = farm.engine.snapshot.roster
     report = roster.reports.get(name)
@@ -78,7 +78,7 @@ def _ask(name: str, terms: dict[str, Any], farm: Farm) -> None:
 
 @router.get("/{name:path}/log")
 def get_worker_log(name: str, farm: FarmDependency) -> list[str]:
-    """The last lines of a worker's log, the newest last. The worker is asked for them, which takes a second or two."""
+    """Returns the last lines of a worker's log, oldest first. The worker sends them on request, which takes a second or two."""
     if name not in farm.engine.snapshot.roster.reports:
         raise _no_worker(name)
     try:

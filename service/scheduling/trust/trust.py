@@ -260,7 +260,7 @@ class Trust:
         self._count()
 
     def _count(self) -> None:
-        """Updates the jobs that cannot finish: those with a pending decision; all jobs while a wrong worker is not handled yet."""
+        """Updates the jobs that cannot finish: those with a pending decision; all of them while a wrong worker is unhandled."""
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
         if self._wrong:
