@@ -109,6 +109,12 @@ class Prepared(PrepareStarted):
     info: dict[str, Any]
 
 
+class ThumbnailMade(PrepareStarted):
+    """The thumbnail of a prepared scene is stored. thumbnail: contract.BlobRef."""
+
+    thumbnail: dict[str, Any]
+
+
 class PrepareFailed(PrepareStarted):
     """A scene cannot be prepared. error: a sentence."""
 
@@ -172,6 +178,7 @@ EVENTS: dict[str, Any] = {
     "prepare-started": PrepareStarted,
     "prepare-progress": PrepareProgress,
     "prepared": Prepared,
+    "thumbnail-made": ThumbnailMade,
     "prepare-failed": PrepareFailed,
     "prepare-returned": PrepareReturned,
     "frame-prepared": FramePrepared,

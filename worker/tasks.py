@@ -21,6 +21,7 @@ from protocol.contract import (
     PrepareFrames,
     RenderBatch,
     Result,
+    SceneInfo,
     ScenePreview,
 )
 from protocol.explained import EXPLAIN, ExplainPixel
@@ -29,7 +30,7 @@ from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
 from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
 from telemetry.log_lines import about
-from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkError
+from worker.exchange.errors import MachineError, RefusedError, Trouble, UnfitError, WorkerError, WorkError
 from worker.exchange.retry import retry_on_trouble
 from worker.process import context
 from worker.telemetry.task_context import Steps, named, traced_task
@@ -42,6 +43,7 @@ from worker.work.prepare import prepare_scene
 from worker.work.render import failure, not_understood
 from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, at_work
+from worker.work.thumbnail import make_thumbnail
 from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
 __all__ = ["register"]
@@ -147,6 +149,7 @@ def _prepare(task: Any, scene: str) -> None:
         worker.results.send(Result({"type": "prepare-progress", **about, **said}), 0.0)
 
     with SlotTask(worker, {"scene": scene}):
+        info: SceneInfo | None = None
         try:
             if deaths_of(task, worker, scene) >= DEATHS_ALLOWED:
                 send(
@@ -198,6 +201,18 @@ def _prepare(task: Any, scene: str) -> None:
                     error=error,
                 ),
             )
+        if info is not None and manifest.base is None:  # a relit scene is shown by its base's thumbnail
+            _send_thumbnail(worker, about, info, manifest.main)
+
+
+def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: SceneInfo, main: str) -> None:
+    """Makes a prepared scene's thumbnail; jobs of the scene have begun meanwhile. A failure leaves it without one."""
+    try:
+        made = make_thumbnail(worker, info, main)
+    except (WorkerError, OSError) as error:
+        log.warning("no thumbnail of scene %s: %s", about["scene"], error)
+    else:
+        worker.results.send(Result({"type": "thumbnail-made", **about, "thumbnail": asdict(made)}))
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:

@@ -41,6 +41,7 @@ from service.scheduling.incoming.messages import (
     PrepareGoesOn,
     PrepareReturned,
     PrepareStarted,
+    ThumbnailMade,
     Unusable,
     Wake,
     parse_message,
@@ -200,8 +201,8 @@ class Answers:
         self._kept.setdefault(message.owner, []).append(_Answer(entry, message))
 
     def _is_recorded(self, owner: str) -> bool:
-        """Whether storing the pending messages of a job or scene (`owner`) requires the database."""
-        return any(isinstance(answer.message, PrepareDone | PrepareFailed) for answer in self._kept[owner])
+        """Returns True if storing the pending messages of a job or scene (`owner`) requires the database."""
+        return any(isinstance(answer.message, PrepareDone | PrepareFailed | ThumbnailMade) for answer in self._kept[owner])
 
     def _store(self, owner: str) -> None:
         """Stores the pending messages of a job or a scene.
@@ -377,6 +378,9 @@ class Answers:
             case PrepareDone():
                 self._lifecycle.prepared(message.scene, message.info)
                 self._tell("scene", message.scene)
+            case ThumbnailMade():
+                if self._lifecycle.add_thumbnail(message.scene, message.thumbnail):
+                    self._tell("scene", message.scene)
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
             case PrepareReturned():

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from itertools import islice
 from typing import Any
 
-from protocol.contract import SceneInfo
+from protocol.contract import BlobRef, SceneInfo
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence, with_full_stop
@@ -309,6 +309,10 @@ class Lifecycle:
                 job.of_scene |= blobs_of([asdict(info.compiled)])
             else:
                 self._changes.note("job", id)
+
+    def add_thumbnail(self, scene: str, thumbnail: BlobRef) -> bool:
+        """Stores the thumbnail of a prepared scene. Returns False if it has one, or if the scene is deleted."""
+        return self._records.add_thumbnail(scene, thumbnail)
 
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
         """Fails the jobs that wait for a scene: all of them, or only those that require this worker kind."""

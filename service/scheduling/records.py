@@ -15,7 +15,7 @@ from typing import Any
 from sqlalchemy import BindParameter, bindparam, case, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session, aliased
 
-from protocol.contract import SceneInfo
+from protocol.contract import BlobRef, SceneInfo
 from protocol.terms import Terms as WorkerTerms
 from renderer.errors import SettingsError
 from renderer.frames import frame_number, frames_text
@@ -337,6 +337,15 @@ class Records:
             if scene.info is None:
                 scene.info = {**asdict(info), "blend": info.blend or blend_of(session, scene)}
             scene.status, scene.error = "ready", None
+            return True
+
+    def add_thumbnail(self, id: str, thumbnail: BlobRef) -> bool:
+        """Stores the thumbnail of a prepared scene. Returns False if it has one, or if the scene is deleted."""
+        with self._sessions.begin() as session:
+            scene = session.get(Scene, id)
+            if scene is None or scene.info is None or scene.info.get("thumbnail"):
+                return False
+            scene.info = {**scene.info, "thumbnail": asdict(thumbnail)}
             return True
 
     def refuse(self, id: str, warnings: Sequence[str]) -> str | None:

@@ -122,9 +122,13 @@ class Bench:
         self.service.manifests[scene] = Manifest(scene, main, refs)
 
     def prepare(self, scene: str) -> Result:
+        """Returns the outcome, once the thumbnail of a prepared scene is stored too."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
-        return self.next("prepared", "prepare-failed")
+        outcome = self.next("prepared", "prepare-failed")
+        if outcome.event["type"] == "prepared":
+            self.next("thumbnail-made")
+        return outcome
 
     def prepare_frames(self, work: PrepareFrames) -> list[FrameInfo]:
         """Returns the result of each frame's preparation, in order."""

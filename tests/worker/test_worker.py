@@ -79,8 +79,8 @@ def test_a_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
     assert info.counts["spheres"] == 1
     assert info.cameras
     assert info.compiled.sha256 in bench.service.blobs
-    assert info.thumbnail is not None
-    assert bench.service.blobs[info.thumbnail.sha256].startswith(b"\x89PNG")
+    made = [result.event["thumbnail"] for result in bench.seen if result.event["type"] == "thumbnail-made"]
+    assert bench.service.blobs[made[0]["sha256"]].startswith(b"\x89PNG")
 
 
 def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -> None:

@@ -5,7 +5,8 @@ the module of the same name in the package worker.work.
 
 kernels.py       kernels that the launcher loads, so that readers share them
 scene_folder.py  compiled scenes that the slot has linked into the room
-prepare.py       a scene: compiled, with a thumbnail and a summary
+prepare.py       a scene: compiled, with a summary
+thumbnail.py     a compiled scene's thumbnail
 frames.py        frames of a shot
 relight.py       a scene's environment
 vectors.py       motion vectors

@@ -6,6 +6,7 @@ render.py             a batch
 joint_render.py       a batch shared among slots
 viewport.py           parts of views
 prepare.py            a scene
+thumbnail.py          a prepared scene's thumbnail
 frames.py             frames of a shot
 relight.py            a scene under another environment
 derived_artifacts.py  the tasks with results on demand: denoising, motion vectors, environments

@@ -1,4 +1,4 @@
-"""Prepares a scene: from untrusted files to a compiled scene, a thumbnail and a summary."""
+"""Prepares a scene: from untrusted files to a compiled scene and a summary."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from renderer.blender.convert import convert
 from renderer.blender.program import find
 from renderer.render import kernel_name, warm_up
 from renderer.sentences import Sentence
-from renderer.settings import RenderSettings, View
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
 from worker.process.context import WorkerContext
-from worker.reading.prepare import PREVIEW, THUMBNAIL, THUMBNAIL_WIDTH, prepare
+from worker.reading.prepare import PREVIEW, prepare
 from worker.work.files import memory_budget, place_files
 from worker.work.reader import Room, as_of_worker
 from worker.work.relight import relight
@@ -89,23 +88,16 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
                 show(ScenePreview(preview, shown.get("cameras", []), shown.get("bounds", []), shown.get("defaults", {})))
             progress(str(message.get("step")), float(message.get("fraction", 0.0)))
 
-        def warm(edition: str) -> None:
-            if edition in EDITIONS and not jit.is_cached(kernel_name(edition=edition)):
-                progress(COMPILING, 0.85)
-            _warm_up(edition)
-
         job = partial(prepare, os.fsencode(folder), read, os.fsencode(room.out))
-        summary = room.run(job, manifest.main, SECONDS, take, calls={"warm_up": warm}, reads=[folder])
+        summary = room.run(job, manifest.main, SECONDS, take, reads=[folder])
+        _compile_kernel(summary.get("edition"), progress)
         progress("storing", 0.95)
         compiled = store_scene(worker, room.compiled(summary.get("compiled")))
         if written:
             files = [replace(store(worker, folder / name), path=name) for name in written]
             summary["blend"] = {"main": written[0], "files": [asdict(file) for file in files]}
-        thumbnail: BlobRef | None = None
-        if room.has(room.out / THUMBNAIL):
-            thumbnail = store(worker, room.out / THUMBNAIL)
     try:
-        return replace(_info(worker, summary, compiled, thumbnail, begun), preview=preview)
+        return replace(_info(worker, summary, compiled, begun), preview=preview)
     except (KeyError, TypeError, AttributeError) as error:
         raise WorkError(
             Sentence(
@@ -117,13 +109,11 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
         ) from error
 
 
-def _info(
-    worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, thumbnail: BlobRef | None, begun: float
-) -> SceneInfo:
+def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, begun: float) -> SceneInfo:
     return SceneInfo(
         kind=worker.kind,
         compiled=compiled,
-        thumbnail=thumbnail,
+        thumbnail=None,  # made once jobs may begin: worker.work.thumbnail
         cameras=summary["cameras"],
         counts=summary["counts"],
         bounds=summary["bounds"],
@@ -140,11 +130,11 @@ def _info(
     )
 
 
-def _warm_up(edition: str) -> None:
-    """Makes the thumbnail's kernel ready, compiled or loaded, for the readers of this machine too."""
-    if edition in EDITIONS:
-        settings = RenderSettings(THUMBNAIL_WIDTH, THUMBNAIL_WIDTH, View((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)), max_depth=6)
-        warm_up(settings, edition, prepares=False)  # if several slots need the kernel, only one compiles it
+def _compile_kernel(edition: Any, progress: Progress) -> None:
+    """Compiles the kernel that the scene needs, unless this machine has it: jobs, and readers, which cannot store it, load it."""
+    if isinstance(edition, str) and edition in EDITIONS and not jit.is_cached(kernel_name(edition=edition)):
+        progress(COMPILING, 0.85)
+        warm_up(edition=edition, prepares=False)  # if several slots need the kernel, only one compiles it
 
 
 def _opened(manifest: Manifest, room: Room) -> list[str]:

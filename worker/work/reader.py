@@ -35,7 +35,7 @@ Send = Callable[[dict[str, Any]], None]
 Job = Callable[[Link], dict[str, Any]]
 
 _READERS = ("collada", "fbx", "gltf", "mitsuba", "obj", "pbrt", "ply", "stl", "yaml")
-_JOBS = ("prepare", "frames", "relight", "vectors", "environments", "denoise")
+_JOBS = ("prepare", "thumbnail", "frames", "relight", "vectors", "environments", "denoise")
 _PRELOAD = (
     *(f"renderer.scene.readers.{name}" for name in _READERS),
     *(f"worker.reading.{name}" for name in _JOBS),

@@ -34,6 +34,7 @@ __all__ = [
     "PrepareGoesOn",
     "PrepareReturned",
     "PrepareStarted",
+    "ThumbnailMade",
     "Unusable",
     "VectorsFailed",
     "VectorsMade",
@@ -289,6 +290,19 @@ class PrepareDone(_Prepare):
         return self
 
 
+class ThumbnailMade(_Prepare):
+    """Message: the thumbnail of a prepared scene was made."""
+
+    type: Literal["thumbnail-made"]
+    thumbnail: BlobRef
+
+    @field_validator("thumbnail")
+    @classmethod
+    def _usable(cls, thumbnail: BlobRef) -> BlobRef:
+        _check(thumbnail)
+        return thumbnail
+
+
 def _check_seen(info: SceneInfo | ScenePreview) -> None:
     if not all(math.isfinite(value) for corner in info.bounds for value in corner):
         raise ValueError("bounds are no numbers")
@@ -412,6 +426,7 @@ Message = (
     | PrepareStarted
     | PrepareGoesOn
     | PrepareDone
+    | ThumbnailMade
     | PrepareFailed
     | PrepareReturned
     | FramePrepared

@@ -18,6 +18,7 @@ from protocol.view_parts import VIEW_ANSWERS
 from protocol.vitals import vitals_key
 from service.scheduling.fleet.dead_letters import FILE, KEPT
 from service.scheduling.incoming import messages
+from service.store.models import Scene
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
 
@@ -45,6 +46,7 @@ SENSE: dict[str, dict[str, Any]] = {
     "prepare-started": {"kind": "test-kind"},
     "prepare-progress": {"kind": "test-kind", "step": "x", "fraction": 0.5},
     "prepared": {"kind": "test-kind", "info": INFO},
+    "thumbnail-made": {"kind": "test-kind", "thumbnail": REF},
     "prepare-returned": {"kind": "test-kind", "error": "an error"},
     "frame-prepared": {
         "work": "w",
@@ -187,6 +189,22 @@ def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     assert service.farm.engine.snapshot.counts["put_aside"] == 1
+
+
+def test_the_thumbnail_of_a_ready_scene_is_stored_once(service: Service, worker: PeerWorker) -> None:
+    scene = service.ready_scene()
+    about = {"type": "thumbnail-made", "kind": "test-kind", "worker": "odd"}
+    worker.send({**about, "scene": "nosuch", "thumbnail": REF})
+    worker.send({**about, "scene": scene, "thumbnail": REF})
+    worker.send({**about, "scene": scene, "thumbnail": {**REF, "sha256": "b" * 64}})
+    until(lambda: service.http.get(f"/api/scenes/{scene}").json()["thumbnail"], "the thumbnail is known")
+    service.wait_for(service.submit(scene), "finished")  # the third message has been read by now
+    with service.farm.sessions() as session:
+        row = session.get(Scene, scene)
+        assert row is not None and row.info is not None
+        assert row.info["thumbnail"]["sha256"] == SHA
+        assert SHA in row.blobs
+    assert service.farm.engine.snapshot.counts["put_aside"] == 0
 
 
 @pytest.mark.long

@@ -6,21 +6,21 @@ import errno
 import hashlib
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
-import numpy as np
 import pytest
 
 from protocol.contract import BlobRef, Manifest, Result, SceneInfo
-from renderer.film import CHANNELS
+from renderer import jit
 from worker import tasks
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import LinkError, MachineError, RefusedError, TokenError, WorkError
 from worker.exchange.link import FarmAnswer, Link
 from worker.process import context
-from worker.reading import prepare as reading
+from worker.reading.thumbnail import thumbnail_settings
 from worker.work import prepare
 from worker.work.reader import Room
 
@@ -120,19 +120,57 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
         prepared(worker)
 
 
-def test_a_thumbnails_kernel_is_got_ready_by_the_slot_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    done: list[Any] = []
-    monkeypatch.setattr(reading, "edition_for", lambda settings, scene: "full")
-    monkeypatch.setattr(prepare, "warm_up", lambda settings, edition, prepares: done.append((edition, prepares)))
-    monkeypatch.setattr(reading, "render_batch", lambda *_: done.append("loaded"))
-    film = np.ones((CHANNELS, 90, 160), np.int64)
-    monkeypatch.setattr(reading, "render_frame", lambda *_, **__: (done.append("rendered"), film)[1])
-    summary = {"defaults": {}, "cameras": [{"view": {"eye": [0, 0, 1], "target": [0, 0, 0]}}]}
-    link: Any = SimpleNamespace(call=lambda name, edition: {"warm_up": prepare._warm_up}[name](edition))
-    reading.render_thumbnail(SimpleNamespace(), summary, link, tmp_path / "thumbnail.png")  # type: ignore[arg-type]
-    prepare._warm_up("none that there is")
-    assert done == [("full", False), "loaded", "rendered"]
-    assert (tmp_path / "thumbnail.png").is_file()
+@pytest.mark.parametrize(
+    ("edition", "is_cached", "compiled"),
+    [("full", False, ["full"]), ("full", True, []), ("no edition", False, []), ([], False, [])],
+)
+def test_a_kernel_that_the_scene_needs_is_compiled_by_the_slot_if_the_machine_lacks_it(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, edition: Any, is_cached: bool, compiled: list[str]
+) -> None:
+    done: list[str] = []
+    steps: list[str] = []
+    monkeypatch.setitem(SUMMARY, "edition", edition)
+    monkeypatch.setattr(jit, "is_cached", lambda name: is_cached)
+    monkeypatch.setattr(prepare, "warm_up", lambda edition, prepares: done.append(edition))
+    prepare.prepare_scene(worker, MANIFEST, lambda step, part: steps.append(step))
+    assert done == compiled
+    assert (prepare.COMPILING in steps) == bool(compiled)
+
+
+def test_a_thumbnail_is_as_wide_as_its_width_and_as_high_as_the_scene_asks() -> None:
+    view = {"eye": [0, 0, 1], "target": [0, 0, 0]}
+    asked = {(16, 9): 144, (100, 100): 256, (1000, 10): 64, (1, 9): 512}
+    for (width, height), small in asked.items():
+        settings = thumbnail_settings(view, {"width": width, "height": height})
+        assert (settings.width, settings.height) == (256, small)
+
+
+@pytest.mark.parametrize(
+    ("base", "failure", "sent"),
+    [
+        (None, None, ["prepare-started", "prepared", "thumbnail-made"]),
+        (None, WorkError("its reader crashed"), ["prepare-started", "prepared"]),
+        (None, LinkError("no answer"), ["prepare-started", "prepared"]),
+        (None, OSError(errno.ENOSPC, "no room"), ["prepare-started", "prepared"]),
+        ({}, None, ["prepare-started", "prepared"]),  # the base has a thumbnail
+    ],
+)
+def test_a_thumbnail_comes_after_the_scene_and_cannot_fail_it(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, base: Any, failure: Exception | None, sent: list[str]
+) -> None:
+    def make(_: Any, info: SceneInfo, subject: str) -> BlobRef:
+        assert worker.sent[-1].event["type"] == "prepared", "jobs may begin before"
+        if failure is not None:
+            raise failure
+        return BlobRef("", SHA256, 3)
+
+    monkeypatch.setattr(tasks, "make_thumbnail", make)
+    monkeypatch.setattr(worker.link, "manifest", lambda scene: replace(MANIFEST, base=base))
+    monkeypatch.setattr(prepare, "relight", lambda *_: None)
+    tasks._prepare(SimpleNamespace(request=SimpleNamespace(delivery_info={})), "scene")
+    assert [result.event["type"] for result in worker.sent if result.event["type"] != "prepare-progress"] == sent
+    if "thumbnail-made" in sent:
+        assert worker.sent[-1].event["thumbnail"]["sha256"] == SHA256
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "../up", "/etc/passwd", "scene.obj/inside"])

@@ -69,6 +69,7 @@ NONSENSE: list[Any] = [
         "kind": "k",
         "info": {**INFO, "blend": {"main": "x", "files": [{"path": "a", "sha256": "0" * 64, "size": 1, "parts": 5}]}},
     },
+    {"type": "thumbnail-made", "scene": "s", "kind": "k", "thumbnail": {"path": "", "sha256": "../x", "size": 1}},
     {**FRAME, "info": {**FRAME["info"], "seconds": float("nan")}},
     {**FRAME, "info": {**FRAME["info"], "compiled": {"path": "", "sha256": "0" * 64, "size": 1, "parts": [["0" * 64, -5]]}}},
     {"type": "prepare-progress", "scene": "s", "kind": "k", "step": "x", "fraction": "much"},

@@ -1,0 +1,31 @@
+"""A prepared scene's thumbnail, rendered by a confined reader and stored as a blob."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+
+from protocol.contract import BlobRef, SceneInfo
+from worker.process.context import WorkerContext
+from worker.reading.thumbnail import render_thumbnail
+from worker.work.reader import Room
+from worker.work.scenes import store
+
+__all__ = ["make_thumbnail"]
+
+SECONDS = 120.0
+THUMBNAIL = "thumbnail.png"
+
+
+def make_thumbnail(worker: WorkerContext, info: SceneInfo, subject: str) -> BlobRef:
+    """Renders and stores the thumbnail of a prepared scene, seen by its first camera. Raises WorkerError and OSError.
+
+    subject: the scene's main file, for errors.
+    """
+    compiled = info.compiled.sha256
+    with Room("thumbnail") as room:
+        room.place_base(worker, compiled)
+        base, result = os.fsencode(room.base), os.fsencode(room.out / THUMBNAIL)
+        job = partial(render_thumbnail, base, compiled, info.cameras[0]["view"], info.defaults, result)
+        room.run(job, subject, SECONDS)
+        return store(worker, room.result(THUMBNAIL))
