@@ -1,13 +1,13 @@
-"""Every message between service, workers, sites, page and add-on. Imports no numba, since the service imports it.
+"""All messages between service, workers, sites, page and add-on. Imports no numba, since the service imports it.
 
 contract.py      tasks, queues, keys and results; start here
 joint.py         batches of a tile that the slots of one machine render together
-view_parts.py    parts of interactive views
+view_parts.py    pieces of interactive views
 explained.py     explanations of pixels
 site.py          messages from the machines of a site to its reducer
 terms.py         a worker's run-time settings, and its capabilities; hours.py: its working hours
 vitals.py        a machine's memory and load, and the end of its log
-lifeline.py      tells a dead worker from a slow one
+lifeline.py      distinguishes a dead worker from a slow one
 broker.py        Celery's settings for both ends of the queue
 redis_tls.py     addresses of a Redis that is reached over TLS
 sums.py          serialization of a batch's sums

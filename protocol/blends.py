@@ -1,6 +1,6 @@
-"""Scenes that Blender has to convert first: workers with Blender take them from a separate queue and upload the converted files.
+"""Scenes that Blender has to convert: workers with Blender fetch them from a separate queue and upload the converted files.
 
-From then on the converted files are the scene: any worker can prepare it and its frames, like any other scene.
+Afterwards the scene consists of the converted files: any worker can prepare it and its frames, like any other scene.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ WAITS = Sentence(
 
 
 def is_blend(main: str) -> bool:
-    """Returns True if Blender has to open a scene's main file."""
+    """Whether Blender has to open a scene, by the name of its main file."""
     return PurePosixPath(main).suffix.lower() in BY_BLENDER
 
 
 def blender_queue(kind: str) -> str:
-    """The Celery queue for preparing scenes that Blender has to open, on workers of this kind that have it."""
+    """Returns the Celery queue for preparing scenes that Blender has to open, for workers of this kind that have Blender."""
     return f"{prepare_queue(kind)}.{TAG}"
 
 
 def written_of(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
-    """The files that Blender wrote for a scene, as (main file, all files), from its SceneInfo as a dict; None if it wrote none.
+    """Returns (main file, all files) that Blender wrote when it converted a scene; None if it has not converted the scene.
 
-    Raises ValueError if the entry is malformed.
+    info: the scene's SceneInfo as a dict. Raises ValueError if the entry is malformed.
     """
     blend = (info or {}).get("blend")
     if not blend:

@@ -1,4 +1,4 @@
-"""Celery's settings, for both ends of the queue."""
+"""Celery settings, used by both the service and the workers."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ __all__ = ["celery_config"]
 
 
 def celery_config(redis_url: str) -> dict[str, Any]:
-    """The Celery settings of both ends.
+    """Returns the Celery settings.
 
-    acks_late and reject_on_worker_lost: the batch of a killed child process goes back to the queue. No result backend: results
-    travel on the stream. The visibility timeout exceeds the hard time limit, so the broker never hands out a running task twice;
-    the service's own leases are shorter and make duplicates harmless.
+    acks_late and reject_on_worker_lost: the batch of a killed child process returns to the queue. No result backend: results are
+    sent on the stream. The visibility timeout exceeds the hard time limit, so the broker never delivers a running task twice; the
+    service's own leases are shorter, and duplicates have no effect.
     """
     return {
         "broker_url": redis_url,

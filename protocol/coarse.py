@@ -1,11 +1,11 @@
-"""Reduced-precision encoding of a picture that is still noisy: brightness in 5 bits, one hue per 2 x 2 pixels.
+"""Lossy encoding of a picture that is still noisy: brightness in 5 bits, one hue per 2 x 2 pixels.
 
 The brightness b = r + g + b of a pixel becomes the code q = 1 + 32 (e + 24) + m of the nearest 2**e (1 + m / 32), or 0 below
 2**-24; the error is at most 1.6 %. The hue is r / b and g / b of the sums of four pixels, in units of 1 / 255. A picture takes
 an eighth to a fifth of the bytes of its RGB9E5 words.
 
-JPEG and WebP are a third of that size, but a page reads their pixels only through a canvas, which privacy protection in
-browsers falsifies, and their error has no bound per pixel.
+JPEG and WebP are a third of that size, but a page can read their pixels only through a canvas, which browsers falsify to protect
+privacy, and their error per pixel is unbounded.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ LEAST_CODE = (127 - 24) << 5
 
 
 def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
-    """Encodes radiance (3, h, w) as brightness (h, w) and hue (2, ceil(h / 2), ceil(w / 2)), the shares of red and green."""
+    """Encodes radiance (3, h, w) as brightness codes (h, w) and hues (2, ceil(h / 2), ceil(w / 2)), fractions of red and green."""
     clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(MOST))
     bright = clean[0] + clean[1] + clean[2]
     rounded = (bright.view(np.int32) + (1 << DROPPED_BITS - 1)) >> DROPPED_BITS
@@ -36,12 +36,12 @@ def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.ND
 
 
 def count_hues(width: int, height: int) -> int:
-    """Returns the number of hues of a picture: one for every 2 x 2 pixels."""
+    """Returns the number of hues of a picture: one per 2 x 2 pixels."""
     return -(-width // 2) * -(-height // 2)
 
 
 def radiance(codes: npt.NDArray[np.int32], hue: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """Decodes brightness (h, w) and hue (2, count_hues(w, h)) to radiance (3, h, w)."""
+    """Decodes brightness codes (h, w) and hues (2, count_hues(w, h)) to radiance (3, h, w)."""
     height, width = codes.shape
     # A code is the exponent and the highest bits of the mantissa of a float, side by side.
     bright = np.where(codes > 0, ((codes + (LEAST_CODE - 1)) << DROPPED_BITS).astype(np.int32).view(np.float32), np.float32(0))

@@ -1,17 +1,17 @@
-"""Messages between the service and a worker. Ids and numbers go through Celery; sums and events come back on a stream.
+"""Messages between the service and a worker. Tasks with ids and numbers go through Celery; sums and events return on a stream.
 
-    service --- Celery task PREPARE ------> worker     {scene}
-    service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: several of them, rendered in turn
-    service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
-    service --- Celery task DENOISE ------> worker     DenoiseFrame
-    service --- Celery task VECTORS ------> worker     FrameVectors
-    service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
-    worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
-    worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
-    service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
-    worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
+service --- Celery task PREPARE ------> worker     {scene}
+service --- Celery task RENDER_BATCH -> worker     RenderBatch; RENDER_BATCHES: several of them, rendered in turn
+service --- Celery task PREPARE_FRAMES > worker    PrepareFrames
+service --- Celery task DENOISE ------> worker     DenoiseFrame
+service --- Celery task VECTORS ------> worker     FrameVectors
+service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
+worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
+worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
+service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
+worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
 
-Queue names contain the worker's kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
+Queue names contain the worker kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
 batches, so films of two kinds cannot mix. Imports no numba. For views see view_parts.py; for pixels, explained.py.
 """
 
@@ -74,7 +74,7 @@ _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a m
 
 
 def _fields(cls: type, data: Any) -> dict[str, Any]:
-    """The fields of a message that this release defines; another release may send more. Raises ValueError."""
+    """Returns the message's values for the fields of `cls`; ignores others, which another release may send. Raises ValueError."""
     if not isinstance(data, Mapping):
         raise ValueError(f"{cls.__name__} is an object, and not {type(data).__name__}")
     known = {f.name: f for f in fields(cls)}
@@ -85,40 +85,40 @@ def _fields(cls: type, data: Any) -> dict[str, Any]:
 
 
 def prepare_queue(kind: str) -> str:
-    """The Celery queue for preparing scenes on workers of this kind."""
+    """Returns the Celery queue for preparing scenes on workers of this kind."""
     return f"rayfarm.prepare.{kind}"
 
 
 def own_prepare_queue(kind: str, worker: str) -> str:
-    """The Celery queue for preparing on one worker of this kind, for work that other machines could not prepare."""
+    """Returns the Celery queue for preparing on one particular worker, for work that other machines could not prepare."""
     return f"{prepare_queue(kind)}.of.{worker}"
 
 
 def render_queue(kind: str) -> str:
-    """The Celery queue for batches of jobs of this kind."""
+    """Returns the Celery queue for batches of jobs of this kind."""
     return f"rayfarm.render.{kind}"
 
 
 def denoise_queue(kind: str) -> str:
-    """The Celery queue for denoising, taken from by workers that have Open Image Denoise."""
+    """Returns the Celery queue for denoising, served by workers that have Open Image Denoise."""
     return f"rayfarm.denoise.{kind}"
 
 
 def worker_key(name: str) -> str:
-    """The Redis key under which a worker reports itself."""
+    """Returns the Redis key of a worker's report."""
     return f"rayfarm:worker:{name}"
 
 
 def pause_key(name: str) -> str:
-    """The Redis key that pauses a worker while it exists; its value is the reason, as a sentence."""
+    """Returns the Redis key that pauses a worker while it exists. Its value is the reason, as a sentence."""
     return f"rayfarm:order:{name}"
 
 
 @dataclass(frozen=True)
 class BlobRef:
-    """A stored file: its path inside the upload ('' for derived ones), the SHA-256 of its bytes, and its size.
+    """Reference to a stored file: its path inside the upload ('' for derived files), the SHA-256 of its bytes, and its size.
 
-    parts: the hashes and sizes of the blobs it depends on, if it is the manifest of a compiled scene.
+    parts: hashes and sizes of the blobs that it depends on, if it is the manifest of a compiled scene.
     """
 
     path: str
@@ -137,10 +137,10 @@ class BlobRef:
 
 @dataclass(frozen=True)
 class Manifest:
-    """An uploaded scene: its files, the main file, a replacement environment, and the variant of a glTF file's materials.
+    """An uploaded scene: its files, the main file, a replacement environment, and the material variant of a glTF file.
 
-    The environment is an image among the files or a preset's name (renderer.scene.presets.is_named).
-    base: a SceneInfo as a dict, of the scene that differs from this one only in its environment, if that one is prepared.
+    environment: path of an image among the files, or a preset's name (renderer.scene.presets.is_named). base: SceneInfo, as a
+    dict, of the prepared scene that differs from this one only in its environment; None if there is none.
     """
 
     scene: str
@@ -161,7 +161,7 @@ class Manifest:
 
 @dataclass(frozen=True)
 class SceneInfo:
-    """The result of preparing a scene. `compiled` and `thumbnail` are blobs that the worker has stored at the service."""
+    """Result of preparing a scene. `compiled` and `thumbnail` are blobs that the worker has stored at the service."""
 
     kind: str
     compiled: BlobRef
@@ -197,7 +197,7 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class ScenePreview:
-    """Fields of SceneInfo that a viewer can draw before the scene is compiled."""
+    """The fields of SceneInfo that viewers can draw before the scene is compiled."""
 
     preview: BlobRef
     cameras: list[dict[str, Any]]
@@ -207,9 +207,9 @@ class ScenePreview:
 
 @dataclass(frozen=True)
 class PrepareFrames:
-    """Request to prepare frames of a shot in this order, with one answer per frame. Frame numbers are in halves.
+    """Request to prepare frames of a shot, in this order, with one answer per frame.
 
-    See renderer.frames.frame_key.
+    Frame numbers are in halves of a frame (renderer.frames.frame_key).
     """
 
     work: str  # unique for every time it is handed out
@@ -233,7 +233,7 @@ class PrepareFrames:
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """The result of preparing a frame. compiled: its compiled scene; None: the same as that of the shot's first moment."""
+    """Result of preparing a frame. compiled: its compiled scene; None if it equals that of the shot's start."""
 
     compiled: BlobRef | None
     view: dict[str, Any]
@@ -252,7 +252,7 @@ class FrameInfo:
 
 @dataclass(frozen=True)
 class RenderBatch:
-    """The unit of work: samples first ... first + count - 1 of every pixel of a tile of a frame (frame numbers in halves)."""
+    """A batch, the unit of work: samples first ... first + count - 1 of every pixel of a tile of a frame (number in halves)."""
 
     batch: str  # unique for every time it is handed out
     job: str
@@ -265,12 +265,12 @@ class RenderBatch:
     packing: int = 1  # what the service understands of protocol.sums
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict for the Celery message."""
+        """Returns the batch as JSON data for the Celery message."""
         return {**vars(self), "tile": list(self.tile), "settings": _settings_json(self.settings)}
 
     @classmethod
     def from_json(cls, data: Any) -> RenderBatch:
-        """Parses the batch that `to_json` wrote. Raises ValueError, or SettingsError for settings unknown to this release."""
+        """Parses the JSON data from `to_json`. Raises ValueError, or SettingsError for settings unknown to this release."""
         known = _fields(cls, data)
         settings = RenderSettings.from_json(known["settings"])
         return cls(**{**known, "tile": Tile(*known["tile"]), "settings": settings})
@@ -278,7 +278,7 @@ class RenderBatch:
 
 @dataclass(frozen=True)
 class DenoiseFrame:
-    """Request to denoise a frame in its current state.
+    """Request to denoise a frame in its present state.
 
     The worker fetches the frame's means, three consecutive pictures (colour, albedo, normal), and stores the denoised picture as
     a blob: float32 little-endian, three values per pixel, rows from the top.
@@ -324,7 +324,7 @@ class FrameVectors:
 
 @dataclass(frozen=True)
 class ShowEnvironment:
-    """Request for a thumbnail of an environment image: the worker stores a small JPEG as a blob."""
+    """Request for a thumbnail of an environment image. The worker stores a small JPEG as a blob."""
 
     work: str  # unique for every time it is handed out
     job: str  # no job but the environment's id: which one waits for it
@@ -343,7 +343,7 @@ class ShowEnvironment:
 
 @dataclass(frozen=True)
 class WorkerReport:
-    """A worker's heartbeat, sent every HEARTBEAT_EVERY_S seconds."""
+    """A worker's heartbeat report, sent every HEARTBEAT_EVERY_S seconds."""
 
     name: str
     host: str
@@ -394,15 +394,15 @@ class WorkerReport:
 class Result:
     """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
 
-    `type` of the event and its further keys are declared in events.py. Sentences are texts, with their codes beside them as
-    `codes` (renderer.sentences.encoded), which other releases ignore.
+    The event's `type` and other keys are declared in events.py. Sentences are texts; `codes` contains their codes
+    (renderer.sentences.encoded), which other releases ignore.
     """
 
     event: dict[str, Any]
     sums: bytes | None = None
 
     def to_fields(self) -> dict[bytes, bytes]:
-        """The fields to pass to XADD."""
+        """Returns the fields for XADD."""
         fields = {b"event": json.dumps(encoded(self.event)).encode()}
         if self.sums is not None:
             fields[b"sums"] = self.sums
@@ -410,5 +410,5 @@ class Result:
 
     @classmethod
     def from_fields(cls, fields: dict[bytes, bytes]) -> Result:
-        """Parses the result that `to_fields` wrote."""
+        """Parses the fields that `to_fields` returned."""
         return cls(decoded(json.loads(fields[b"event"])), fields.get(b"sums"))

@@ -1,6 +1,6 @@
 """Server-sent events of GET /api/events: jobs, scenes and workers that have changed, as `text/event-stream`.
 
-The page's handlers of the same names are in web/js/news/farm.js.
+The page handles them in web/js/news/farm.js, in functions of the same names.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ KEEP_ALIVE = ": still here\n\n"  # a comment
 
 @dataclass(frozen=True)
 class ItemEvent:
-    """An item as its own GET gives it. item: None if it no longer exists, sent as {"id": id, "deleted": true}."""
+    """An item, as returned by its own GET request. item: None if it no longer exists; sent as {"id": id, "deleted": true}."""
 
     TYPE: ClassVar[str]
     id: str
     item: dict[str, Any] | None
 
     def to_text(self) -> str:
-        """Encodes the event."""
+        """Encodes the event as text/event-stream."""
         return f"event: {self.TYPE}\ndata: {json.dumps(self.item or {'id': self.id, 'deleted': True})}\n\n"
 
 
 @dataclass(frozen=True)
 class JobEvent(ItemEvent):
-    """A job, as in GET /api/jobs."""
+    """A changed job, as in GET /api/jobs."""
 
     TYPE: ClassVar[str] = "job"
 
 
 @dataclass(frozen=True)
 class SceneEvent(ItemEvent):
-    """A scene, as in GET /api/scenes."""
+    """A changed scene, as in GET /api/scenes."""
 
     TYPE: ClassVar[str] = "scene"
 
 
 @dataclass(frozen=True)
 class WorkerEvent(ItemEvent):
-    """A worker, as in GET /api/workers; its id is its name."""
+    """A changed worker, as in GET /api/workers; its id is its name."""
 
     TYPE: ClassVar[str] = "worker"
 

@@ -1,7 +1,7 @@
-"""Events of the RESULTS stream, declared: the JSON that a worker sends about its work, by `type`.
+"""Declarations of the RESULTS stream's events: the JSON that workers send about their work, by `type`.
 
-service/scheduling/incoming/messages.py validates them; a test holds that it knows the fields declared here, and no others.
-Annotations are not postponed here, as that would hide NotRequired from `__required_keys__`.
+service/scheduling/incoming/messages.py validates them; a test checks that it has exactly the fields declared here. Annotations
+are not postponed here, since that would hide NotRequired from `__required_keys__`.
 """
 
 from typing import Any, NotRequired, TypedDict
@@ -29,13 +29,16 @@ class _Rendered(TypedDict):
 
 
 class BatchRendered(_Batch, _Rendered):
-    """A batch is rendered; its packed sums are attached."""
+    """A batch was rendered. Its packed sums are attached."""
 
     parts: NotRequired[list[list[Any]]]
 
 
 class BatchesRendered(_Rendered):
-    """Consecutive batches of a tile, added up (joint.py): parts are batch, first, count, seconds, and at a site the worker."""
+    """Consecutive batches of a tile were rendered and their sums added up (joint.py).
+
+    parts: (batch, first, count, seconds) of each, and at a site also the worker's name.
+    """
 
     batch: NotRequired[str]
     job: str
@@ -50,13 +53,13 @@ class BatchesRendered(_Rendered):
 
 
 class BatchReturned(_Batch):
-    """A failure of the worker, not of the scene: the batch is handed out again. error: a sentence."""
+    """A worker could not render a batch because of its own trouble; the batch is dispatched again. error: a sentence."""
 
     error: str
 
 
 class BatchFailed(BatchReturned):
-    """A batch cannot be rendered."""
+    """A batch cannot be rendered because of the scene or its settings."""
 
     reproduce: NotRequired[str | None]  # command
     trace: NotRequired[str]
@@ -68,27 +71,27 @@ class _Work(TypedDict):
 
 
 class WorkMade(_Work):
-    """Motion vectors or the picture of an environment are stored as a blob."""
+    """Motion vectors or the thumbnail of an environment are stored as a blob."""
 
     sha256: str
 
 
 class Denoised(WorkMade):
-    """A denoised frame is stored as a blob. version, samples: of the means, as the service gave them."""
+    """A denoised frame is stored as a blob. version, samples: of the means, as the service sent them."""
 
     version: str
     samples: int
 
 
 class WorkFailed(_Work):
-    """A frame cannot be denoised, or the like. unfit: its machine cannot do the work, another may."""
+    """A frame cannot be denoised, or other such work failed. unfit: the machine cannot do it, but another may."""
 
     error: str
     unfit: NotRequired[bool]
 
 
 class PrepareStarted(TypedDict):
-    """A worker prepares a scene."""
+    """A worker has started to prepare a scene."""
 
     scene: str
     kind: str
@@ -96,7 +99,7 @@ class PrepareStarted(TypedDict):
 
 
 class PrepareProgress(PrepareStarted):
-    """Progress of a preparation: a phrase, and a fraction from 0 to 1."""
+    """Progress of preparing a scene: the current step, and the fraction done from 0 to 1."""
 
     step: str
     fraction: float
@@ -104,7 +107,7 @@ class PrepareProgress(PrepareStarted):
 
 
 class Prepared(PrepareStarted):
-    """A scene is prepared. info: contract.SceneInfo."""
+    """A scene was prepared. info: contract.SceneInfo."""
 
     info: dict[str, Any]
 
@@ -122,9 +125,9 @@ class PrepareFailed(PrepareStarted):
 
 
 class PrepareReturned(PrepareFailed):
-    """A failure of the worker: the scene is handed out again.
+    """A worker could not prepare a scene because of its own trouble; the scene is sent again.
 
-    unfit: its machine cannot do the work, another may. passing: only temporarily.
+    unfit: the machine cannot do it, but another may. passing: only temporarily.
     """
 
     unfit: NotRequired[bool]
@@ -139,7 +142,7 @@ class _Frames(TypedDict):
 
 
 class FramePrepared(_Frames):
-    """A frame of a shot is prepared. info: contract.FrameInfo."""
+    """A frame of a shot was prepared. info: contract.FrameInfo."""
 
     frame: int
     info: dict[str, Any]
@@ -153,7 +156,10 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A failure of the worker: the unanswered frames are handed out again. unfit, passing: as in PrepareReturned."""
+    """A worker could not prepare frames because of its own trouble; the unanswered ones are sent again.
+
+    unfit, passing: as in PrepareReturned.
+    """
 
     error: str
     unfit: NotRequired[bool]
@@ -161,7 +167,7 @@ class FramesReturned(_Frames):
 
 
 class Wake(TypedDict):
-    """Wakes the service's engine; carries nothing."""
+    """Wakes the service's engine. Contains no data."""
 
 
 EVENTS: dict[str, Any] = {

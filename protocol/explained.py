@@ -1,15 +1,15 @@
-"""Messages between the service and a worker about explaining a pixel.
+"""Messages between the service and a worker for the explanation of a pixel.
 
-    service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (view_parts.py)
-    worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires after a timeout
+service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (view_parts.py)
+worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires after a timeout
 
-The HTTP request waits for the answers on its own Redis list; no other state is kept.
+The HTTP request waits for the answers on a Redis list of its own; there is no other state.
 
-    begun      a slot has taken the task: worker
-    compiling  the worker is compiling its kernel, which may take minutes: worker
-    done       explained (worker/work/explain.py), worker
-    failed     error (a sentence), worker
-    returned   a failure of the worker, error: to be sent again; unfit: to another worker
+begun      a slot has taken the task: worker
+compiling  the worker is compiling its kernel, which may take minutes: worker
+done       explained (worker/work/explain.py), worker
+failed     error (a sentence), worker
+returned   the worker's own trouble, error: to be sent again; unfit: to another worker
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ ANSWER_TTL_S = 60
 
 
 def explained_key(message: str) -> str:
-    """The Redis list of the answers to a message."""
+    """Returns the Redis list for the answers to a message."""
     return f"rayfarm:explained:{message}"
 
 
 @dataclass(frozen=True)
 class ExplainPixel:
-    """A pixel of a job's frame, whose first `count` samples are rendered once more."""
+    """Request to explain a pixel of a job's frame: its first `count` samples are rendered again."""
 
     message: str  # unique for every question
     job: str
@@ -46,12 +46,12 @@ class ExplainPixel:
     moment: PrepareFrames | None = None  # the one frame to prepare first, of what moves and is kept nowhere any more
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict for the Celery message."""
+        """Returns the message as JSON data for Celery."""
         return {**vars(self), "settings": self.settings.to_json(), "moment": asdict(self.moment) if self.moment else None}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ExplainPixel:
-        """Parses the message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
+        """Parses the JSON data from `to_json`. Raises ValueError, KeyError, TypeError, or SettingsError."""
         names = ("message", "job", "compiled", "x", "y", "count", "sample")
         moment = data.get("moment")
         return cls(

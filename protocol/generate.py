@@ -1,7 +1,7 @@
-"""Writes what the page and Blender's add-on have of the protocol: `python -m protocol.generate`. A test holds that it is current.
+"""Generates the protocol code of the page and of Blender's add-on: `python -m protocol.generate`. A test checks it is current.
 
-The page gets a decoder for each head of a packet; the add-on, which runs without Rayfarm's packages, gets copies of the modules
-that decode pictures, and of the messages that it uses.
+The page gets a decoder for each packet head. The add-on, which runs without Rayfarm's packages, gets copies of the modules that
+decode pictures, and of the messages that it uses.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ GETTERS = {"u8": "getUint8", "u16": "getUint16", "u32": "getUint32"}
 
 
 def generated() -> dict[str, str]:
-    """Returns the text of each generated file, by its path below the root."""
+    """Returns the text of each generated file, by its path relative to the repository's root."""
     copies = {f"{ADDON}/{module.__name__.rpartition('.')[2]}.py": _copy(module) for module in COPIED}
     package = f'"""Decoders of the farm\'s pictures and messages. {NOTE}"""\n'
     messages = "\n\n".join([MESSAGES_HEAD, *map(inspect.getsource, MESSAGES)])
@@ -44,7 +44,7 @@ def write() -> None:
 
 
 def _copy(module: ModuleType) -> str:
-    """Returns a module's source with imports relative to the add-on's package."""
+    """Returns a module's source with its imports changed for the add-on's package."""
     text = inspect.getsource(module)
     text = re.sub(r"^from protocol(?:\.(\w+))? import", lambda found: f"from .{found[1] or ''} import", text, flags=re.MULTILINE)
     return f"# {NOTE}\n" + re.sub(r"^from renderer\.image import", "from . import", text, flags=re.MULTILINE)
@@ -84,7 +84,7 @@ function check(view, at, version, kind, name) {
 
 
 def _decoder(layout: Layout[Any]) -> str:
-    """Returns the JavaScript type of a head, its size, and the function that decodes it."""
+    """Returns JavaScript for a packet head: its type, its size, and the function that decodes it."""
     row = layout.row.__name__
     about = (layout.row.__doc__ or "").splitlines()[0]
     lines = [

@@ -1,4 +1,4 @@
-"""A worker's working hours in text form, such as "Mon-Fri 19:00-07:00, Sat-Sun", in the local time of its machine."""
+"""Text form of a worker's working hours, such as "Mon-Fri 19:00-07:00, Sat-Sun", in its machine's local time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PART = re.compile(r"(?:(?P<days>[a-z]{3}(?:\s*-\s*[a-z]{3})?))?\s*(?:(?P<begin>
 
 
 def local_now() -> datetime:
-    """The current local time in this machine's time zone. Rereads the zone, which a process otherwise caches at its start."""
+    """Returns the current local time. Reads the machine's time zone again, which a process otherwise caches at its start."""
     time.tzset()
     return datetime.now()
 
@@ -24,14 +24,14 @@ def local_now() -> datetime:
 class Hours:
     """Intervals of the week: the days on which each begins (0: Monday), and its first and last minute of the day.
 
-    An interval whose end is not after its beginning continues into the next day.
+    An interval whose end is not after its start continues into the next day.
     """
 
     parts: tuple[tuple[frozenset[int], int, int], ...]
 
     @classmethod
     def parse(cls, text: str) -> Hours:
-        """Parses intervals separated by commas: days, hours, or both. Days alone mean the whole day, hours alone mean every day.
+        """Parses comma-separated intervals: days, hours, or both. Days alone mean the whole day; hours alone mean every day.
 
         Raises ValueError with a sentence.
         """
@@ -41,7 +41,7 @@ class Hours:
         return cls(tuple(_part(piece.strip()) for piece in pieces))
 
     def are_now(self, now: datetime) -> bool:
-        """Returns True if `now` is within the hours."""
+        """Whether `now` is within the hours."""
         minute, day = 60 * now.hour + now.minute, now.weekday()
         before = (now - timedelta(days=1)).weekday()
         for days, begin, end in self.parts:

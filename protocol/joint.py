@@ -1,8 +1,8 @@
 """Messages about a tile that the slots of one machine render together.
 
-    service --- Celery task RENDER_JOINTLY > worker    JointBatch: samples of one tile, in parts
-    worker ---- Celery task HELP ----------> itself    empty: take a waiting part on this machine, or send sums that are due
-    worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of consecutive parts
+service --- Celery task RENDER_JOINTLY > worker    JointBatch: samples of one tile, in pieces
+worker ---- Celery task HELP ----------> itself    empty: take a waiting piece on this machine, or send sums that are due
+worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of consecutive pieces
 
 `batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts cover
 first ... first + count - 1, in order. Only for workers that support addition (WorkerReport.adds). If a site's reducer has added
@@ -26,12 +26,12 @@ HELP_QUEUES = "rayfarm.help."
 
 
 def help_queue(worker: str) -> str:
-    """The Celery queue of help requests among a worker's slots. It holds no work, so losing it loses nothing."""
+    """Returns the Celery queue for help requests among a worker's slots. It contains no work, so its loss is harmless."""
     return f"{HELP_QUEUES}{worker}"
 
 
 class Piece(NamedTuple):
-    """A part of a joint batch: its batch id and its range of samples."""
+    """A piece of a joint batch: its batch id and its range of samples."""
 
     batch: str
     first: int
@@ -39,7 +39,7 @@ class Piece(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Samples of a tile that the machines of one site render in several messages; the site's reducer adds their sums."""
+    """Samples of a tile that the machines of one site render, in several messages. The site's reducer adds up their sums."""
 
     site: str
     first: int
@@ -48,7 +48,7 @@ class Run(NamedTuple):
 
     @classmethod
     def of(cls, data: Any) -> Run | None:
-        """Parses a message's run; None if it is malformed, in which case sums are added per machine only."""
+        """Parses a message's run. None if it is malformed; then sums are added up per machine only."""
         try:
             site, first, count, hold_s = data
             run = cls(str(site), int(first), int(count), float(hold_s))
@@ -59,7 +59,7 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True)
 class JointBatch:
-    """Samples of a tile for the slots of one machine, one piece per slot; their sums come back added."""
+    """Samples of a tile for the slots of one machine, one piece per slot. Their sums are added up before they are sent."""
 
     whole: RenderBatch  # the samples of all pieces; its `batch` is the message's id
     pieces: tuple[Piece, ...]
@@ -68,13 +68,13 @@ class JointBatch:
     run: Run | None = None  # the run that it belongs to
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict for the Celery message."""
+        """Returns the batch as JSON data for the Celery message."""
         said = {"whole": self.whole.to_json(), "pieces": [list(piece) for piece in self.pieces], "hold_s": self.hold_s}
         return said | {"queue": self.queue, "run": None if self.run is None else list(self.run)}
 
     @classmethod
     def from_json(cls, data: Any) -> JointBatch:
-        """Parses the batch that `to_json` wrote. Raises ValueError, TypeError, KeyError or SettingsError if it is malformed."""
+        """Parses the JSON data from `to_json`. Raises ValueError, TypeError, KeyError or SettingsError if it is malformed."""
         if not isinstance(data, Mapping):
             raise ValueError("a joint batch is an object")
         pieces = tuple(Piece(str(batch), int(first), int(count)) for batch, first, count in data["pieces"])
@@ -84,6 +84,6 @@ class JointBatch:
         return cls(RenderBatch.from_json(data["whole"]), pieces, float(data["hold_s"]), queue, run)
 
     def batch(self, number: int) -> RenderBatch:
-        """One piece as a separate batch."""
+        """Returns one of the pieces as a separate batch."""
         piece = self.pieces[number]
         return replace(self.whole, batch=piece.batch, first=piece.first, count=piece.count)

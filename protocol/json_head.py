@@ -1,4 +1,4 @@
-"""A JSON object and bytes behind it: how a result and an answer about a view travel."""
+"""Encoding of a JSON object followed by bytes, for results and for answers about a view."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["decode", "encode"]
 
 
 class Head(NamedTuple):
-    """The head: the JSON object follows, then the bytes."""
+    """The head of the message. The JSON object follows, then the bytes."""
 
     length: Annotated[int, U32, "bytes of the JSON object"]
 
@@ -22,13 +22,13 @@ HEAD = Layout("message", Head)
 
 
 def encode(about: Mapping[str, Any], data: bytes) -> bytes:
-    """Encodes an object and bytes."""
+    """Encodes a JSON object and bytes as one message."""
     text = json.dumps(encoded(about)).encode()
     return b"".join([HEAD.pack(Head(len(text))), text, data])
 
 
 def decode(message: bytes) -> tuple[dict[str, Any], bytes]:
-    """Decodes the object and the bytes. Raises ValueError."""
+    """Decodes a message to its JSON object and bytes. Raises ValueError if it is malformed."""
     end = HEAD.size + HEAD.unpack(message).length
     if end > len(message):
         raise ValueError(f"a message of {len(message)} bytes is cut off")

@@ -1,7 +1,7 @@
-"""Binary layouts, declared once: the fields of a record in order, little-endian, without padding.
+"""Binary layouts, each declared once: the fields of a record in order, little-endian, without padding.
 
-A record is a NamedTuple; each annotation holds the field's kind and its meaning. From it follow the encoder and decoder here, and
-the page's tables (protocol/generate.py).
+A record is a NamedTuple; each annotation contains the field's type and meaning. The encoder and decoder here, and the page's
+decoders (protocol/generate.py), are derived from it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ __all__ = ["I64", "U8", "U16", "U32", "Field", "Kind", "Layout"]
 
 
 class Kind(NamedTuple):
-    """An integer type: its name in documents, and its code in `struct`."""
+    """An integer type: its name in documentation, and its `struct` code."""
 
     name: str
     code: str
@@ -35,7 +35,7 @@ R = TypeVar("R", bound=NamedTuple)
 
 
 class Layout(Generic[R]):
-    """The layout of a record `row`. One with a version and a kind begins with these two, a byte each."""
+    """The binary layout of the record type `row`. If it has a version and a kind, these are its first two bytes."""
 
     def __init__(self, name: str, row: type[R], version: int | None = None, kind: int | None = None) -> None:
         self.name = name
@@ -55,7 +55,7 @@ class Layout(Generic[R]):
 
     @property
     def text(self) -> str:
-        """Returns the fields as documents name them: "u8 version = 1, u8 kind = 2, u16 w, u16 h"."""
+        """Returns the fields in the notation of the documentation: "u8 version = 1, u8 kind = 2, u16 w, u16 h"."""
         mark = [] if self.version is None else [f"u8 version = {self.version}", f"u8 kind = {self.kind}"]
         return ", ".join([*mark, *(f"{field.kind.name} {field.name}" for field in self.fields)])
 
@@ -64,7 +64,7 @@ class Layout(Generic[R]):
         return self._mark + self._struct.pack(*row)
 
     def unpack(self, data: bytes, at: int = 0) -> R:
-        """Decodes the record at an offset. Raises ValueError if it is cut off, or of another version or kind."""
+        """Decodes the record at offset `at`. Raises ValueError if the data is truncated, or has another version or kind."""
         if len(data) < at + self.size:
             raise ValueError(f"a {self.name} of {len(data) - at} bytes is cut off")
         start = at + len(self._mark)
@@ -74,7 +74,7 @@ class Layout(Generic[R]):
         return self.row._make(self._struct.unpack_from(data, start))
 
     def unpack_all(self, data: bytes, at: int, count: int) -> list[R]:
-        """Decodes consecutive records without a version. Raises ValueError if they are cut off."""
+        """Decodes `count` consecutive records of a layout without version. Raises ValueError if the data is truncated."""
         end = at + count * self.size
         if len(data) < end:
             raise ValueError(f"{count} times a {self.name} in {len(data) - at} bytes are cut off")

@@ -1,6 +1,6 @@
-"""Distinguishes a dead worker from a slow one: its heartbeat's connection to Redis has a name, and closes with the process.
+"""Distinguishes a dead worker from a slow one: its heartbeat's Redis connection has a name, and closes when the process ends.
 
-A worker on an overloaded machine may miss reports for longer than a report's TTL. It keeps the leases of its work.
+A worker on an overloaded machine may miss reports for longer than a report's TTL. It keeps its leases.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ __all__ = ["connected", "lifeline"]
 
 
 def lifeline(worker: str) -> str:
-    """The name of a worker's Redis connection. Redis allows no spaces in it."""
+    """Returns the name of a worker's Redis connection. Redis does not allow spaces in it."""
     return f"rayfarm-worker-{hashlib.sha256(worker.encode()).hexdigest()[:24]}"
 
 
 def connected(store: redis.Redis, workers: Iterable[str]) -> set[str]:
-    """Those of these workers whose connection is open; empty if Redis does not list connections. Raises redis.RedisError."""
+    """Returns those of the workers whose connection is open; empty if Redis cannot list connections. Raises redis.RedisError."""
     names = {lifeline(worker): worker for worker in workers}
     clients: Any = []
     with contextlib.suppress(redis.ResponseError):

@@ -1,4 +1,4 @@
-"""Messages of a job's live channel, WS /api/jobs/{id}/live; tiles are binary (pictures.py)."""
+"""Messages of a job's live channel, WS /api/jobs/{id}/live. Tiles are binary (pictures.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["FROM_CLIENT", "FROM_SERVICE", "Frames", "Have", "JobState", "WatchFr
 
 @dataclass(frozen=True)
 class WatchFrame(FromClient):
-    """Switches to another frame: {"frame": n}. snapshot: whether all of its tiles are sent first."""
+    """Client message: switch to another frame, {"frame": n}. snapshot: whether to send all of its tiles first."""
 
     KEY: ClassVar[str] = "frame"
     frame: float
@@ -21,7 +21,7 @@ class WatchFrame(FromClient):
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> WatchFrame:
-        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
         return cls(float(said["frame"]), said.get("snapshot") is not False)
 
     def to_json(self) -> dict[str, Any]:
@@ -31,20 +31,20 @@ class WatchFrame(FromClient):
 
 @dataclass(frozen=True)
 class Have(FromClient):
-    """Samples per pixel of every tile that the client has: {"have": [...]}; the tiles that differ are sent."""
+    """Client message: samples per pixel of every tile that it has, {"have": [...]}. Tiles that differ are sent."""
 
     KEY: ClassVar[str] = "have"
     samples: list[Any]
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Have:
-        """Parses the message. Raises TypeError."""
+        """Parses the message. Raises TypeError if it is malformed."""
         return cls(list(said["have"]))
 
 
 @dataclass(frozen=True)
 class JobState(FromService):
-    """The job as GET /api/jobs/{id} gives it."""
+    """Service message: the job, as in GET /api/jobs/{id}."""
 
     TYPE: ClassVar[str] = "state"
     job: dict[str, Any]
@@ -52,7 +52,7 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Frames(FromService):
-    """Changed frames of a shot, as GET /api/jobs/{id}/frames gives them."""
+    """Service message: the changed frames of a shot, as in GET /api/jobs/{id}/frames."""
 
     TYPE: ClassVar[str] = "frames"
     frames: list[dict[str, Any]]

@@ -1,4 +1,4 @@
-"""The packet of a scene's preview mesh, which the page draws until the path tracer has samples. Little-endian."""
+"""Packet of a scene's preview mesh, which the page draws until the path tracer has samples. Little-endian."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ VERTEX = 16  # bytes
 class MeshHead(NamedTuple):
     """The head of a preview mesh.
 
-    Six f64 follow: the lower and the upper corner of the mesh. Then, for all vertices, positions as four u16 (three shares of the
-    way between the corners, in 65535ths, and 0), normals as four i8 (in 127ths, and 0; all 0: flat shading), and colours as
-    four u8 (sRGB, and 255; 0: shown unshaded); then three u32 for every triangle.
+    Six f64 follow: the lower and the upper corner of the mesh's bounding box. Then, for all vertices, positions as four u16 (x,
+    y, z between the corners, in units of 1 / 65535, and 0), normals as four i8 (in units of 1 / 127, and 0; all 0: flat shading),
+    and colours as four u8 (sRGB, and 255; 0: drawn unshaded). Then three u32 for every triangle.
     """
 
     reserved: Annotated[int, U16, "0"]
@@ -33,9 +33,9 @@ MESH = Layout("preview mesh", MeshHead, version=1, kind=4)
 
 
 class Mesh(NamedTuple):
-    """Triangles in world space.
+    """Triangles in world space: V vertices, T triangles.
 
-    V vertices, T triangles. normals: unit, or 0 for flat shading. colors: sRGB, and 255, or 0 where shown unshaded.
+    normals: unit vectors, or 0 for flat shading. colors: sRGB and a fourth value: 255, or 0 for vertices drawn unshaded.
     """
 
     positions: npt.NDArray[np.float64]  # (V, 3)
@@ -45,7 +45,7 @@ class Mesh(NamedTuple):
 
 
 def encode_mesh(mesh: Mesh) -> bytes:
-    """Encodes a mesh with at least one vertex."""
+    """Encodes a mesh, which must have at least one vertex."""
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     shares = (mesh.positions - low) / np.where(high > low, high - low, 1.0)
     count = len(mesh.positions)
@@ -62,7 +62,7 @@ def encode_mesh(mesh: Mesh) -> bytes:
 
 
 def decode_mesh(packet: bytes) -> Mesh:
-    """Decodes a mesh. Raises ValueError."""
+    """Decodes a mesh packet. Raises ValueError if it is malformed."""
     head = MESH.unpack(packet)
     at, count = MESH.size + 8 * BOUNDS, head.vertices
     if len(packet) != at + VERTEX * count + 12 * head.triangles:
@@ -76,5 +76,5 @@ def decode_mesh(packet: bytes) -> Mesh:
 
 
 def _padded(values: npt.NDArray[Any], kind: str) -> bytes:
-    """Returns the bytes of (V, 3) values as four numbers each, the last one 0."""
+    """Returns the bytes of (V, 3) values, each padded with a fourth value 0."""
     return np.pad(values.astype(kind), ((0, 0), (0, 1))).tobytes()

@@ -1,6 +1,6 @@
-"""Packets of pictures for viewers: a live tile, the film of a frame, the picture of a view. Little-endian.
+"""Packets with pictures for viewers: a live tile, the film of a frame, a picture of a view. Little-endian.
 
-Blender's add-on has copies of this module and of those that it imports (protocol/generate.py), so it imports nothing else.
+Blender's add-on contains copies of this module and of its imports (protocol/generate.py), so keep these few.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ LEVEL = 1  # noise: higher levels take longer and save nothing
 
 
 class TileHead(NamedTuple):
-    """The head of a live tile; w * h RGB9E5 words follow, rows from the top."""
+    """The head of a live tile. w * h RGB9E5 words follow, rows from the top."""
 
     frame: Annotated[int, U16, "integer part of the frame's number, modulo 65536"]
     seq: Annotated[int, U32, "number that the client acknowledges, modulo 2**32"]
@@ -68,8 +68,8 @@ class TileHead(NamedTuple):
 class FilmHead(NamedTuple):
     """The head of a frame's film.
 
-    A u32 of samples per pixel for every tile follows, in reading order, then w * h RGB9E5 words in four byte planes, the lowest
-    byte first, rows from the top. Byte planes compress better: neighbouring exponents are similar, mantissas are noise.
+    A u32 with the samples per pixel of every tile follows, tiles row by row; then w * h RGB9E5 words, rows from the top, as four
+    byte planes, lowest byte first. Byte planes compress better: neighbouring exponents are similar, while mantissas are noise.
     """
 
     frame: Annotated[int, U16, "integer part of the frame's number, modulo 65536"]
@@ -79,11 +79,11 @@ class FilmHead(NamedTuple):
 
 
 class ViewHead(NamedTuple):
-    """The head of a view's picture; a ViewTileHead for every tile follows, then what raw DEFLATE has compressed.
+    """The head of a view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
 
-    That is first all tiles that are not exact, rows from the top, one tile after the other: differences of brightness codes
-    (coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes; then
-    differences of the shares of red, and of green, modulo 256. Then all exact tiles as RGB9E5 words in four byte planes, the
+    The data begins with all tiles that are not exact, one after another, rows from the top: differences of brightness codes
+    (coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes; then the
+    differences of the fractions of red, and of green, modulo 256. Then come all exact tiles as RGB9E5 words in four byte planes,
     lowest byte first.
     """
 
@@ -113,14 +113,14 @@ VIEW_TILE = Layout("view's tile", ViewTileHead)
 
 
 class TilePicture(NamedTuple):
-    """A decoded tile. words: (h, w)."""
+    """A decoded tile. words: RGB9E5, shape (h, w)."""
 
     head: TileHead
     words: Words
 
 
 class FilmPicture(NamedTuple):
-    """A decoded film. samples: of each tile, in reading order; words: (h, w)."""
+    """A decoded film. samples: per pixel, of each tile row by row; words: RGB9E5, shape (h, w)."""
 
     head: FilmHead
     samples: Words
@@ -128,7 +128,7 @@ class FilmPicture(NamedTuple):
 
 
 class ViewTile(NamedTuple):
-    """A tile of a view's picture. mean: radiance (3, h, w)."""
+    """A decoded tile of a view's picture. mean: radiance, shape (3, h, w)."""
 
     rect: Rect
     mean: F32
@@ -137,19 +137,19 @@ class ViewTile(NamedTuple):
 
 
 class ViewPicture(NamedTuple):
-    """A decoded picture of a view: the tiles that have changed."""
+    """A decoded picture of a view: only the tiles that have changed."""
 
     head: ViewHead
     tiles: list[ViewTile]
 
 
 def encode_tile(frame: int, seq: int, rect: Rect, spp: int, words: bytes) -> bytes:
-    """Encodes a tile. frame: integer part of its number; words: RGB9E5, little-endian."""
+    """Encodes a live tile. frame: integer part of the frame number; words: RGB9E5, little-endian."""
     return TILE.pack(TileHead(frame % FRAMES, seq % NUMBERS, *rect, spp)) + words
 
 
 def decode_tile(packet: bytes) -> TilePicture:
-    """Decodes a tile. Raises ValueError."""
+    """Decodes a live tile. Raises ValueError if it is malformed."""
     head = TILE.unpack(packet)
     if len(packet) != TILE.size + 4 * head.w * head.h:
         raise ValueError(f"a tile of {head.w} x {head.h} pixels has {len(packet)} bytes")
@@ -157,13 +157,13 @@ def decode_tile(packet: bytes) -> TilePicture:
 
 
 def encode_film(frame: int, size: tuple[int, int], side: int, samples: Sequence[int] | Words, planes: Planes) -> list[memoryview]:
-    """Encodes a film, in pieces that need not be copied. frame: integer part of its number; planes: (4, h, w)."""
+    """Encodes a film as a list of buffers that need not be copied. frame: integer part of the frame number; planes: (4, h, w)."""
     head = FILM.pack(FilmHead(frame % FRAMES, *size, side)) + np.asarray(samples, "<u4").tobytes()
     return [memoryview(head), planes.reshape(-1).data]
 
 
 def decode_film(packet: bytes) -> FilmPicture:
-    """Decodes a film. Raises ValueError."""
+    """Decodes a film packet. Raises ValueError if it is malformed."""
     head = FILM.unpack(packet)
     if not head.side:
         raise ValueError("a film has tiles of size 0")
@@ -175,17 +175,17 @@ def decode_film(packet: bytes) -> FilmPicture:
 
 
 def planes_of(words: Words) -> Planes:
-    """Returns the byte planes of words, (4, *shape), the lowest byte first."""
+    """Splits words into byte planes, shape (4, *shape), lowest byte first."""
     return np.ascontiguousarray(np.moveaxis(words.astype("<u4")[..., None].view(np.uint8), -1, 0))
 
 
 def joined(planes: Planes) -> Words:
-    """Returns the words of byte planes, one after the other in a flat array."""
+    """Joins byte planes to words; returns them as a flat array."""
     return np.ascontiguousarray(planes.reshape(4, -1).T).view("<u4").reshape(-1)
 
 
 def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], whole: tuple[int, int], id: int, seq: int) -> bytes:
-    """Encodes a picture of a view. size: of this picture; whole: of the whole view, both (width, height)."""
+    """Encodes a picture of a view. size: this picture's (width, height); whole: the view's."""
     head = [
         VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *whole)),
         *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.samples | EXACT * tile.is_exact)) for tile in tiles),
@@ -213,7 +213,7 @@ def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
 
 
 def decode_view(packet: bytes) -> ViewPicture:
-    """Decodes a picture of a view. Raises ValueError."""
+    """Decodes a picture of a view. Raises ValueError if it is malformed."""
     head = VIEW.unpack(packet)
     tiles = VIEW_TILE.unpack_all(packet, VIEW.size, head.tiles)
     try:

@@ -1,7 +1,7 @@
-"""Redis over TLS: rediss:// addresses, and which authority to trust if the machine does not already trust Redis's certificate.
+"""Redis over TLS: rediss:// addresses, and the certificate authority to trust if the machine does not trust Redis's certificate.
 
-The authority's file has a different path on every machine, so it is not part of the address that a farm gives its workers: each
-of them, and the service, reads it from RAYFARM_REDIS_CA.
+The authority's file has a different path on every machine, so it is not part of the address that a farm sends to its workers. The
+service and each worker read it from RAYFARM_REDIS_CA.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ OWN = ("ssl_ca_certs", "ssl_ca_path", "ssl_certfile", "ssl_keyfile")  # query pa
 
 
 def with_certificate_authority(url: str) -> str:
-    """Adds this machine's certificate authority to an address; unchanged if it is not TLS, or already names an authority."""
+    """Returns the address with this machine's certificate authority; unchanged without TLS or if it already has an authority."""
     ca, parts = os.environ.get(CA_VARIABLE, ""), urlsplit(url)
     query = dict(parse_qsl(parts.query))
     if parts.scheme != "rediss":
@@ -28,14 +28,14 @@ def with_certificate_authority(url: str) -> str:
 
 
 def without_local_options(url: str) -> str:
-    """The address without options that refer to files of this machine, for use by other machines."""
+    """Returns the address without options that refer to local files, for use on other machines."""
     parts = urlsplit(url)
     query = [(name, value) for name, value in parse_qsl(parts.query) if name not in OWN]
     return parts._replace(query=urlencode(query, safe="/")).geturl() if parts.scheme == "rediss" else url
 
 
 def with_password(url: str, password: str) -> str:
-    """Adds the password to the address; unchanged if it already has one, or has no host."""
+    """Returns the address with this password; unchanged if it already has one, or has no host."""
     parts = urlsplit(url)
     user, _, host = parts.netloc.rpartition("@")
     if not password or not parts.hostname or ":" in user:

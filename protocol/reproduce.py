@@ -1,4 +1,4 @@
-"""The command that renders the same samples without a farm. Imports no kernel, as the service uses it too."""
+"""Command lines that render the same samples without a farm. Imports no kernel, since the service imports it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ __all__ = ["batch_command", "sample_command"]
 
 
 def batch_command(settings: RenderSettings, tile: Tile, first: int, count: int) -> str:
-    """The command for samples first ... first + count - 1 of a tile; SCENE stands for the uploaded file."""
+    """Returns the command for samples first ... first + count - 1 of a tile. SCENE is a placeholder for the uploaded file."""
     more = [f"--tile={_text(tile)}", f"--first={first}", f"--spp={count}", "--threads=1"]
     return shlex.join(["rayfarm", "render", "SCENE", "-o", "batch.exr", *_options(settings), *more])
 
 
 def sample_command(settings: RenderSettings, x: int, y: int, sample: int) -> str:
-    """The command that traces one path and prints its vertices; SCENE stands for the uploaded file."""
+    """Returns the command that traces one path and prints its vertices. SCENE is a placeholder for the uploaded file."""
     return shlex.join(["rayfarm", "render", "SCENE", *_options(settings), f"--pixel={x},{y}", f"--sample={sample}"])
 
 
 def _options(settings: RenderSettings) -> list[str]:
-    """Every setting as an explicit option, so that no default of the scene file replaces one."""
+    """Returns all settings as explicit options, so that no default of the scene file replaces one."""
     view = dict(vars(settings.view))
     if view["focus"] is None:
         view["focus"] = math.dist(settings.view.eye, settings.view.target)

@@ -1,4 +1,4 @@
-"""Serialization of a result, for files on a machine and for transport to a site's reducer."""
+"""Serialization of a result, for files on a machine and for sending it to a site's reducer."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ __all__ = ["result_bytes", "result_of"]
 
 
 def result_bytes(result: Result) -> bytes:
-    """Serializes a result; `result_of` reads it."""
+    """Serializes a result. The inverse is `result_of`."""
     return json_head.encode(result.event, result.sums or b"")
 
 
 def result_of(data: bytes) -> Result:
-    """Parses the result that `result_bytes` wrote. Raises ValueError if it is malformed."""
+    """Parses the bytes from `result_bytes`. Raises ValueError if they are malformed."""
     try:
         return Result(*json_head.decode(data))
     except ValueError as error:

@@ -1,13 +1,13 @@
-"""Messages from the machines of a site to its reducer, which adds their sums of a tile before sending them on.
+"""Messages from the machines of a site to its reducer, which adds up their sums of a tile before sending them to the service.
 
-    worker --- HTTP POST /sums ----------> reducer    a Result of type `batch` or `batches` with `run` (joint.Run), as
-                                                      result_bytes.py packs it, signed; 204: the reducer has it.
-                                                      Its size is signed too, so that memory is reserved for members only
-    reducer -- stream RESULTS -----------> service    Result of type `batches`: each part ends with its worker's name
-    reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: its address
-    reducer -- key secret_key(name) -----> worker     the secret that signs sums
+worker --- HTTP POST /sums ----------> reducer    a Result of type `batch` or `batches` with `run` (joint.Run), as
+                                                  result_bytes.py packs it, signed; 204: the reducer has it.
+                                                  Its size is signed too, so that memory is reserved for members only
+reducer -- stream RESULTS -----------> service    Result of type `batches`: each part ends with its worker's name
+reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: its address
+reducer -- key secret_key(name) -----> worker     the secret that signs sums
 
-Only clients with a token for the farm's Redis can read the secret, so withdrawing a token also withdraws this access. The secret
+Only clients with a token for the farm's Redis can read the secret, so revoking a token also revokes this access. The secret
 changes every SECRET_S seconds. Sums that are acknowledged and then lost with the reducer are rendered again when their lease
 expires; the film drops duplicates.
 """
@@ -46,31 +46,31 @@ LARGEST = 1 << 60  # upper limit on its counts
 
 
 def site_key(name: str) -> str:
-    """The Redis key under which a site's reducer reports itself."""
+    """Returns the Redis key of the report of a site's reducer."""
     return f"rayfarm:site:{name}"
 
 
 def secret_key(name: str) -> str:
-    """The Redis key of the secret with which a site's workers sign."""
+    """Returns the Redis key of the secret with which a site's workers sign their messages."""
     return f"rayfarm:site-secret:{name}"
 
 
 def signature(secret: bytes, body: bytes) -> str:
-    """Signature that proves to the reducer that a body comes unchanged from a worker of the farm."""
+    """Returns the signature that proves that a body was sent unchanged by a worker of the farm."""
     return hmac.digest(secret, body, "sha256").hex()
 
 
 def announced(secret: bytes, size: int) -> str:
-    """Signature of a body's size, which the reducer checks before it accepts the body.
+    """Returns the signature of a body's size, which the reducer verifies before it accepts the body.
 
-    The reducer does not wait for the body of a sender without it.
+    Without it the reducer does not read the body.
     """
     return signature(secret, b"size %d" % size)
 
 
 @dataclass(frozen=True)
 class SiteReport:
-    """Heartbeat of a site's reducer."""
+    """Heartbeat report of a site's reducer."""
 
     name: str
     host: str
@@ -85,7 +85,7 @@ class SiteReport:
     bytes_out: int = 0
 
     def to_bytes(self) -> bytes:
-        """Serializes the report as JSON for its key."""
+        """Serializes the report as JSON."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod

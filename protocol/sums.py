@@ -1,9 +1,9 @@
-"""Serialization of a batch's sums, for transport from a worker and for a film's files.
+"""Serialization of a batch's sums, for sending them from a worker and for storing them in a film.
 
-Packed sums are a format byte, the number of planes, a head for each plane (a code and a number), and the planes' bodies. A plane
-with equal pixels is stored as their value. A plane that equals an earlier one is stored as that one's number: with a single
-sample, the half film equals the whole film or is zero. Every other plane uses the narrowest integer type that holds its values
-and is LZ4-compressed separately, so readers that need only colour decompress only those planes.
+Packed sums consist of a format byte, the number of planes, a head for each plane (a code and a number), and the planes' bodies. A
+plane whose pixels are equal is stored as their value. A plane that equals an earlier one is stored as that plane's number: with a
+single sample, the half film equals the whole film or is zero. Every other plane uses the narrowest integer type that holds its
+values and is LZ4-compressed separately, so readers that need only colour decompress only those planes.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
 
 
 class Start(NamedTuple):
-    """The start of packed sums; a PlaneHead for each plane follows, then the planes' bodies."""
+    """The start of packed sums. A PlaneHead for each plane follows, then the planes' bodies."""
 
     format: Annotated[int, U8, "PACKED"]
     planes: Annotated[int, U8, "number of planes"]
 
 
 class PlaneHead(NamedTuple):
-    """The head of a plane."""
+    """The head of one plane."""
 
     code: Annotated[int, U8, "ALIKE, COPY, or the bytes per pixel"]
     value: Annotated[int, I64, "the value of all pixels, the number of the plane that is equal, or the size of the body"]
@@ -76,10 +76,10 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
-    """Unpacks the sums that `pack_sums` packed, (CHANNELS, h, w) int64. Raises ValueError if they do not fit this tile.
+    """Unpacks sums from `pack_sums` to (CHANNELS, h, w) int64. Raises ValueError if they do not fit the tile.
 
-    stored: accept sums of an older release with fewer planes; the missing planes are 0.
-    planes: fill only these; the others stay 0 and cost neither time nor memory.
+    stored: accept sums of an older release with fewer planes; missing planes are 0. planes: unpack only these; the others are 0
+    and cost neither time nor memory.
     """
     sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
     known = dict(_planes(data, tile, stored))
@@ -98,9 +98,9 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 
 
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
-    """Adds packed sums, or some of their planes, to `total`.
+    """Adds packed sums, or some of their planes, to `total` in place.
 
-    stored: as in `unpack_sums`. Raises ValueError if they do not fit this tile; `total` is then unchanged.
+    stored: as in `unpack_sums`. Raises ValueError if they do not fit the tile; `total` is then unchanged.
     """
     known = dict(_planes(data, tile, stored))
     wanted = known.keys() if planes is None else known.keys() & planes
@@ -123,14 +123,14 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError if `unpack_sums` would; takes less time."""
+    """Raises ValueError if `unpack_sums` would, but is faster."""
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _raw(body, code, tile)
 
 
 def check_weight(data: bytes, tile: Tile, count: int) -> None:
-    """Raises ValueError if a pixel has a negative number of samples, or more than `count`."""
+    """Raises ValueError if any pixel has a negative number of samples, or more than `count`."""
     code, least, _ = dict(_planes(data, tile, False))[SAMPLES]
     most = least
     if code != ALIKE:
@@ -141,7 +141,7 @@ def check_weight(data: bytes, tile: Tile, count: int) -> None:
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Yields each plane's number with its code (ALIKE, COPY or a width), value, and body."""
+    """Yields (plane number, (code, value, body)) of each plane. code: ALIKE, COPY, or the width of its integers."""
     if not data or data[0] != PACKED:
         yield from _in_one_block(data, tile, stored)
         return
@@ -171,7 +171,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
 
 
 def _in_one_block(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Yields the planes in the format of releases before 0.2: low words of all planes, then high words, in one LZ4 block."""
+    """Yields the planes of sums packed by releases before 0.2: low words of all planes, then high words, in one LZ4 block."""
     size = CHANNELS * tile.h * tile.w * 8
     raw = _decompressed(data, size)
     plane = tile.h * tile.w * 8

@@ -1,4 +1,4 @@
-"""A worker's run-time settings and its capabilities, in Redis keys beside its report that older workers ignore.
+"""Run-time settings and capabilities of a worker, in Redis keys in addition to its report. Older workers ignore them.
 
 service --- key terms_key(name) --> worker     Terms: an administrator's settings, and the requirement queues to serve
 worker ---- key offer_key(name) --> service    Offer: its capabilities, the terms in effect, and why it is idle; expires
@@ -31,7 +31,7 @@ TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
 @dataclass(frozen=True)
 class Terms:
-    """Run-time settings of a worker. None: keep the value with which the worker was started."""
+    """Run-time settings of a worker. None: the value with which the worker was started."""
 
     hours: str | None = None  # hours.py; empty: always
     idle_minutes: float | None = None  # works only after this much user inactivity; 0: always
@@ -57,7 +57,7 @@ class Terms:
 
     @property
     def digest(self) -> str:
-        """The digest with which a worker confirms that these terms are in effect: 16 hexadecimal digits."""
+        """Returns the digest by which a worker confirms that these terms are in effect: 16 hexadecimal digits."""
         return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
 
     def checked(self) -> Terms:
@@ -79,7 +79,7 @@ class Terms:
         return self
 
     def with_defaults(self, own: Terms) -> Terms:
-        """Merges these terms over a worker's own: a value that is None here is taken from `own`."""
+        """Returns these terms with values that are None replaced by those of `own`, the worker's start values."""
         said = {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
         return replace(own, **said)
 
@@ -136,15 +136,15 @@ class Offer:
 
 @lru_cache(4096)
 def needs_queue(kind: str, needs: str) -> str:
-    """The Celery queue for batches of this kind with requirements. needs: canonical text of the requirements."""
+    """Returns the Celery queue for batches of this kind with requirements. needs: canonical text of the requirements."""
     return f"{render_queue(kind)}{NEEDS}{hashlib.sha256(needs.encode()).hexdigest()[:16]}"
 
 
 def terms_key(name: str) -> str:
-    """The Redis key of a worker's terms, written by the service."""
+    """Returns the Redis key of a worker's terms, which the service writes."""
     return f"rayfarm:terms:{name}"
 
 
 def offer_key(name: str) -> str:
-    """The Redis key of a worker's offer, written by the worker."""
+    """Returns the Redis key of a worker's offer, which the worker writes."""
     return f"rayfarm:offer:{name}"

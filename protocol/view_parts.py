@@ -1,9 +1,9 @@
 """Messages between the service and a worker about interactive views, which have no jobs or films and are not stored.
 
-    service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that slots serve before all others
-    service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same queue
-    service --- key view_key(watch) ------> worker     the number of the current view; without the key nothing is viewed
-    worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires if no service reads it
+service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that slots serve before all others
+service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same queue
+service --- key view_key(watch) ------> worker     the number of the current view; without the key nothing is viewed
+worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires if no service reads it
 
 A slot compares the number before each part, and drops parts of an outdated view at once. Answers have a separate list, since they
 are worthless to a restarted service and need not wait for the merging of films.
@@ -43,18 +43,18 @@ LONGEST_S = 3600.0
 
 
 def view_queue(kind: str) -> str:
-    """The Celery queue for views, which workers of this kind serve first."""
+    """Returns the Celery queue for views, which workers of this kind serve before all others."""
     return f"{VIEW_QUEUES}{kind}"
 
 
 def view_key(watch: str) -> str:
-    """The Redis key with the number of the current view of this watch."""
+    """Returns the Redis key with the number of a session's current view. watch: the session's id."""
     return f"rayfarm:view:{watch}"
 
 
 @dataclass(frozen=True)
 class Part:
-    """Samples first ... first + count - 1 of every pixel of a rectangle of a view."""
+    """One part of a view: samples first ... first + count - 1 of every pixel of a rectangle."""
 
     number: int
     tile: Tile
@@ -64,7 +64,7 @@ class Part:
 
 @dataclass(frozen=True)
 class ViewParts:
-    """Parts of a view, rendered in turn, with one answer per part."""
+    """Request to render parts of a view in this order, with one answer per part."""
 
     message: str  # unique for every time that parts are handed out
     watch: str
@@ -75,13 +75,13 @@ class ViewParts:
     is_whole: bool = False  # whether all planes are wanted, and not colour and samples alone
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict for the Celery message."""
+        """Returns the message as JSON data for Celery."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
         return {**vars(self), "settings": self.settings.to_json(), "parts": parts}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewParts:
-        """Parses the message that `to_json` wrote. Raises ValueError, KeyError, TypeError, or SettingsError."""
+        """Parses the JSON data from `to_json`. Raises ValueError, KeyError, TypeError, or SettingsError."""
         return cls(
             **{name: data[name] for name in ("message", "watch", "view", "compiled")},
             settings=RenderSettings.from_json(data["settings"]),
@@ -92,7 +92,7 @@ class ViewParts:
 
 @dataclass(frozen=True)
 class ViewFrame:
-    """Frames of an animated scene, prepared for viewing as for jobs (PrepareFrames, whose job is the watch)."""
+    """Request to prepare frames of an animated scene for a view, as PrepareFrames, whose `job` is the session's id."""
 
     message: str
     watch: str
@@ -100,12 +100,12 @@ class ViewFrame:
     work: PrepareFrames
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON-ready dict for the Celery message."""
+        """Returns the message as JSON data for Celery."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewFrame:
-        """Parses the message that `to_json` wrote. Raises ValueError, KeyError or TypeError."""
+        """Parses the JSON data from `to_json`. Raises ValueError, KeyError or TypeError."""
         return cls(data["message"], data["watch"], data["view"], PrepareFrames.from_json(data["work"]))
 
 
@@ -119,7 +119,7 @@ class ViewAnswer:
     frame      a frame is prepared: frame, info (FrameInfo)
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)
-    returned   a failure of the worker, error: to be handed out again; unfit: to another worker
+    returned   the worker's own trouble, error: to be sent again; unfit: to another worker
     """
 
     type: str
@@ -132,19 +132,19 @@ class ViewAnswer:
 
     @property
     def seconds(self) -> float:
-        """The render time of a part in seconds. Raises ValueError, KeyError or TypeError if it is invalid."""
+        """Returns the rendering time of a part in seconds. Raises ValueError, KeyError or TypeError if it is invalid."""
         seconds = float(self.more["seconds"])
         if not 0.0 <= seconds <= LONGEST_S:
             raise ValueError(f"a part took {seconds} s")
         return seconds
 
     def to_bytes(self) -> bytes:
-        """Serializes the answer for the list: the length of a JSON object, the object, and the sums."""
+        """Serializes the answer: the length of a JSON object, the object, and the sums."""
         return json_head.encode({name: value for name, value in vars(self).items() if name != "sums"}, self.sums)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> ViewAnswer:
-        """Parses the answer that `to_bytes` wrote. Raises ValueError."""
+        """Parses the bytes from `to_bytes`. Raises ValueError."""
         try:
             head, sums = json_head.decode(data)
             answer = cls(**head, sums=sums)

@@ -1,4 +1,4 @@
-"""Messages of a view's channel, WS /api/scenes/{id}/viewport; pictures are binary (pictures.py)."""
+"""Messages of a view's channel, WS /api/scenes/{id}/viewport. Pictures are binary (pictures.py)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "Pick", "Picked", "Re
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """The new view, which replaces all earlier ones: {"id": n, ...}, with the fields of a job's request (POST /api/jobs).
+    """Client message: the new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces earlier views.
 
-    Those in effect are size, camera or view, settings, frame, clip, fps and turntable. spp limits the samples per pixel (256 at
-    most), and a tile that has reached `noise` is complete with fewer.
+    Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
+    tile that has reached `noise` is complete with fewer.
     """
 
     KEY: ClassVar[str] = "id"
@@ -24,7 +24,7 @@ class Look(FromClient):
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Look:
-        """Returns the message, whose fields the service validates as a request."""
+        """Returns the message without validation; the service validates its fields as a request."""
         return cls(dict(said))
 
     def to_json(self) -> dict[str, Any]:
@@ -34,7 +34,7 @@ class Look(FromClient):
 
 @dataclass(frozen=True)
 class Pick(FromClient):
-    """Requests what lies under a pixel of the view: {"pick": [x, y]}."""
+    """Client message: request the surface under a pixel of the view, {"pick": [x, y]}."""
 
     KEY: ClassVar[str] = "pick"
     x: int
@@ -42,7 +42,7 @@ class Pick(FromClient):
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Pick:
-        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
         x, y = said["pick"]
         return cls(int(x), int(y))
 
@@ -53,7 +53,7 @@ class Pick(FromClient):
 
 @dataclass(frozen=True)
 class Pause(FromClient):
-    """Whether the page is hidden: {"paused": true}."""
+    """Client message: whether the page is hidden, {"paused": true}."""
 
     KEY: ClassVar[str] = "paused"
     paused: bool
@@ -66,7 +66,7 @@ class Pause(FromClient):
 
 @dataclass(frozen=True)
 class ViewState(FromService):
-    """Progress of the current view."""
+    """Service message: progress of the current view."""
 
     TYPE: ClassVar[str] = "state"
     id: int | None  # the client's number of the view
@@ -81,7 +81,7 @@ class ViewState(FromService):
 
 @dataclass(frozen=True)
 class Refused(FromService):
-    """A sentence: the view, or the message, is invalid."""
+    """Service message: the view, or a message, is invalid. detail: a sentence."""
 
     TYPE: ClassVar[str] = "error"
     id: int | None
@@ -90,7 +90,7 @@ class Refused(FromService):
 
 @dataclass(frozen=True)
 class Picked(FromService):
-    """The surface under a pixel of a view; the last three fields are None if the ray hits nothing."""
+    """Service message: the surface under a pixel. The last three fields are None if the ray hits nothing."""
 
     TYPE: ClassVar[str] = "picked"
     x: int

@@ -1,4 +1,4 @@
-"""State of a worker's machine and the end of its log, in Redis keys beside its report that older workers ignore.
+"""State of a worker's machine and the end of its log, in Redis keys in addition to its report. Older workers ignore them.
 
 worker ---- key vitals_key(name) -----> service    Vitals, expires
 service --- key log_wanted_key(name) -> worker     a client reads the log; expires
@@ -20,7 +20,7 @@ _MOST = 1 << 60
 
 @dataclass(frozen=True)
 class Vitals:
-    """Memory and load of a worker's machine; sizes in bytes."""
+    """Memory and load of a worker's machine. Sizes in bytes."""
 
     memory_used: int
     memory_total: int
@@ -43,7 +43,7 @@ class Vitals:
 
 
 def read_vitals() -> Vitals | None:
-    """Reads this machine's current vitals; None if the system does not provide them."""
+    """Reads this machine's present vitals; None if the system does not provide them."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         sizes = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
@@ -53,15 +53,15 @@ def read_vitals() -> Vitals | None:
 
 
 def vitals_key(name: str) -> str:
-    """The Redis key of the vitals of a worker's machine."""
+    """Returns the Redis key of the vitals of a worker's machine."""
     return f"rayfarm:vitals:{name}"
 
 
 def log_wanted_key(name: str) -> str:
-    """The Redis key that exists while a client reads a worker's log."""
+    """Returns the Redis key that exists while a client reads a worker's log."""
     return f"rayfarm:log-wanted:{name}"
 
 
 def log_key(name: str) -> str:
-    """The Redis key of the last lines of a worker's log."""
+    """Returns the Redis key of the last lines of a worker's log."""
     return f"rayfarm:log:{name}"

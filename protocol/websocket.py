@@ -1,9 +1,9 @@
 """JSON messages of WebSockets, and the codes with which the service closes one.
 
-A client's message is recognized by its key, one of the service by its `type`. Keys and types of other releases are ignored.
+A client's message is recognised by its key, one of the service by its `type`. Keys and types of other releases are ignored.
 
-To add a message, declare it in live.py (a job's channel) or viewport.py (a view's), send it or react to it in the route of the
-same name in service/routes/, and on the page in the handler of the same name: the link passes a message on by its type.
+To add a message, declare it in live.py (a job's channel) or viewport.py (a view's), send or handle it in the route of the same
+name in service/routes/, and on the page in the handler of the same name, which is called for messages of this type.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ CLOSED = (NOT_FOUND, GONE)  # for good: a client does not connect again
 
 @dataclass(frozen=True)
 class FromClient:
-    """A message of a client: a JSON object with KEY."""
+    """Base class of client messages: a JSON object that contains KEY."""
 
     KEY: ClassVar[str]
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Any:
-        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
         return cls(said[cls.KEY])  # type: ignore[call-arg]  # a message of one value
 
     def to_json(self) -> dict[str, Any]:
@@ -43,20 +43,20 @@ class FromClient:
 
 @dataclass(frozen=True)
 class Acknowledge(FromClient):
-    """The picture or tile with this number, and all before it, were received: {"ack": seq}."""
+    """Client message: the picture or tile with this number, and all before it, were received. {"ack": seq}."""
 
     KEY: ClassVar[str] = "ack"
     seq: int
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Acknowledge:
-        """Parses the message. Raises ValueError, TypeError or OverflowError."""
+        """Parses the message. Raises ValueError, TypeError or OverflowError if it is malformed."""
         return cls(int(said[cls.KEY]))
 
 
 @dataclass(frozen=True)
 class FromService:
-    """A message of the service: a JSON object with `type` and the fields of the dataclass."""
+    """Base class of service messages: a JSON object with `type` and the fields of the dataclass."""
 
     TYPE: ClassVar[str]
 
@@ -70,9 +70,9 @@ S = TypeVar("S", bound=FromService)
 
 
 def read_client(text: str, kinds: tuple[type[C], ...]) -> C | None:
-    """Decodes a client's message; None if it has none of the keys.
+    """Decodes a client's message as one of `kinds`; None if it contains none of their keys.
 
-    Raises ValueError, TypeError, OverflowError or RecursionError.
+    Raises ValueError, TypeError, OverflowError or RecursionError if it is malformed.
     """
     said = json.loads(text)
     if not isinstance(said, Mapping):
@@ -81,7 +81,7 @@ def read_client(text: str, kinds: tuple[type[C], ...]) -> C | None:
 
 
 def read_service(text: str | bytes, kinds: tuple[type[S], ...]) -> S | None:
-    """Decodes a message of the service; None if its type is of another release. Raises ValueError."""
+    """Decodes a message of the service as one of `kinds`; None if its type is unknown. Raises ValueError if it is malformed."""
     said = json.loads(text)
     for kind in kinds:
         if said.get("type") == kind.TYPE:

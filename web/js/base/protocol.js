@@ -17,7 +17,7 @@ export const NOT_FOUND = 4404;
 export const GONE = 4410;
 
 /**
- * The head of a live tile; w * h RGB9E5 words follow, rows from the top.
+ * The head of a live tile. w * h RGB9E5 words follow, rows from the top.
  *
  * @typedef {object} TileHead
  * @property {number} frame u16: integer part of the frame's number, modulo 65536
@@ -69,7 +69,7 @@ export function decodeFilmHead(view, at = 0) {
 }
 
 /**
- * The head of a view's picture; a ViewTileHead for every tile follows, then what raw DEFLATE has compressed.
+ * The head of a view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
  *
  * @typedef {object} ViewHead
  * @property {number} tiles u16: number of tiles

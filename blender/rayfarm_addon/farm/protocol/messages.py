@@ -11,7 +11,7 @@ from .websocket import FromClient, FromService
 
 @dataclass(frozen=True)
 class JobState(FromService):
-    """The job as GET /api/jobs/{id} gives it."""
+    """Service message: the job, as in GET /api/jobs/{id}."""
 
     TYPE: ClassVar[str] = "state"
     job: dict[str, Any]
@@ -19,10 +19,10 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """The new view, which replaces all earlier ones: {"id": n, ...}, with the fields of a job's request (POST /api/jobs).
+    """Client message: the new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces earlier views.
 
-    Those in effect are size, camera or view, settings, frame, clip, fps and turntable. spp limits the samples per pixel (256 at
-    most), and a tile that has reached `noise` is complete with fewer.
+    Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
+    tile that has reached `noise` is complete with fewer.
     """
 
     KEY: ClassVar[str] = "id"
@@ -30,7 +30,7 @@ class Look(FromClient):
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Look:
-        """Returns the message, whose fields the service validates as a request."""
+        """Returns the message without validation; the service validates its fields as a request."""
         return cls(dict(said))
 
     def to_json(self) -> dict[str, Any]:
@@ -40,7 +40,7 @@ class Look(FromClient):
 
 @dataclass(frozen=True)
 class ViewState(FromService):
-    """Progress of the current view."""
+    """Service message: progress of the current view."""
 
     TYPE: ClassVar[str] = "state"
     id: int | None  # the client's number of the view
@@ -55,7 +55,7 @@ class ViewState(FromService):
 
 @dataclass(frozen=True)
 class Refused(FromService):
-    """A sentence: the view, or the message, is invalid."""
+    """Service message: the view, or a message, is invalid. detail: a sentence."""
 
     TYPE: ClassVar[str] = "error"
     id: int | None
