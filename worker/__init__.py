@@ -1,4 +1,4 @@
-"""The Celery application: prepares scenes, renders batches and denoises frames.
+"""The worker, a Celery application: prepares scenes, renders batches and denoises frames.
 
 Each folder builds on those above it:
     machine/      the machine, and a worker's processes on it
@@ -14,5 +14,5 @@ Each folder builds on those above it:
     leaving.py    reports work in progress while the worker shuts down
     app.py        the Celery application, and its hooks around forks
     __main__.py   the worker's main function
-    standby.py    as __main__.py, but loads first, and takes its options from a line
+    standby.py    like __main__.py, but imports first and reads its options from a line of stdin
 """

@@ -1,6 +1,6 @@
-"""`python -m worker --service URL --token T --slots N`: one worker, with a process for every slot.
+"""`python -m worker --service URL --token T --slots N`: runs one worker, with a process for every slot.
 
-The kernels are compiled or loaded here, before Celery forks, so that all slots have them.
+The kernels are compiled or loaded before Celery forks, so that all slots share them.
 """
 
 # ruff: noqa: E402 - the environment must be set before numpy is imported
@@ -65,7 +65,10 @@ EXIT_REFUSED = 3
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Joins the farm, warms up and works. Exit code 3: there is no farm, or it refuses this worker; a retry does not help."""
+    """Joins the farm, makes the kernels ready and processes tasks. Returns the exit code.
+
+    3: there is no farm, or it rejects this worker; a retry does not help.
+    """
     options = _options(arguments)
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format  # inherited by child processes
@@ -174,7 +177,7 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
-    """The worker's tags: those from the command line and the automatic ones."""
+    """Returns the worker's tags: those from the command line, and automatic ones such as its host."""
     able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
     where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
     own = [*where, *able, f"kind:{kind.lower()}"]
@@ -182,13 +185,13 @@ def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
 
 
 def _own_terms(options: argparse.Namespace) -> Terms:
-    """The terms from the command line. Raises ValueError."""
+    """Returns the terms set on the command line. Raises ValueError."""
     memory = round(options.memory * 1e9)
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
 
 def _check(options: argparse.Namespace) -> Blender | None:
-    """Checks settings at startup that would otherwise fail with the first task. Returns the Blender in use.
+    """Checks the settings that would otherwise make the first task fail. Returns the Blender to use, or None.
 
     Raises RefusedError.
     """
@@ -215,9 +218,9 @@ def _check(options: argparse.Namespace) -> Blender | None:
 
 
 def _cards(options: argparse.Namespace) -> tuple[Card, ...]:
-    """Returns the graphics cards to use, and adds a slot for each to `options.slots`; with `only` there are no others.
+    """Returns the graphics cards to use, and adds a slot for each to `options.slots`; with `only`, replaces all other slots.
 
-    Raises RefusedError if one of them is not there or cannot be used.
+    Raises RefusedError if a card is missing or cannot be used.
     """
     if options.gpu == "none":
         return ()
@@ -230,7 +233,7 @@ def _cards(options: argparse.Namespace) -> tuple[Card, ...]:
 
 
 def _blender(named: str) -> Blender:
-    """The Blender at the given path. Raises RefusedError if it cannot be used."""
+    """Returns the Blender at the given path. Raises RefusedError if it cannot be used."""
     try:
         found = program.inspect_blender(named) if named else program.find()
     except program.BlenderError as error:

@@ -1,4 +1,4 @@
-"""The Celery application of a worker process, and its hooks around forks."""
+"""Celery application of a worker process, and the functions that run before and after it forks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SHUTDOWN_S = 600  # a warm shutdown waits for running tasks; after this the watc
 
 
 def make_app(worker: context.WorkerContext) -> Celery:
-    """Creates the Celery application with this worker's tasks and queues."""
+    """Creates the Celery application with the tasks and queues of this worker."""
     skip_malformed_messages()
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
@@ -56,7 +56,7 @@ def make_app(worker: context.WorkerContext) -> Celery:
 
 
 def run(worker: context.WorkerContext) -> int:
-    """Takes tasks until a signal stops it; returns the exit code. SIGTERM: finishes the running tasks first."""
+    """Processes tasks until a signal stops the worker; returns the exit code. On SIGTERM, finishes the running tasks first."""
     # Celery warns root users because of pickle; only JSON is accepted here.
     warnings.filterwarnings("ignore", category=SecurityWarning)
     context.set_current(worker)
@@ -91,7 +91,7 @@ def run(worker: context.WorkerContext) -> int:
 
 
 def _keep_log(**_: Any) -> None:
-    """Configures logging in place of Celery, which would add text handlers: its loggers propagate, from level WARNING."""
+    """Replaces Celery's logging set-up: its loggers propagate to the worker's, from level WARNING."""
     for name in ("celery", "kombu", "amqp", "multiprocessing"):
         logging.getLogger(name).setLevel(logging.WARNING)
     get_logger().propagate = True  # billiard's logger does not propagate by default
@@ -99,7 +99,7 @@ def _keep_log(**_: Any) -> None:
 
 
 def _child_starts(**_: Any) -> None:
-    """Runs in every new slot process: ends it with the parent, opens its own connections, and reports the slot as free."""
+    """Initializes a new slot process: ends it together with its parent, opens its connections, and reports the slot as free."""
     worker = context.current()
     die_with_parent(worker.pid)
     worker.after_fork()
@@ -107,7 +107,7 @@ def _child_starts(**_: Any) -> None:
 
 
 def _ready(**_: Any) -> None:
-    """Runs when the worker is ready: starts compiling the kernel for scenes with textures in advance."""
+    """Called when the worker is ready: starts to compile the kernel for scenes with textures in advance."""
     worker = context.current()
     if worker.keeping is None or worker.keeping.may_work_ahead():
         precompile_full_kernel(worker.link)

@@ -1,7 +1,7 @@
-"""`python3 -IS worker/healthy.py [--ready]`: whether the worker of this container is alive, by its exit code.
+"""`python3 -IS worker/healthy.py [--ready]`: health check of the worker in this container; the result is the exit code.
 
 It checks neither the service nor Redis: a worker that waits for them is healthy, and a restart would not help. A worker whose
-event loop hangs is unhealthy. --ready: whether it takes work. worker/machine/health_file.py writes the file.
+event loop hangs is unhealthy. --ready: also checks that it accepts work. worker/machine/health_file.py writes the file.
 """
 
 import os
@@ -12,7 +12,7 @@ FRESH_S = 30.0
 
 
 def fault(path: str, ready: bool = False) -> str:
-    """Why the worker is unhealthy, as a sentence; "" if it is healthy."""
+    """Returns a sentence on why the worker is unhealthy; "" if it is healthy. ready: also require that it accepts work."""
     try:
         with open(path) as file:  # noqa: PTH123 - pathlib takes longer to import than the rest
             pid, state = file.read().split()
@@ -32,7 +32,7 @@ def fault(path: str, ready: bool = False) -> str:
 
 
 def main() -> int:
-    """The exit code: 0 if the worker is healthy."""
+    """Returns the exit code: 0 if the worker is healthy."""
     why = fault(os.environ.get("RAYFARM_ALIVE", ""), "--ready" in sys.argv[1:])
     if why:
         print(why)

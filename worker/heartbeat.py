@@ -1,8 +1,8 @@
-"""A worker's heartbeat: its report, under a key that expires.
+"""A worker's heartbeat: writes its report to Redis under a key that expires.
 
 The event loop that fetches the worker's tasks also writes its report, so a worker whose loop hangs stops reporting, and the
-service notices. Each beat also resets a watchdog, and detects a worker that idles although its queue is full (Celery issues 8030,
-9054, 10205): both end the process, and its supervisor restarts it.
+service notices. Each beat also resets a watchdog, and detects a worker that is idle although its queue is full (Celery issues
+8030, 9054, 10205). In both cases the process ends, and its supervisor restarts it.
 """
 
 from __future__ import annotations
@@ -51,13 +51,16 @@ log = logging.getLogger(__name__)
 
 
 class Reporter:
-    """Writes reports. Does not raise if Redis is unreachable, so the worker keeps running."""
+    """Writes a worker's report over a Redis connection of its own.
+
+    Does not raise if Redis is unreachable, so the worker continues.
+    """
 
     def __init__(self, redis_url: str) -> None:
         self.redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
 
     def beat(self, report: WorkerReport) -> bool:
-        """Writes a report; False if Redis does not store it."""
+        """Writes a report. Returns False if Redis does not store it."""
         try:
             with self.redis.pipeline(transaction=False) as both:
                 both.client_setname(lifeline(report.name))  # repeated, since the connection may be new
@@ -67,13 +70,13 @@ class Reporter:
             return False
 
     def leave(self, name: str) -> None:
-        """Deletes the report at once, so that the service need not wait for it to expire."""
+        """Deletes the report, so that the service need not wait for it to expire."""
         with contextlib.suppress(redis.RedisError):
             self.redis.delete(worker_key(name), help_queue(name))
 
 
 class Heartbeat(bootsteps.StartStopStep):
-    """A step of Celery's consumer: sends heartbeats from its event loop, and restarts when it reconnects."""
+    """A Celery bootstep of the consumer: sends heartbeats from the consumer's event loop. Restarted after a reconnection."""
 
     requires = ("celery.worker.consumer.tasks:Tasks",)
 
@@ -99,14 +102,14 @@ class Heartbeat(bootsteps.StartStopStep):
         self.timer = consumer.timer.call_repeatedly(HEARTBEAT_EVERY_S, self.beat)
 
     def stop(self, consumer: Any) -> None:
-        """Stops the heartbeat, before a shutdown or a reconnect."""
+        """Stops the heartbeat before a shutdown or a reconnection."""
         health_file.write_state(State.AWAY)
         if self.timer is not None:
             self.timer.cancel()
             self.timer = None
 
     def beat(self) -> None:
-        """Reports, resets the watchdog, applies the service's terms, and checks that queued tasks reach this worker."""
+        """Sends the report, resets the watchdog, applies the service's terms, and checks that this worker gets queued tasks."""
         health_file.write_state(State.WORKING)
         heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
         self._tell()
@@ -149,14 +152,16 @@ class Heartbeat(bootsteps.StartStopStep):
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _see_to_pieces(self, report: WorkerReport, heard: HeartbeatReply) -> None:
-        """Sends help requests if pieces wait and none is queued, since the slot that was to take them may have been killed."""
+        """Sends help requests if pieces of joint batches wait but no request is queued: the slot that should take them may have
+        died.
+        """
         free = sum(not doing for doing in report.current)
         if self.worker.pieces is not None and report.in_hand and free and not heard.is_asked:
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.waiting(), 1)))
 
     def _obey(self) -> None:
-        """Pauses or resumes taking tasks as the service requests; running tasks are finished in any case."""
+        """Pauses or resumes the fetching of tasks as the service requires. Running tasks are always finished."""
         keeping = self.worker.keeping
         wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
@@ -182,7 +187,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._serve_needs(() if wanted or keeping is None else keeping.terms.queues)
 
     def _serve_needs(self, queues: tuple[str, ...]) -> None:
-        """Consumes exactly these requirement queues, in addition to the worker's own queues."""
+        """Serves exactly these queues for requirements, in addition to the worker's own queues."""
         try:
             for queue in self.served:
                 if queue not in queues:
@@ -196,7 +201,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self.served = queues
 
     def _keep(self) -> None:
-        """Applies the requested terms, including the number of slots; running tasks are finished in any case."""
+        """Applies the terms that the service requires, including the number of slots. Running tasks are always finished."""
         if (keeping := self.worker.keeping) is None:
             return
         keeping.request(self.heard.terms)
@@ -208,7 +213,7 @@ class Heartbeat(bootsteps.StartStopStep):
 
 
 def _taken() -> list[str]:
-    """The ids of batch messages that were taken from the queue and are unfinished.
+    """Returns the ids of batch messages that were fetched from the queue and are not finished.
 
     Needed in addition to the slots' reports, since a slot of a busy machine may take seconds to report its batch.
     """

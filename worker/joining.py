@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Joined:
-    """The result of joining a farm."""
+    """Result of joining a farm: the service's response, the address of Redis, and the worker's name."""
 
     farm: FarmAnswer
     redis_url: str
@@ -39,9 +39,9 @@ class Joined:
 
 
 class FarmJoin:
-    """Joins the service, retrying until it answers, then reports `starting` until the worker's own heartbeat takes over.
+    """Joins the service, retrying until it responds; then reports `starting` until the worker's own heartbeat starts.
 
-    redis_url: None to use the service's. report: makes the worker's report for a given name.
+    redis_url: None: the service's. report: returns the worker's report for a given name.
     """
 
     def __init__(
@@ -66,15 +66,15 @@ class FarmJoin:
         self._thread = threading.Thread(target=self._run, name="joining", daemon=True)
 
     def begin(self) -> None:
-        """Starts joining. Raises WorkerError if a retry does not help: there is no farm, or it refuses."""
+        """Starts joining. Raises WorkerError if a retry does not help: there is no farm, or it rejects the worker."""
         with contextlib.suppress(LinkError):
             self._link.join()
         self._thread.start()
 
     def finish(self, stop: Callable[[], bool]) -> Joined | None:
-        """Waits for the service's answer and ends the thread; None if `stop` returned true first.
+        """Waits until the farm is joined, and ends the thread. Returns None if `stop` returned true first.
 
-        Raises WorkerError as `begin`.
+        Raises WorkerError as `begin` does.
         """
         while not stop() and not self._answered.wait(0.1):
             pass
@@ -98,7 +98,7 @@ class FarmJoin:
             self._beat(self._joined)
 
     def _patiently(self) -> Joined | None:
-        """Joins as soon as service and Redis are reachable; None if stopped. Reports each distinct reason for waiting once."""
+        """Joins once service and Redis are reachable; None if stopped. Logs each distinct reason for waiting once."""
         said = ""
         pause = FIRST_PAUSE_S
         while not self._stop.is_set():
@@ -128,7 +128,7 @@ class FarmJoin:
 
 
 def check_redis(url: str) -> None:
-    """Raises LinkError, with a hint, if a worker cannot write to the Redis at `url`."""
+    """Raises LinkError, with advice, if a worker cannot write to the Redis at `url`."""
     where = urlsplit(url)._replace(netloc=urlsplit(url).netloc.rpartition("@")[2]).geturl()
     try:
         with _connection(url) as store:
@@ -150,7 +150,7 @@ def check_redis(url: str) -> None:
 
 
 def free_name(wanted: str, redis_url: str, host: str) -> str:
-    """`wanted`, or with the suffix -2, -3 ... if a living worker has that name."""
+    """Returns `wanted`, with a suffix -2, -3 ... if a live worker already has that name."""
     with contextlib.suppress(redis.RedisError), _connection(redis_url) as store:
         for name in (wanted, *(f"{wanted}-{n}" for n in range(2, 1000))):
             if not _is_taken(store, name, host):
@@ -163,7 +163,7 @@ def _connection(url: str) -> redis.Redis:
 
 
 def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
-    """Whether a living worker has this name. A report that this release cannot parse counts as living until it expires."""
+    """Whether a live worker has this name. A report that this release cannot parse is treated as live until it expires."""
     try:
         data = store.get(worker_key(name))
         return isinstance(data, bytes) and not _is_dead(WorkerReport.from_bytes(data), host)
@@ -172,7 +172,7 @@ def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
 
 
 def _is_dead(report: WorkerReport, host: str) -> bool:
-    """Returns True if a report comes from a process of this host that has ended."""
+    """Whether a report is from a process on this host that has ended."""
     if report.host != host or report.pid <= 0:
         return False
     try:

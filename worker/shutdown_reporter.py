@@ -1,7 +1,7 @@
-"""Keeps reporting a worker's running tasks while it shuts down.
+"""Reports a worker's running tasks while the worker shuts down.
 
-The event loop that otherwise reports them has ended by then; if the report expired, that work would be handed out again, though
-it is nearly done.
+The event loop that otherwise reports them has already ended. If the report expired, the service would dispatch the nearly
+finished work again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["ShutdownReporter"]
 
 
 class ShutdownReporter:
-    """Reports from the parent process during shutdown."""
+    """Sends reports from the parent process during a shutdown."""
 
     def __init__(self, worker: WorkerContext) -> None:
         self._worker = worker
@@ -25,13 +25,13 @@ class ShutdownReporter:
         self._thread: threading.Thread | None = None
 
     def begin(self, **_: Any) -> None:
-        """Starts reporting: the worker takes no more tasks, and finishes those that are running."""
+        """Starts reporting that the worker takes no more tasks and finishes the running ones."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="leaving", daemon=True)
             self._thread.start()
 
     def end(self) -> None:
-        """Stops reporting and deletes the report, when no task is running."""
+        """Stops reporting and deletes the report. Called when no task is running."""
         self._is_gone.set()
         if self._thread is not None:
             self._thread.join()

@@ -1,7 +1,7 @@
-"""`python -m worker.standby`: as `python -m worker`, but loads first and takes its options from a line on standard input.
+"""`python -m worker.standby`: like `python -m worker`, but imports everything first and then reads its options from stdin.
 
-Loading takes more than a second of processor time. `rayfarm up` and `rayfarm worker` start this process before they load
-themselves (rayfarm/local/early.py).
+The imports take more than a second of processor time. `rayfarm up` and `rayfarm worker` start this process before their own
+imports (rayfarm/local/early.py).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from worker.work.reader import begin_launcher
 
 
 def load() -> None:
-    """Loads the plain kernel, and starts the launcher of readers, if this machine has the kernel."""
+    """Loads the plain kernel and starts the launcher of confined readers, if the kernel is cached on this machine."""
     take_shipped(jit.cache_folder())
     if jit.is_cached(kernel_name()):
         begin_launcher()

@@ -1,4 +1,4 @@
-"""The Celery tasks. Their arguments are ids and numbers; files go over HTTP, results over the stream."""
+"""The Celery tasks. Their arguments are ids and numbers; files are sent over HTTP, results over the stream."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ log = logging.getLogger(__name__)
 
 
 def register(app: Celery) -> None:
-    """Registers the tasks with the application."""
+    """Registers the tasks with the Celery application."""
     tasks: dict[str, tuple[Callable[[Any, Any], None], str]] = {
         PREPARE: (_prepare, "prepare"),
         PREPARE_FRAMES: (_prepare_frames, "prepare frames"),
@@ -79,7 +79,7 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 
 
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
-    """Renders batches in turn, and sends the sums of each as soon as it is rendered."""
+    """Renders batches one after another, and sends the sums of each as soon as it is rendered."""
     for batch in batches:
         with about(**named(batch)):
             _render(task, context.current(), batch)
@@ -109,7 +109,7 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
 
 
 def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
-    """Renders a piece of a joint batch (JointBatch.to_json), and offers the other pieces to the slots of this worker."""
+    """Renders one piece of a joint batch (JointBatch.to_json), and offers the other pieces to the slots of this worker."""
     worker = context.current()
     try:
         work = JointBatch.from_json(joint)
@@ -127,7 +127,7 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
 
 
 def _help(task: Any, asked: dict[str, Any]) -> None:
-    """Renders a piece that waits on this machine, and sends the sums that are due."""
+    """Renders a piece that waits on this machine, if any, and sends the sums that are due."""
     help_out(context.current())
 
 
@@ -216,7 +216,7 @@ def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: 
 
 
 def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
-    """Prepares frames of a shot (PrepareFrames as a dict), and answers for each."""
+    """Prepares frames of a shot (PrepareFrames as a dict), and sends an answer for each."""
     worker = context.current()
     about = {name: frames.get(name) for name in ("work", "job")} | {"kind": worker.kind, "worker": worker.name}
 
@@ -292,7 +292,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
-    """Prepares frames that a view shows (ViewFrame.to_json)."""
+    """Prepares frames for a view (ViewFrame.to_json)."""
     worker = context.current()
     try:
         work = ViewFrame.from_json(frame)

@@ -1,7 +1,8 @@
-"""Cache of blobs by hash: mapped from the service's own folder if it is on this machine, otherwise fetched once and kept.
+"""Cache of blobs by hash: mapped from the service's folder if it is on this machine; otherwise downloaded once and stored.
 
-Fetched blobs are written beside their final name, verified, synced and renamed, so a file in the cache is complete even after a
-power cut. The cache evicts the least recently used blob; a file that is still mapped stays readable until it is unmapped (POSIX).
+Downloaded blobs are written to a temporary file next to their final name, verified, synced and renamed, so a file in the cache is
+complete even after a power failure. The cache evicts the least recently used blob; a file that is still mapped stays readable
+until it is unmapped (POSIX).
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def default_cache_dir() -> Path:
-    """The default cache folder, beside the kernels' cache (renderer.jit)."""
+    """Returns the default cache folder, next to the cache of kernels (renderer.jit)."""
     return private_folder("blobs")
 
 
 class BlobCache:
-    """The blob cache of this machine. Safe for concurrent use by many processes.
+    """The blob cache of this machine. Many processes can use it concurrently.
 
-    max_bytes: limit on the total size of fetched blobs; the requested blob is kept even if it alone is larger.
-    Every method raises MachineError if this machine cannot store files: a full disk, a folder without write permission.
+    max_bytes: limit on the total size of downloaded blobs; the requested blob is stored even if it alone is larger.
+    Every method raises MachineError if this machine cannot store files: full disk, folder without write permission.
     """
 
     def __init__(self, link: Link, farm: FarmAnswer, folder: Path, max_bytes: int = 32 << 30) -> None:
@@ -48,14 +49,14 @@ class BlobCache:
         self.shared = _shared_blobs(farm)
 
     def check(self) -> None:
-        """Checks that the cache is writable; called before the first task. Raises MachineError."""
+        """Raises MachineError if the cache is not writable. Called before the first task."""
         with self._explained(), tempfile.TemporaryFile(dir=self._made(self.folder)):
             pass
 
     def path(self, sha256: str, size: int | None = None) -> Path:
-        """Path of the blob's file, fetched if it is missing. size: its size if known; a file of another size is fetched again.
+        """Returns the path of a blob's file, downloaded if missing. size: if known, a file of another size is downloaded again.
 
-        Raises Trouble or RefusedError if it cannot be fetched.
+        Raises Trouble or RefusedError if it cannot be downloaded.
         """
         if self.shared is not None and (mine := self.shared / sha256[:2] / sha256).is_file():
             return mine
@@ -72,9 +73,9 @@ class BlobCache:
         return target
 
     def adopt(self, path: Path, sha256: str) -> None:
-        """Adds a copy of a file that was made on this machine, so that it need not be fetched.
+        """Adds a copy of a file that was created on this machine, so that it need not be downloaded.
 
-        Raises WorkError if its hash differs from `sha256`: a reader of untrusted files made it.
+        Raises WorkError if its hash is not `sha256`, since the process that created it is not trusted.
         """
         if self.shared is not None:
             return
@@ -87,9 +88,9 @@ class BlobCache:
             self._evict(target, self.max_bytes)
 
     def discard_damaged(self, sha256: str) -> bool:
-        """Removes a fetched file if its bytes no longer match its hash; returns whether it did.
+        """Deletes a downloaded file if its content does not match its hash any more. Returns whether it was deleted.
 
-        The next `path` fetches it again.
+        The next `path` downloads it again.
         """
         target = self._target(sha256)
         with self._explained(), self._locked(sha256):
@@ -124,7 +125,7 @@ class BlobCache:
                     )
 
     def _with_room(self, target: Path, write: Callable[[], None]) -> None:
-        """Calls `write`; if the disk is full, evicts all other blobs and calls it again."""
+        """Calls `write`. If the disk is full, evicts all other blobs and calls it again."""
         try:
             write()
         except OSError as error:
@@ -135,9 +136,9 @@ class BlobCache:
 
     @contextlib.contextmanager
     def _writing(self, target: Path) -> Iterator[Path]:
-        """Yields a temporary file beside `target`, synced and renamed to it at the end.
+        """Context manager that yields a temporary file next to `target`; on exit, syncs it and renames it to `target`.
 
-        It is locked while it is being written.
+        The file is locked while it is being written.
         """
         handle, name = tempfile.mkstemp(dir=self._made(target.parent), prefix=PART)
         temporary = Path(name)
@@ -153,9 +154,9 @@ class BlobCache:
 
     @contextlib.contextmanager
     def _locked(self, sha256: str) -> Iterator[None]:
-        """Holds an exclusive file lock, so that one process fetches a blob while others wait.
+        """Context manager that holds an exclusive file lock, so that one process downloads a blob while others wait.
 
-        The kernel frees locks of killed processes.
+        The operating system releases locks of killed processes.
         """
         with (self._made(self.folder / "locks") / sha256[:2]).open("wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
@@ -190,7 +191,7 @@ class BlobCache:
         return folder
 
     def _evict(self, keep: Path, max_bytes: int) -> None:
-        """Removes the least recently used files until the rest fits `max_bytes`, and partial files of killed processes."""
+        """Deletes the least recently used files until the rest fits `max_bytes`, and partial files of killed processes."""
         files = []
         for path in self.folder.glob("??/*"):
             with contextlib.suppress(OSError):
@@ -209,7 +210,7 @@ class BlobCache:
 
 
 def _drop_distrusted(target: Path) -> None:
-    """Removes a fetched file that other users may have written, and revokes their access to its folder if this user owns it."""
+    """Deletes a downloaded file that other users could have written; makes its folder private if this user owns the folder."""
     with contextlib.suppress(FileNotFoundError):
         folder = target.parent.stat()
         if reason_to_distrust(folder):
@@ -221,7 +222,7 @@ def _drop_distrusted(target: Path) -> None:
 
 
 def _remove_orphan(path: Path) -> None:
-    """Removes a partial file without a writer. A writer holds the file's lock."""
+    """Deletes a partial file unless its writer still runs, and so holds the file's lock."""
     if time.time() - path.stat().st_mtime < ORPHAN_S:
         return
     with path.open("rb") as file, contextlib.suppress(BlockingIOError):
@@ -238,7 +239,10 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _shared_blobs(farm: FarmAnswer) -> Path | None:
-    """The service's blob folder if this process can read it: its `instance` file must hold the service's id."""
+    """Returns the service's blob folder if this process can read it: if its `instance` file contains the service's id.
+
+    Else None.
+    """
     if not farm.data_dir:
         return None
     try:

@@ -1,15 +1,15 @@
 """Errors of a worker, by their cause.
 
 WorkerError            base class; the message is one sentence
-├── Trouble            failure of the worker, not of a scene; may be temporary: the work is retried, then handed back
+├── Trouble            failure of the worker, not of a scene; may be temporary: the work is retried, then returned
 │   ├── LinkError      the service cannot be reached, or answers with a server error
 │   │   └── DamagedError   the content differs from the request: corrupted in transit or on the service's disk
 │   ├── TokenError     the service does not accept this worker's token
 │   ├── NotAFarmError  the service's address is that of another server
 │   └── MachineError   this machine: a full disk, an unwritable cache, too many processes
 ├── UnfitError         this machine cannot do this work, another may; the scene is not at fault; not retried here
-├── RefusedError       the service refused the request; a retry gives the same answer
-└── WorkError          failure of the work itself: a file that is not a scene
+├── RefusedError       the service rejected the request; a retry gives the same answer
+└── WorkError          failure of the work itself: for instance a file that is not a scene
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _OF_MACHINE = {
 
 
 class WorkerError(Exception):
-    """Base class of a worker's errors. `str(error)` is one sentence for the user."""
+    """Base class of a worker's errors. `str(error)` is one sentence for users."""
 
 
 class Trouble(WorkerError):  # noqa: N818 - the name of a family
-    """Failure of the worker and not of a scene; may be temporary."""
+    """Failure of the worker rather than of a scene. It may be temporary."""
 
 
 class LinkError(Trouble):
@@ -66,11 +66,11 @@ class MachineError(Trouble):
 
 
 class UnfitError(WorkerError):
-    """Raised if this machine cannot do this work, whatever the scene: its limits, its memory, its temporary folder."""
+    """Raised if this machine cannot do this work, independent of the scene: its limits, its memory, its temporary folder."""
 
 
 class RefusedError(WorkerError):
-    """Raised if the service refuses a request; a retry gives the same answer."""
+    """Raised if the service rejects a request. A retry gives the same answer."""
 
 
 class WorkError(WorkerError):
@@ -78,5 +78,5 @@ class WorkError(WorkerError):
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Returns True if an error is caused by this machine and not by the file being read."""
+    """Whether an error is caused by this machine rather than by the file being read."""
     return error.errno in _OF_MACHINE

@@ -1,6 +1,6 @@
-"""Error sentences for an address at which another server than a Rayfarm service answers.
+"""Error sentences for an address at which a server other than a Rayfarm service answers.
 
-Imports nothing heavy, since the command line uses the same sentences.
+Imports little, since the command line uses these sentences too.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MAX_ANSWER = 64 << 20  # bytes of JSON; a longer answer does not come from a far
 
 
 def is_address(url: str) -> bool:
-    """Returns True if `url` is a valid address of a service: HTTP or HTTPS, with a host."""
+    """Whether `url` is a valid address of a service: HTTP or HTTPS, with a host."""
     try:
         parts = urlsplit(url)
         is_http = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
@@ -26,7 +26,7 @@ def is_address(url: str) -> bool:
 
 
 def is_here(url: str) -> bool:
-    """Returns True if an address is this machine's loopback, which bypasses any proxy such as HTTP_PROXY."""
+    """Whether an address is this machine's loopback, for which no proxy such as HTTP_PROXY is used."""
     try:
         return urlsplit(url).hostname in ("localhost", "127.0.0.1", "::1")
     except ValueError:
@@ -34,14 +34,14 @@ def is_here(url: str) -> bool:
 
 
 def not_a_farm(url: str, came: str) -> str:
-    """The error sentence. came: description of the answer, from `kind_of_answer`."""
+    """Returns the error sentence. came: description of the response, from `kind_of_answer`."""
     return (
         f"{url} answers, but it is not a Rayfarm service: {came}. Give the address that `rayfarm up` shows, as http://host:8000."
     )
 
 
 def kind_of_answer(body: bytes, content_type: str = "") -> str:
-    """Describes an answer for the user: an empty one, an HTML page, a list ..."""
+    """Returns a description of a response for the user: empty, an HTML page, a list ..."""
     if not body.strip():
         return "it sends an empty answer"
     if "html" in content_type or body.lstrip()[:15].lower().startswith((b"<!doctype html", b"<html")):

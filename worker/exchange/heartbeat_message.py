@@ -1,7 +1,7 @@
-"""A worker's heartbeat message to Redis: its report and its queries in one pipeline, whose reply is read asynchronously.
+"""A worker's heartbeat message to Redis: its report and its queries in one pipeline, whose replies are read asynchronously.
 
-The heartbeat runs on the event loop that fetches the worker's tasks. On a line with one second per reply, six sequential queries
-would take longer than a report's TTL, and no task would be fetched meanwhile.
+The heartbeat runs on the event loop that fetches the worker's tasks. On a connection with one second per reply, six sequential
+queries would take longer than a report's TTL, and no task would be fetched meanwhile.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _AWAY = (redis.RedisError, OSError)
 
 @dataclass(frozen=True)
 class HeartbeatReply:
-    """Redis's reply to a heartbeat.
+    """Redis's replies to a heartbeat.
 
-    is_taken: whether Redis stored the report; is_asked: whether a help request waits for the worker's slots; waiting: number of
-    queued tasks for workers of its kind.
+    is_taken: whether Redis stored the report. is_paused: whether the worker shall pause. is_asked: whether a help request for the
+    worker's slots is queued. waiting: number of queued tasks for workers of its kind.
     """
 
     is_taken: bool
@@ -45,7 +45,7 @@ class HeartbeatReply:
 
 
 class HeartbeatConnection:
-    """A separate Redis connection for heartbeats. Methods do not raise if Redis is unreachable, so the worker keeps running."""
+    """A separate Redis connection for heartbeats. Methods do not raise if Redis is unreachable, so the worker continues."""
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=CONNECT_S, socket_connect_timeout=CONNECT_S)
@@ -53,7 +53,7 @@ class HeartbeatConnection:
         self._sent: deque[tuple[float, int]] = deque()  # pending messages: time sent, and number of commands
 
     def send(self, report: WorkerReport, offer: Offer | None, more: list[tuple[Any, ...]]) -> None:
-        """Sends a report. offer: the worker's offer, if it has one. more: further commands, whose replies are ignored."""
+        """Sends a report. offer: the worker's offer, or None. more: further commands, whose replies are ignored."""
         name, kind = report.name, report.kind
         commands: list[tuple[Any, ...]] = [
             ("CLIENT", "SETNAME", lifeline(name)),  # repeated, since the connection may be new
@@ -81,7 +81,7 @@ class HeartbeatConnection:
             self.close()
 
     def receive(self, patience_s: float = 0.0) -> HeartbeatReply | None:
-        """Returns the latest reply received; None if there is none. patience_s: timeout in seconds if a reply is pending."""
+        """Returns the latest reply received; None if there is none. patience_s: time to wait for a pending reply, in seconds."""
         heard: HeartbeatReply | None = None
         try:
             while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):

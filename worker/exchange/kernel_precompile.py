@@ -1,4 +1,4 @@
-"""Compiles the full-featured kernel (textures and everything else) in advance, while a new worker waits or renders.
+"""Compiles the full-featured kernel (with textures and everything else) in advance, while a new worker waits or renders.
 
 Without it, the first such scene would wait half a minute. Runs as a separate process at low priority:
 `python -m worker.exchange.kernel_precompile --service URL`, with the farm's token in RAYFARM_TOKEN. A slot that needs the kernel
@@ -32,7 +32,10 @@ STANDS_BACK = 5  # nice levels; moderate, so that a slot waiting for the kernel 
 
 
 def precompile_full_kernel(link: Link) -> None:
-    """Starts the process, unless this machine has the kernel. It works after LATER_S, and ends with this process."""
+    """Starts the compiling process, unless this machine has the kernel.
+
+    It starts work after LATER_S seconds, and ends with this process.
+    """
     if jit.is_cached(kernel_name(edition=FULL)):
         return
     guard = spawn_guard()
@@ -51,9 +54,9 @@ def precompile_full_kernel(link: Link) -> None:
 
 
 def main() -> int:
-    """Compiles or fetches the kernel once and returns the exit code.
+    """Compiles or downloads the kernel once. Returns the exit code.
 
-    A failure is only logged, since a slot compiles on demand.
+    A failure is only logged, since a slot can compile on demand.
     """
     parser = argparse.ArgumentParser(
         prog="python -m worker.exchange.kernel_precompile", description="Gets the next kernel ready."

@@ -1,4 +1,4 @@
-"""Shares compiled kernels in a farm: a worker downloads a kernel of its kind before compiling it, and uploads what it compiled.
+"""Shares compiled kernels within a farm: a worker downloads a kernel of its kind before compiling, and uploads what it compiled.
 
 Uploading runs as a separate process, so the first tile does not wait for it: `python -m worker.exchange.kernels --service URL
 --folder FOLDER --kernel NAME`, with the farm's token in RAYFARM_TOKEN.
@@ -30,7 +30,7 @@ _PATIENCE_S, _PAUSE_S = 60.0, 1.0
 
 
 def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
-    """Fetches a kernel into this folder (renderer.jit.cache_folder).
+    """Downloads a kernel to this folder (renderer.jit.cache_folder).
 
     Returns whether the farm had it, and a sentence for the log.
     """
@@ -55,7 +55,7 @@ def upload_kernel(link: Link, folder: Path, kernel: str) -> None:
 
 
 def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
-    """Like `hand_in`, some seconds later, in a child process that ends with this one."""
+    """Like `upload_kernel`, but some seconds later, in a child process that ends with this one."""
     command = [
         *begun_later("worker.exchange.kernels", _LATER_S),
         f"--service={link.service}",
@@ -74,7 +74,7 @@ def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
 
 
 def main() -> int:
-    """Uploads the kernel once and returns the exit code. A failure is only logged, since the next worker can compile."""
+    """Uploads the kernel once. Returns the exit code. A failure is only logged, since the next worker can compile."""
     parser = argparse.ArgumentParser(prog="python -m worker.exchange.kernels", description="Gives a farm what was compiled here.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")
@@ -91,7 +91,7 @@ def main() -> int:
 
 
 def _upload_once_compiled(link: Link, folder: Path, kernel: str) -> None:
-    """Like `upload_kernel`, retried for up to a minute, as the service may still be starting or restarting."""
+    """Like `upload_kernel`, but retries for up to a minute, since the service may be starting or restarting."""
     until = time.monotonic() + _PATIENCE_S
     while True:
         try:

@@ -1,4 +1,4 @@
-"""A worker's HTTP client of the service: joins the farm, fetches manifests and blobs, stores blobs. Uses the farm's token."""
+"""A worker's HTTP client for the service: joins the farm, downloads manifests and blobs, uploads blobs. Uses the farm's token."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ MAY_PASS = (408, 425, 429)
 
 @dataclass(frozen=True)
 class FarmAnswer:
-    """The service's answer to a worker that joins.
+    """The service's response to a worker that joins.
 
-    `instance`: the service's id; `data_dir`: its data folder on its own machine; `reduces`: whether it supports sums of several
-    workers (protocol/site.py).
+    instance: the service's id. data_dir: its data folder on its own machine. reduces: whether it accepts sums added up by a site
+    (protocol/site.py).
     """
 
     redis_url: str
@@ -47,14 +47,14 @@ class FarmAnswer:
 
 
 class Link:
-    """An HTTP client of the service. Created anew in every process, since connections do not survive a fork.
+    """An HTTP client for the service. Each process creates its own, since connections do not survive a fork.
 
-    Every method raises Trouble (worker.errors) if the service is unreachable, failing or not a farm, and RefusedError if it
-    refuses.
+    Every method raises Trouble (worker.exchange.errors) if the service is unreachable, failing or not a farm, and RefusedError if
+    it rejects the request.
     """
 
     def __init__(self, service: str, token: str) -> None:
-        """Raises RefusedError if the address or the token is invalid."""
+        """Stores address and token. Raises RefusedError if one of them is invalid."""
         self.service = service.rstrip("/")
         self.token = token
         self._client: httpx.Client | None = None
@@ -101,11 +101,11 @@ class Link:
         return self._client
 
     def forget_connections(self) -> None:
-        """Drops the connections after a fork, leaving the parent's sockets open; the next use opens new ones."""
+        """Drops the connections after a fork without closing the parent's sockets; the next request opens new ones."""
         self._client = None
 
     def join(self) -> FarmAnswer:
-        """Joins the farm."""
+        """Joins the farm; returns its address of Redis and other data."""
         data = self._object("/api/farm/join", "redis_url", "instance")
         told = data["redis_url"]
         try:
@@ -121,7 +121,7 @@ class Link:
         return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
 
     def manifest(self, scene: str) -> Manifest:
-        """Fetches the manifest of an uploaded scene."""
+        """Downloads the manifest of an uploaded scene."""
         data = self._object(f"/api/farm/scenes/{scene}/manifest", "scene", "main", "files")
         try:
             return Manifest.from_json(data)
@@ -136,7 +136,7 @@ class Link:
             ) from None
 
     def fetch(self, sha256: str, out: BinaryIO) -> None:
-        """Writes a blob to `out`. Raises DamagedError if the received bytes have another hash."""
+        """Downloads a blob to `out`. Raises DamagedError if the received bytes have another hash."""
         digest = hashlib.sha256()
         with self._stream("GET", f"/api/farm/blobs/{sha256}") as response:
             for chunk in response.iter_bytes(CHUNK):
@@ -153,7 +153,7 @@ class Link:
             )
 
     def fetch_means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
-        """Writes a frame's means to `out` (format: DenoiseFrame); returns the film's version and number of samples."""
+        """Downloads a frame's means to `out` (format: DenoiseFrame). Returns the film's version and number of samples."""
         with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
@@ -166,7 +166,7 @@ class Link:
         return about
 
     def store(self, path: Path) -> BlobRef:
-        """Stores a file as a blob at the service, under its hash."""
+        """Uploads a file as a blob, and returns its reference."""
         with path.open("rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
             size = file.tell()
@@ -179,7 +179,7 @@ class Link:
         return BlobRef(path="", sha256=sha256, size=size)
 
     def has(self, sha256: str) -> bool:
-        """Whether the service has a blob. Renews its retention as if it were just stored, until something refers to it."""
+        """Whether the service has a blob. Also renews the time for which the service keeps it without a reference."""
         try:
             with self._stream("POST", f"/api/farm/blobs/{sha256}/keep"):
                 return True
@@ -187,7 +187,7 @@ class Link:
             return False
 
     def kernels(self, name: str, out: BinaryIO) -> bool:
-        """Writes the kernels of this name (renderer.kernel_file) to `out`; False if the farm has none."""
+        """Downloads the kernels of this name (renderer.kernel_file) to `out`. Returns False if the farm has none."""
         try:
             with self._stream("GET", f"/api/farm/kernels/{name}") as response:
                 for chunk in response.iter_bytes(CHUNK):
@@ -197,7 +197,7 @@ class Link:
         return True
 
     def has_kernels(self, name: str) -> bool:
-        """Returns True if the farm has the kernels of this name."""
+        """Whether the farm has the kernels of this name."""
         try:
             with self._stream("HEAD", f"/api/farm/kernels/{name}"):
                 return True
@@ -214,7 +214,7 @@ class Link:
             self._body(response)
 
     def _object(self, path: str, *needed: str) -> dict[str, Any]:
-        """Fetches the JSON object at `path`. Raises NotAFarmError if it lacks one of the needed keys."""
+        """Downloads the JSON object at `path`. Raises NotAFarmError if it lacks one of the required keys."""
         with self._stream("GET", path) as response:
             body = self._body(response)
         try:
@@ -226,7 +226,7 @@ class Link:
         return data
 
     def _body(self, response: httpx.Response) -> bytes:
-        """Reads the whole body, with limits on its size and time, since the server is untrusted."""
+        """Reads the whole body, with limits on its size and duration, since the server is not trusted."""
         deadline = time.monotonic() + ANSWER_S
         body = bytearray()
         for chunk in response.iter_bytes():
@@ -246,7 +246,7 @@ class Link:
 
     @contextmanager
     def _stream(self, method: str, path: str, **kwargs: Any) -> Iterator[httpx.Response]:
-        """Yields a successful response whose body is still unread."""
+        """Context manager that yields a successful response before its body is read."""
         try:
             with self.client.stream(method, path, **kwargs) as response:
                 self._check(response)
@@ -300,7 +300,7 @@ class Link:
 
 
 def check_redis_url(url: str) -> None:
-    """Raises ValueError if `url` is no valid Redis address; the message omits the password."""
+    """Raises ValueError if `url` is not a valid Redis address. The message omits the password."""
     try:
         ConnectionPool.from_url(url).make_connection()
     except (ValueError, TypeError):  # TypeError: an invalid query parameter
@@ -308,7 +308,7 @@ def check_redis_url(url: str) -> None:
 
 
 def _reachable(redis_url: str, service: str) -> str:
-    """Redis's address as seen from here: the service's loopback host is replaced by the host at which the service was reached."""
+    """Returns Redis's address as reached from here: a loopback host is replaced by the host at which the service was reached."""
     url, host = urlsplit(redis_url), urlsplit(service).hostname
     if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:
         return redis_url

@@ -1,4 +1,4 @@
-"""Makes a kernel ready: downloaded if the farm has it, otherwise compiled and uploaded to the farm."""
+"""Makes a kernel ready: downloads it if the farm has it; otherwise compiles it and uploads it to the farm."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _log = logging.getLogger("worker")
 
 
 def get_ready(link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None) -> None:
-    """Like `warm_up`, but fetches the kernel from the farm if possible, and otherwise uploads it after compiling."""
+    """Like `warm_up`, but downloads the kernel from the farm if possible, and otherwise uploads it after compiling."""
     if not fetched_or_compiled(link, settings, edition, helpers):
         upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, edition))
 
@@ -25,7 +25,7 @@ def get_ready(link: Link, settings: RenderSettings | None = None, edition: str =
 def fetched_or_compiled(
     link: Link, settings: RenderSettings | None = None, edition: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
-    """Like `get_ready` without the upload; returns whether the farm has the kernel (it was fetched)."""
+    """Like `get_ready`, but without the upload. Returns whether the kernel was downloaded, so that the farm has it."""
     folder = jit.cache_folder()
     farm_has_it = False
 

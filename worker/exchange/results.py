@@ -1,4 +1,4 @@
-"""Appends events and sums to the RESULTS stream, with retries through restarts of Redis and of the service."""
+"""Sends events and sums on the RESULTS stream, and retries while Redis or the service restarts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 
 class ResultStream:
-    """Appends results to the stream. Created anew in every process."""
+    """The RESULTS stream, for writing. Each process creates its own."""
 
     def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = PATIENCE_S) -> None:
         self.max_entries = max_entries
@@ -35,10 +35,10 @@ class ResultStream:
         )
 
     def send(self, result: Result, patience_s: float | None = None) -> bool:
-        """Appends a result; False if the stream stays full or Redis unreachable for `patience_s`.
+        """Appends a result. Returns False if the stream stays full, or Redis unreachable, for `patience_s` seconds.
 
-        patience_s: seconds; by default that of the stream; 0 for events that may be dropped.
-        A retry after a lost reply may append a result twice; merging into the film drops the duplicate.
+        patience_s: None: the default; 0: for events that may be dropped. A retry after a lost reply may append a result twice;
+        merging into the film drops the duplicate.
         """
         fields = result.to_fields()
         patience_s = self.patience_s if patience_s is None else patience_s

@@ -18,9 +18,9 @@ T = TypeVar("T")
 
 
 def retry_on_trouble(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
-    """Returns what `call` returns, retrying for `seconds` while it raises Trouble; then raises the last error.
+    """Returns the result of `call`. While it raises Trouble, retries for `seconds`; then raises the last error.
 
-    Each distinct reason is logged once.
+    Each distinct reason is logged once. pause_s: pause between attempts.
     """
     deadline = time.monotonic() + seconds
     said = ""

@@ -1,4 +1,4 @@
-"""Selects the certificate that a worker or a command accepts from the farm: one the machine trusts, or a given one."""
+"""Selects the TLS certificate that a worker or a command accepts from the farm: one that the machine trusts, or a given one."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ END = "-----END CERTIFICATE-----"
 
 
 def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
-    """Value for httpx's `verify`. certificate: path of the farm's own, as PEM; default $RAYFARM_TLS_CERT; empty: the trust store.
+    """Returns the value for httpx's `verify`.
 
-    Only the first certificate of the file is then accepted, under whatever host name the farm is reached, as a farm may use a
-    self-signed one. Raises OSError if the file cannot be read, and ValueError if it holds no certificate.
+    certificate: path of the farm's own certificate (PEM); default $RAYFARM_TLS_CERT; empty: the machine's trust store. Only the
+    first certificate in the file is then accepted, for any host name, since a farm may use a self-signed one. Raises OSError if
+    the file cannot be read, and ValueError if it contains no certificate.
     """
     path = os.environ.get(TRUST_VARIABLE, "") if certificate is None else certificate
     if not path:
@@ -35,7 +36,7 @@ def trust(certificate: str | None = None) -> ssl.SSLContext | bool:
 
 
 def as_needed(trusted: ssl.SSLContext | bool, url: str) -> ssl.SSLContext | bool:
-    """The value of `verify` for a client of this address alone: False for plain HTTP, which verifies nothing.
+    """Returns the value of `verify` for a client that uses only this address: False for plain HTTP.
 
     That saves loading the machine's trust store, which takes a tenth of a second.
     """

@@ -1,4 +1,4 @@
-"""The machine a worker runs on, and the worker's processes.
+"""The machine that a worker runs on, and the worker's processes.
 
 health_file.py   a file with the worker's state, for the health check of its container
 process_tree.py  all processes of this worker

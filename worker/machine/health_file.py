@@ -1,6 +1,6 @@
-"""The health file of a worker, read by the health check of its container (worker/healthy.py).
+"""Health file of a worker, read by the health check of its container (worker/healthy.py).
 
-$RAYFARM_ALIVE is its path. It contains the worker's pid and state, and its age is the time since the event loop last ran.
+$RAYFARM_ALIVE is its path. It contains the worker's pid and state. The age of the file is the time since the event loop last ran.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ALIVE = "RAYFARM_ALIVE"
 
 
 class State(StrEnum):
-    """State of a worker."""
+    """State of a worker as written to the health file."""
 
     STARTING = "starting"  # loads its kernels, waits for the service
     WORKING = "working"  # the event loop runs, and updates the file every second
@@ -24,7 +24,7 @@ class State(StrEnum):
 
 
 def write_state(state: State, pid: int | None = None) -> None:
-    """Writes the state, if a file is configured. Errors are ignored: the health check then fails and reports them."""
+    """Writes the state if a health file is configured. Ignores errors: the health check then fails and reports them."""
     if not (named := os.environ.get(ALIVE, "")):
         return
     path, text = Path(named), f"{os.getpid() if pid is None else pid} {state}\n"

@@ -1,14 +1,15 @@
-"""The pieces of joint batches that the slots of a worker share: those that are free, and the sums of those that are rendered.
+"""Pieces of joint batches, shared by the slots of a worker: free pieces, and the sums of rendered ones.
 
-A folder needs no process of its own and outlives any slot. Each piece is a file, and a slot claims it by renaming it, which only
-one slot can do. What a killed slot was rendering stays behind under its process id and is abandoned: its sums never existed, so
-the service hands that piece out again. What it was about to send is sent by another slot; if both did, the film takes it once.
+They are files in a folder, which needs no server process and outlives any slot. A slot claims a piece by renaming its file, which
+only one slot can do. The piece that a killed slot was rendering remains under its process id and is abandoned: its sums never
+existed, so the service dispatches it again. Sums that it was about to send are sent by another slot; if both send them, the film
+accepts them once.
 
-    SINCE.HOLD.MESSAGE/about        the message, as JSON
-                       todo-I       a free piece
-                       doing-I-PID  a piece that a slot renders
-                       done-I       its result, as protocol/result_bytes.py packs it
-    sending.PID.MESSAGE.../done-I   results that this process adds up and sends
+SINCE.HOLD.MESSAGE/about        the message, as JSON
+                   todo-I       a free piece
+                   doing-I-PID  a piece that a slot renders
+                   done-I       its result, as protocol/result_bytes.py packs it
+sending.PID.MESSAGE.../done-I   results that this process adds up and sends
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ log = logging.getLogger(__name__)
 
 
 class Taken(NamedTuple):
-    """A piece claimed by this process."""
+    """A piece that this process has claimed."""
 
     folder: Path
     number: int
@@ -49,10 +50,10 @@ class Taken(NamedTuple):
 
 
 class Pieces:
-    """The shared folder, created by the parent before it forks. Methods raise OSError if the disk fails."""
+    """The folder of pieces, created by the parent before it forks. Methods raise OSError if the disk fails."""
 
     def __init__(self) -> None:
-        """Creates the folder, and removes those of killed workers."""
+        """Creates the folder, and deletes folders left by killed workers."""
         self.root = Path(tempfile.mkdtemp(prefix=PREFIX))
         self._lock = (self.root / "lock").open("w")
         fcntl.flock(self._lock, fcntl.LOCK_EX)  # its slots have it too: it ends with the last of them
@@ -61,12 +62,12 @@ class Pieces:
             _remove_if_left(other)
 
     def close(self) -> None:
-        """Removes the folder."""
+        """Deletes the folder."""
         shutil.rmtree(self.root, ignore_errors=True)
         self._lock.close()
 
     def begin(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
-        """Adds pieces of a message, by number. Raises ValueError if its id cannot be a file name."""
+        """Adds the pieces with these numbers of a message. Raises ValueError if the message's id cannot be a file name."""
         if not _MESSAGE.fullmatch(message):
             raise ValueError(f"{message!r} is no id of a message")
         new = Path(tempfile.mkdtemp(prefix="new-", dir=self.root))
@@ -76,7 +77,7 @@ class Pieces:
         new.rename(self.root / f"{time.time_ns():020}.{int(1000 * hold_s)}.{message}")
 
     def take(self) -> Taken | None:
-        """Claims the piece that has waited longest; None if none waits."""
+        """Claims the free piece that has waited longest; None if there is none."""
         for folder in self._groups():
             for name in sorted(_names(folder, "todo-")):
                 number = int(name.partition("-")[2])
@@ -86,20 +87,22 @@ class Pieces:
         return None
 
     def put(self, taken: Taken, result: Result) -> None:
-        """Stores the sums of a piece for whichever slot sends them."""
+        """Stores the sums of a claimed piece; any slot may send them."""
         written = taken.folder / f"written-{taken.number}-{os.getpid()}"
         written.write_bytes(result_bytes(result))
         written.rename(taken.folder / f"done-{taken.number:04}")
         self.release(taken)
 
     def release(self, taken: Taken) -> None:
-        """Releases a piece that is rendered or abandoned."""
+        """Removes the claim on a piece that is rendered or abandoned."""
         with contextlib.suppress(FileNotFoundError):
             (taken.folder / f"doing-{taken.number}-{os.getpid()}").unlink()
 
     def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """Yields results that are due, in the order of the pieces: of messages that are complete or have a piece that waited too
-        long (at_once: all). Advancing the iterator marks them as sent.
+        """Yields the results that are due, one list per message, in the order of the pieces. Advancing the iterator marks them as
+        sent.
+
+        Due are messages that are complete, or of which a result has waited too long. at_once: all results are due.
         """
         for left in [*self._left_by_the_dead()]:
             yield from self._sent(left)
@@ -115,7 +118,7 @@ class Pieces:
             self._tidy(folder)
 
     def messages(self) -> list[str]:
-        """Returns the messages with pieces or unsent sums here."""
+        """Returns the ids of messages that have pieces or unsent sums here."""
         return sorted({_message(folder) for folder in [*self._groups(), *self._sending()]})
 
     def waiting(self) -> int:
@@ -123,7 +126,10 @@ class Pieces:
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 
     def take_over(self, message: str) -> list[int] | None:
-        """Withdraws the free pieces of a message and those of slots that have ended; None if the message is not here."""
+        """Removes the free pieces of a message, and those that ended slots had claimed; returns their numbers.
+
+        None if it is not here.
+        """
         for folder in self._groups():
             if _message(folder) == message:
                 dead = [name for name in _names(folder, "doing-") if not _is_alive(int(name.rpartition("-")[2]))]
@@ -131,7 +137,7 @@ class Pieces:
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
-        """Withdraws all free pieces: each message's text with the numbers of its pieces."""
+        """Removes all free pieces. Returns each message's JSON with the numbers of its pieces."""
         taken = []
         for folder in self._groups():
             if numbers := _taken(folder, sorted(_names(folder, "todo-"))):
@@ -139,7 +145,7 @@ class Pieces:
         return taken
 
     def _groups(self) -> list[Path]:
-        """Returns the folders of messages, oldest first."""
+        """Returns the folders of all messages, oldest first."""
         return sorted(self.root / name for name in _names(self.root, *"0123456789"))
 
     def _sending(self) -> list[Path]:
@@ -166,7 +172,7 @@ class Pieces:
                     (folder / name).unlink()
 
     def _tidy(self, folder: Path) -> None:
-        """Removes the folder of a message that is finished or expired."""
+        """Deletes the folder of a message that is finished or expired."""
         if not _names(folder, "todo-", "doing-", "done-") or time.time() - _since(folder) > STALE_S:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -198,7 +204,7 @@ def _is_alive(pid: int) -> bool:
 
 
 def _taken(folder: Path, names: list[str]) -> list[int]:
-    """Returns the numbers of the pieces whose files this process could remove."""
+    """Deletes the files of pieces; returns the numbers of those that no other process deleted first."""
     numbers = []
     for name in names:
         with contextlib.suppress(FileNotFoundError):
@@ -224,7 +230,7 @@ def _read(path: Path) -> Result | None:
 
 
 def _remove_if_left(folder: Path) -> None:
-    """Removes the folder of a worker that ended without doing so."""
+    """Deletes the folder of a worker process that has ended without deleting it."""
     with contextlib.suppress(OSError), (folder / "lock").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         shutil.rmtree(folder, ignore_errors=True)

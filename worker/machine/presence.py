@@ -1,7 +1,8 @@
-"""Detects whether a user is at this machine: from the processor time of other programs, typing in terminals, reports of the
-desktop to logind (Wayland and X11), and the X11 screen if `xprintidle` is installed and the worker runs in that session.
+"""Detects whether a user is at this machine.
 
-Undetected: a user who only reads, unless the desktop reports it, and a program that waits.
+From the processor time of other programs, typing in terminals, the desktop's reports to logind (Wayland and X11), and the X11
+screen if `xprintidle` is installed and the worker runs in that session. Not detected: a user who only reads, unless the desktop
+reports it, and a program that waits.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
 class Presence:
-    """Checks every few seconds for a user; `idle_s` returns the seconds since one was detected."""
+    """Checks every few seconds for a user. `idle_s` returns the seconds since one was detected."""
 
     def __init__(self, proc: Path = Path("/proc"), dev: Path = Path("/dev")) -> None:
         self._proc, self._dev = proc, dev
@@ -58,7 +59,7 @@ class Presence:
         self.by = tuple(seen)
 
     def _others(self, now: float) -> float | None:
-        """Returns the cores that other programs used since the last check; None if unknown."""
+        """Returns the number of cores that other programs used on average since the last check; None if unknown."""
         try:
             name, *ticks = (self._proc / "stat").read_text().split("\n", 1)[0].split()
             user, low, system, _, _, irq, soft = map(int, ticks[:7])
@@ -72,7 +73,7 @@ class Presence:
         return max(every - before[1] - (own - before[2]), 0.0) / (now - before[0])
 
     def _typed(self) -> float | None:
-        """Returns the time of the last input in any terminal; None without terminals."""
+        """Returns the time of the last input in any terminal; None if there are no terminals."""
         times = []
         for folder, pattern in ((self._dev / "pts", "[0-9]*"), (self._dev, "tty[1-9]*")):
             for path in folder.glob(pattern):
@@ -84,10 +85,10 @@ class Presence:
 
 
 def _desktop(now: float) -> float | None:
-    """Returns the idle seconds of the graphical sessions by logind's IdleHint; None if no desktop reports it.
+    """Returns for how many seconds the graphical sessions are idle, by logind's IdleHint; None if no desktop reports it.
 
-    A desktop sets the hint some minutes after the last input, and clears it at the next. One that has never set it since its
-    session began may never do so, and counts as unknown.
+    A desktop sets the hint some minutes after the last input, and clears it at the next. A desktop that has never set it in its
+    session may not support it, and is treated as unknown.
     """
     program = shutil.which("loginctl")
     if program is None:
@@ -112,7 +113,7 @@ def _desktop(now: float) -> float | None:
 
 
 def _said(command: list[str]) -> str:
-    """Returns a program's output; empty if it fails or takes long."""
+    """Returns the output of a command; empty if it fails or takes too long."""
     try:
         return subprocess.run(command, capture_output=True, text=True, timeout=SCREEN_PATIENCE_S, check=True).stdout
     except (OSError, UnicodeError, subprocess.SubprocessError):
@@ -120,7 +121,7 @@ def _said(command: list[str]) -> str:
 
 
 def _screen() -> float | None:
-    """Returns the idle seconds of this X session's keyboard and mouse; None if unavailable."""
+    """Returns for how many seconds keyboard and mouse of this X session are idle; None if unavailable."""
     program = shutil.which("xprintidle")
     if program is None or not os.environ.get("DISPLAY"):
         return None

@@ -1,4 +1,4 @@
-"""The processes of this worker: itself and all its descendants (Linux only)."""
+"""The processes of this worker: its main process and all descendants (Linux only)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["family"]
 
 
 def family(proc: Path = Path("/proc")) -> dict[int, int]:
-    """Returns, by pid, the processor time in clock ticks of each process and of its children that have ended.
+    """Returns the processor time of each process and of its ended children, in clock ticks, by pid.
 
     Empty if the system does not report it.
     """

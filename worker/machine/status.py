@@ -1,7 +1,7 @@
-"""The current work of each slot: a few hundred bytes of shared memory that the slots write and the parent reads.
+"""Current work of each slot, in a few hundred bytes of shared memory that slots write and the parent reads.
 
-Each slot has one record and is its only writer, so no lock is needed: a record read half-written fails to parse and counts as
-empty for one heartbeat.
+Each slot has one record and is its only writer, so no lock is needed: a record that is read half-written cannot be parsed, and is
+treated as empty for one heartbeat.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ RECORD = 512
 
 
 class SlotBoard:
-    """Anonymous shared memory, created by the parent before it forks."""
+    """Shared memory with the record of each slot, created by the parent before it forks."""
 
     def __init__(self, slots: int) -> None:
         self.slots = slots
         self._memory = mmap.mmap(-1, RECORD * slots)
 
     def write(self, slot: int, current: dict[str, Any], samples_per_s: float = 0.0) -> None:
-        """Writes a slot's work; {} while it waits. samples_per_s: 0 keeps the slot's last value."""
+        """Writes a slot's current work; {} while it waits. samples_per_s: 0 leaves the slot's last value."""
         if not 0 <= slot < self.slots:
             return
         speed = samples_per_s or self._read(slot).get("speed", 0.0)
@@ -33,7 +33,7 @@ class SlotBoard:
         self._memory[slot * RECORD : (slot + 1) * RECORD] = data.ljust(RECORD)
 
     def read(self) -> tuple[list[dict[str, Any]], float]:
-        """Returns the work of every slot, and the mean samples per second of the slots that have rendered."""
+        """Returns the current work of every slot, and the mean samples per second of the slots that have rendered."""
         records = [self._read(slot) for slot in range(self.slots)]
         speeds = [record["speed"] for record in records if record.get("speed")]
         return [record.get("current", {}) for record in records], sum(speeds) / len(speeds) if speeds else 0.0

@@ -1,4 +1,4 @@
-"""Shared state of a worker's processes, and the order in which they take work.
+"""State shared by a worker's processes, and the order in which they take work.
 
 context.py        shared state of a worker's processes
 apply_terms.py    applies the terms that the service has set

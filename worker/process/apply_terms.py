@@ -1,4 +1,4 @@
-"""Applies the terms requested of a worker (protocol/terms.py), in the parent's event loop at each heartbeat."""
+"""Applies a worker's terms (protocol/terms.py), in the parent's event loop at each heartbeat."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ _limit = mmap.mmap(-1, 8)  # shared with the slots, which are forked later
 
 
 def memory_limit() -> int:
-    """Returns the bytes that this worker may use, in any of its processes; 0: unlimited."""
+    """Returns the memory limit of this worker's processes in bytes; 0: unlimited. Callable in any of them."""
     return int(struct.unpack("q", _limit[:8])[0])
 
 
 @dataclass
 class TermsKeeper:
-    """The terms of one worker. own: those it was started with."""
+    """The terms of one worker, and whether it rests because of them. own: the start values."""
 
     slots: int  # processes that it has
     tags: tuple[str, ...] = ()
@@ -54,21 +54,21 @@ class TermsKeeper:
 
     @property
     def terms(self) -> Terms:
-        """The terms in force."""
+        """The terms in effect: the required ones, or else the start values."""
         return self.asked.with_defaults(self.own)
 
     @property
     def slots_now(self) -> int:
-        """The number of slots it may use."""
+        """Number of slots that the worker may use now."""
         return min(self.terms.slots or self.slots, self.slots)
 
     def may_work_ahead(self) -> bool:
-        """Returns True if it may work ahead of requests; not while it spares the machine."""
+        """Whether the worker may compile kernels in advance. False if any of its terms limits its use of the machine."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 
     def request(self, data: bytes | None) -> None:
-        """Takes the service's requested terms; None: none. Invalid terms are ignored."""
+        """Stores the terms that the service requires, as serialized; None: no requirements. Ignores invalid terms."""
         try:
             asked = Terms.from_bytes(data) if data is not None else Terms()
         except ValueError as error:
@@ -91,7 +91,7 @@ class TermsKeeper:
         self._beats += 1
 
     def offer(self) -> Offer:
-        """Returns the worker's offer to jobs with requirements."""
+        """Returns the worker's offer: its capabilities and the terms in effect."""
         terms = self.terms
         self._total = self._total or (found.memory_total if (found := vitals.read_vitals()) else 0)
         return Offer(
@@ -129,7 +129,7 @@ class TermsKeeper:
         )
 
     def _too_large(self, terms: Terms) -> str | None:
-        """Returns why it rests for memory: from its limit on, until well below."""
+        """Returns why the worker rests for its memory use; None if it does not. It rests above its limit, until well below it."""
         if not terms.memory:
             self._is_over = False
         elif self._beats % MEMORY_EVERY == 0 or self._is_over:
@@ -143,7 +143,7 @@ class TermsKeeper:
         )
 
     def _be_nice(self, nice: int | None) -> None:
-        """Sets the nice level of all processes of the worker, which later forks inherit. None: as it was started."""
+        """Sets the nice level of all processes of the worker; later forks inherit it. None: the start value."""
         wanted = self._first_nice if nice is None else nice
         if os.getpriority(os.PRIO_PROCESS, 0) == wanted:
             return
@@ -166,7 +166,7 @@ class TermsKeeper:
 
 
 def _memory_of_family() -> int:
-    """Returns the bytes of all its processes; shared pages count once."""
+    """Returns the memory of all processes of this worker in bytes. Shared pages are counted once."""
     total = 0
     for pid in family():
         with contextlib.suppress(OSError, ValueError, IndexError):

@@ -1,4 +1,4 @@
-"""The state shared by all processes of a worker: created by the parent before it forks."""
+"""State shared by all processes of a worker, created by the parent before it forks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
 
 @dataclass
 class WorkerContext:
-    """A worker: its name, its kind, and its connections for fetching and reporting."""
+    """A worker: its name, its kind, and its connections."""
 
     name: str
     slots: int
@@ -52,7 +52,7 @@ class WorkerContext:
 
     @property
     def queues(self) -> list[str]:
-        """The queues that this worker consumes."""
+        """Returns the queues that this worker serves."""
         queues = [view_queue(self.kind), help_queue(self.name), render_queue(self.kind), prepare_queue(self.kind)]
         queues.append(own_prepare_queue(self.kind, self.name))
         queues += [blender_queue(self.kind)] if self.blender is not None else []
@@ -60,20 +60,20 @@ class WorkerContext:
 
     @property
     def results(self) -> ResultStream:
-        """The stream of results; one connection per process."""
+        """The stream of results; each process opens its own connection."""
         if self._results is None:
             self._results = ResultStream(self.redis_url)
         return self._results
 
     @property
     def sites(self) -> SiteLink:
-        """The connection to the site's reducer; one per process."""
+        """The connection to the reducer of the worker's site; each process opens its own."""
         if self._sites is None:
             self._sites = SiteLink(self.redis_url)
         return self._sites
 
     def report(self, is_paused: bool = False) -> WorkerReport:
-        """Returns the worker's report: ready or paused, with the current work of its slots."""
+        """Returns the worker's report, with the current work of its slots. is_paused: report it as paused rather than ready."""
         doing, speed = self.board.read()
         slots = self.keeping.slots_now if self.keeping else self.slots
         if slots < self.slots:  # busy slots are shown in any case
@@ -107,7 +107,7 @@ class WorkerContext:
             return []
 
     def after_fork(self) -> None:
-        """Closes connections inherited from the parent."""
+        """Closes the connections inherited from the parent process."""
         self.link.forget_connections()
         self._results = self._sites = None
 
@@ -116,20 +116,20 @@ _current: WorkerContext | None = None
 
 
 def set_current(context: WorkerContext) -> None:
-    """Sets the context; called by the parent before Celery starts."""
+    """Sets the worker of this process. Called by the parent before Celery starts."""
     global _current
     _current = context
 
 
 def current() -> WorkerContext:
-    """Returns the context of the worker that this process belongs to."""
+    """Returns the worker that this process belongs to."""
     if _current is None:
         raise RuntimeError("no worker runs in this process; start one with `python -m worker`")
     return _current
 
 
 def cpu_name() -> str:
-    """Returns the processor's model name."""
+    """Returns the model name of the processor."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):

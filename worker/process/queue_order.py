@@ -1,7 +1,8 @@
-"""The order of a worker's queues: live views first, then pieces of joint batches that this machine has begun, then batches with
-needs that not every worker meets; the other queues take turns.
+"""Order in which a worker reads its queues.
 
-Preparing gets a turn after each view, since a view may wait for it, as for a scene under another light.
+Live views first, then pieces of joint batches that this machine has started, then batches with requirements that not every worker
+meets; the other queues take turns. Preparation gets a turn after each view, since a view may wait for it, for instance for a
+scene with other lighting.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ PREPARE_QUEUES = prepare_queue("")
 
 
 class ViewsFirst(round_robin_cycle):
-    """Kombu's round robin, except for the queues of views, pieces and needs."""
+    """Kombu's round robin of queues, except that the queues of views, pieces and requirements come first."""
 
     _was_view = False
 
     def rotate(self, last_used: str) -> str:
-        """Records that a queue had its turn."""
+        """Records that a queue was read."""
         self._was_view = last_used.startswith(VIEW_QUEUES)
         super().rotate(last_used)
         return last_used
 
     def consume(self, n: int) -> list[str]:
-        """Returns the queues in the order in which they are read."""
+        """Returns the queues in the order in which to read them."""
         first = (PREPARE_QUEUES, VIEW_QUEUES, HELP_QUEUES) if self._was_view else (VIEW_QUEUES, HELP_QUEUES)
         return sorted(
             super().consume(n),

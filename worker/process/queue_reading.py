@@ -1,6 +1,6 @@
-"""Reading queues with malformed messages: they are skipped.
+"""Skips malformed messages in queues.
 
-Kombu raises whatever decoding raises, which would end one worker after another.
+Kombu raises any error of decoding, so such a message would end one worker after another.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ log = logging.getLogger(__name__)
 
 
 class ScriptlessRedis(Redis):
-    """A Redis client whose locks run no scripts, which a worker's user may not."""
+    """A Redis client whose locks run no scripts, since a worker's Redis user may not run any."""
 
     def lock(self, name: str, *positional: Any, **options: Any) -> Any:
-        """Returns a lock; Celery takes one before it restores messages of dead workers."""
+        """Returns a lock without scripts. Celery takes one before it restores messages of dead workers."""
         return super().lock(name, *positional, **{"lock_class": ScriptlessLock, **options})
 
 
@@ -42,5 +42,5 @@ class SkippingChannel(redis.Channel):
 
 
 def skip_malformed_messages() -> None:
-    """Makes this process read all queues through SkippingChannel."""
+    """Makes this process read all queues with SkippingChannel."""
     redis.Transport.Channel = SkippingChannel

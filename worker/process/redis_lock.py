@@ -1,4 +1,4 @@
-"""Redis locks without Lua scripts, which a worker's user may not run."""
+"""Redis locks without Lua scripts, since a worker's Redis user may not run any."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ __all__ = ["ScriptlessLock"]
 
 
 class ScriptlessLock(Lock):
-    """redis-py's lock, released in a transaction that fails if the key changes, in place of a script."""
+    """redis-py's lock, but released in a transaction, which fails if the key changes, instead of a script."""
 
     def register_scripts(self) -> None:
-        """Registers none."""
+        """Registers no scripts."""
 
     def do_release(self, expected_token: Any) -> None:
         """Deletes the key if it holds this lock's token. Raises LockNotOwnedError otherwise."""

@@ -1,4 +1,4 @@
-"""The number of a slot's process."""
+"""Number of the slot that this process is."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ __all__ = ["slot"]
 
 
 def slot() -> int:
-    """Returns this process's slot: its index in the prefork pool, which a replacement process inherits."""
+    """Returns this process's slot: its index in the prefork pool. A replacement process inherits the index."""
     return int(getattr(current_process(), "index", 0) or 0)

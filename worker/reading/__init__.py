@@ -1,7 +1,7 @@
-"""Jobs of the confined process (renderer/confine/) that reads untrusted files for a worker's slots.
+"""Jobs of confined processes (renderer/confine/), which read untrusted files for a worker's slots.
 
-They access neither the service nor Redis. Paths arrive as bytes, and output goes to the given folder. The slot's side of each is
-the module of the same name in the package worker.work.
+They access neither the service nor Redis. Paths are passed as bytes, and output is written to the given folder. The slot's side
+of each is the module of the same name in the package worker.work.
 
 kernels.py       kernels that the launcher loads, so that readers share them
 scene_folder.py  compiled scenes that the slot has linked into the room

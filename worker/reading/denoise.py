@@ -1,4 +1,4 @@
-"""Denoises a frame with Open Image Denoise, whose threads and memory end with the process."""
+"""Denoises a frame with Open Image Denoise. Its threads and memory are freed when the process ends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["denoise"]
 
 
 def denoise(means: bytes, result: bytes, width: int, height: int, link: Link) -> dict[str, Any]:
-    """Writes the denoised colour as float32 into the file `result`. means: the file of colour, albedo and normal."""
+    """Writes the denoised colour as float32 to the file `result`. means: file with colour, albedo and normal."""
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
     library.denoise(color, albedo, normal).astype("<f4").tofile(folder_of(result))
     return {}

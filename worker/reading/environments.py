@@ -1,4 +1,4 @@
-"""Thumbnail of an environment image."""
+"""Renders the thumbnail of an environment image."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as hig
 
 
 def show(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the thumbnail of an image in `folder` into the file `result`. Raises SceneError."""
+    """Writes the thumbnail of the image `name` in `folder` to the file `result`. width: in pixels. Raises SceneError."""
     folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
     return {}
 
@@ -47,7 +47,7 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
 
 
 def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
-    """Radiance (h, w, 3) as (width / 2, width, 3): averaged over blocks, with the exposure chosen without the lamps."""
+    """Reduces radiance (h, w, 3) to (width / 2, width, 3) by averaging blocks, exposed as if there were no lamps."""
     height = width // 2
     rows = np.linspace(0, len(pixels), height + 1).astype(int)
     columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)

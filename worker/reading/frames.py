@@ -1,4 +1,4 @@
-"""Frames of a shot: files are opened and pictures decoded once, and only animated parts are compiled for each frame."""
+"""Compiles frames of a shot: opens files and decodes pictures once, and compiles only the animated parts for each frame."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = ["Stage", "answering", "serve"]
 def serve(
     folder: bytes, manifest: Manifest, work: PrepareFrames, base_folder: bytes, out: bytes, idle_s: float, link: Link
 ) -> dict[str, Any]:
-    """Answers requests for frames until there has been none for `idle_s`; then empties `out`."""
+    """Answers requests for frames until there has been none for `idle_s` seconds; then empties the folder `out`."""
     answer = answering(folder_of(folder), manifest, work, placed_scene(base_folder, work.base), folder_of(out))
     for request in link.requests(idle_s):
         answer(request["frames"], link.send)
@@ -46,7 +46,7 @@ def serve(
 def answering(
     folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
 ) -> Callable[[list[int], Send], None]:
-    """Returns a function that sends a message for each frame: its result, or the error under `failed`."""
+    """Returns a function that compiles the requested frames; it sends a message for each: the result, or the error as `failed`."""
     begun = time.monotonic()
     stage = Stage(Shot(folder, manifest.main, manifest.environment, manifest.variant), work, base, out)
     opened_s = time.monotonic() - begun
@@ -68,7 +68,7 @@ def answering(
 
 
 class Stage:
-    """A scene over time. Its state at a moment does not depend on previously requested moments."""
+    """A scene over time. Its state at a moment does not depend on the moments requested before."""
 
     def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
         self._shot = shot
@@ -85,7 +85,7 @@ class Stage:
         self._still: SceneDescription | None = None  # the description of a static scene, read once
 
     def at(self, moment: Moment) -> dict[str, Any]:
-        """The message for a frame. Raises SceneError, and SettingsError if its view is invalid."""
+        """Compiles a frame and returns the message about it. Raises SceneError, and SettingsError if its view is invalid."""
         read = self._still or self._shot.over_shutter(moment, self._work.shutter)
         self._still = None if read.moves else read
         described, compiled, file = self._compiled(read)
@@ -104,7 +104,7 @@ class Stage:
         }
 
     def _compiled(self, read: SceneDescription) -> tuple[SceneDescription, CompiledScene, Path | None]:
-        """The description, its compiled scene, and that scene's file; None for the file if it is the base's."""
+        """Returns the description, its compiled scene, and the scene's file; None for the file if it equals the base scene's."""
         if compiles_alike(read, self._start):
             return read, self._base, None
         if self._last is not None and compiles_alike(read, self._last[0]):
@@ -122,9 +122,10 @@ class Stage:
         return read, compiled, file
 
     def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
-        """The requested view, and its motion keys.
+        """Returns the view to render, and its motion keys.
 
-        The view is the request's own, or a camera of the scene at this moment; keys exist if it moves while the shutter is open.
+        The view is the request's own, or a camera of the scene at this moment. There are keys if it moves while the shutter is
+        open.
         """
         if self._work.view is not None:
             return View.from_json(_given(self._work.view)), ()
@@ -133,7 +134,7 @@ class Stage:
         return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
 
     def _auto_view(self) -> View:
-        """The view of the automatic camera, which frames the scene at the beginning of the clip and does not move."""
+        """Returns the view of the automatic camera, which frames the scene at the start of the clip and does not move."""
         if self._auto is None:
             read = self._shot.at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
@@ -144,7 +145,7 @@ class Stage:
 
 
 def _untouched(description: SceneDescription) -> SceneDescription:
-    """A copy of the description to compile, since compiling appends to its lists (it changes none of their items)."""
+    """Returns a copy of the description for compiling, which appends to its lists but does not change their items."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

@@ -1,4 +1,4 @@
-"""Kernels that the launcher of readers loads, as the worker's own process does."""
+"""Kernels that the launcher of confined readers loads, as the worker's main process does."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ __all__ = ["load"]
 
 
 def load() -> None:
-    """Loads the plain kernel and those used to compile every scene; compiles them if they are not cached."""
+    """Loads the plain kernel, and the kernels used to compile every scene; compiles them if they are not cached."""
     warm_up()

@@ -1,4 +1,4 @@
-"""Compiles only the environment of a scene, for another environment light."""
+"""Compiles only the environment of a scene, for other environment lighting."""
 
 from __future__ import annotations
 
@@ -18,16 +18,19 @@ __all__ = ["relight", "save_relit"]
 
 
 def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
-    """Writes the relit scene; returns its manifest's name in `out` as `compiled`.
+    """Writes the scene with its new environment. Returns the name of its manifest in `out` as `compiled`.
 
-    light: an image in `folder`. base: the hash of the original compiled scene.
+    light: path of an image in `folder`, or a preset. base: hash of the compiled scene to start from. power: of its other lights.
     """
     data = (folder_of(base_folder) / base).read_bytes()
     return {"compiled": save_relit(folder_of(folder), light, placed_scene(base_folder, base), data, power, folder_of(out)).name}
 
 
 def save_relit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
-    """Writes the manifest and changed parts of `base` (manifest: `data`) with another environment; returns the new manifest."""
+    """Writes the changed parts and the manifest of `base` with another environment. Returns the path of the new manifest.
+
+    data: the manifest of `base`.
+    """
     description = SceneDescription(name="light")
     environment_light(SceneFiles(folder, light), light, description)
     return save_changed(data, replace_environment(base, description, power), CHANGED, out)

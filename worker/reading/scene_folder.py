@@ -1,4 +1,4 @@
-"""Compiled scenes in a reader's room: the files of the worker's cache, linked by hash into one folder."""
+"""Compiled scenes in a reader's room: files of the worker's cache, linked by their hashes into one folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["folder_of", "placed_scene"]
 
 
 def folder_of(path: bytes) -> Path:
-    """The folder with the path that a slot sent as bytes."""
+    """Returns the folder whose path a slot has sent as bytes."""
     return Path(os.fsdecode(path))
 
 

@@ -1,4 +1,4 @@
-"""Motion vectors of a frame, from the scene at its time and at the times of the neighbouring frames."""
+"""Motion vectors of a frame, computed from the scene at its time and at the times of the neighbouring frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["vectors"]
 
 
 def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the vectors as float32 into the file `result`. Raises RayfarmError."""
+    """Writes the motion vectors as float32 to the file `result`. Raises RayfarmError."""
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
     read = shot.between_frames(moment)
@@ -39,7 +39,7 @@ def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes
 
 
 def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, work: FrameVectors) -> tuple[View, tuple[View, ...]]:
-    """The requested view and, if its camera moves, its views at the three moments."""
+    """Returns the requested view; if its camera moves, also its views at the three moments."""
     if work.view is not None:
         return _view(work.view), ()
     cameras = own_cameras(described, compiled)

@@ -1,4 +1,7 @@
-"""A worker's connection to its site's reducer. If that is away, slow or refuses, sums go to the service directly."""
+"""A worker's connection to its site's reducer.
+
+If the reducer is away, slow or rejects sums, they are sent to the service directly.
+"""
 
 from __future__ import annotations
 
@@ -39,14 +42,14 @@ class _Where(NamedTuple):
 
 
 class SiteLink:
-    """A connection of one process."""
+    """The connection of one process to the reducer."""
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._known: dict[str, tuple[float, _Where | None]] = {}  # until when, and where
 
     def send(self, result: Result) -> bool:
-        """Sends sums to the reducer of their run's site; False if they have to go to the service."""
+        """Sends sums to the reducer of their site. Returns False if they must be sent to the service instead."""
         run = Run.of(result.event.get("run"))
         if run is None or result.sums is None:
             return False

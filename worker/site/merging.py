@@ -1,4 +1,4 @@
-"""Merges results of consecutive batches: integers add exactly, and a result costs the service the same whatever its size."""
+"""Merges results of consecutive batches. Integer sums are exact, and a result of any size costs the service about the same."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_LINES = 20  # that were warned of
 
 
 def joined(results: Iterable[Result]) -> Iterator[Result]:
-    """Yields results, each merged with the one before it if its samples follow."""
+    """Yields the results, with those whose samples are contiguous merged into one."""
     run: list[Result] = []
     for result in results:
         if run and _end(run[-1]) != (*_of(result), result.event["first"]):
@@ -29,7 +29,7 @@ def joined(results: Iterable[Result]) -> Iterator[Result]:
 
 
 def parts_of(event: dict[str, Any]) -> list[list[Any]]:
-    """Returns the batches in an event: batch, first, count, seconds, and who rendered it if that is known."""
+    """Returns the batches in an event: batch, first, count, seconds, and, if known, the worker that rendered it."""
     if event["type"] == "batches":
         return [list(part) for part in event["parts"]]
     return [[event[key] for key in ("batch", "first", "count", "seconds")]]

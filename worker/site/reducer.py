@@ -1,7 +1,7 @@
-"""`python -m worker.site.reducer --service URL --name SITE`: adds up the results of a site's machines for each tile, and forwards
-them as one result. `rayfarm site` starts one.
+"""`python -m worker.site.reducer --service URL --name SITE`: adds up the results of a site's machines for each tile.
 
-It keeps no permanent record: lost results are rendered again. Workers that cannot reach it send to the service directly.
+Sends them to the service as one result. `rayfarm site` starts one. It stores nothing permanently: lost results are rendered
+again. Workers that cannot reach it send to the service directly.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ log = logging.getLogger("worker")
 
 
 class Reducer:
-    """Receives sums in many threads, and sends them from one."""
+    """Receives sums in many threads and sends them from one."""
 
     def __init__(self, name: str, sums: SiteSums, redis_url: str) -> None:
         self.name = name
@@ -82,16 +82,19 @@ class Reducer:
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, said: str) -> bool:
-        """Returns True if a worker of the farm signed this body."""
+        """Whether `said` is a valid signature of this body by a worker of the farm."""
         return any(secrets.compare_digest(signature(secret, body).encode(), said.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, said: str) -> bool:
-        """Returns True if a worker of the farm signed this announcement of a size."""
+        """Whether `said` is a valid signature of this size by a worker of the farm."""
         return any(secrets.compare_digest(announced(secret, size).encode(), said.encode()) for _, secret in self._secrets)
 
     @contextlib.contextmanager
     def room(self, size: int, is_ours: bool = False) -> Iterator[bool]:
-        """Reserves memory for a body, and yields whether it may come now. is_ours: a worker of the farm sends it."""
+        """Context manager that reserves memory for a body; yields False if there is not enough.
+
+        is_ours: the sender is a worker of the farm.
+        """
         with self._count:
             is_there = self._coming[is_ours] + size <= MOST_COMING
             self._coming[is_ours] += size if is_there else 0
@@ -102,7 +105,7 @@ class Reducer:
                 self._coming[is_ours] -= size if is_there else 0
 
     def take(self, body: bytes) -> None:
-        """Stores sums. Raises ValueError, Full or OSError if it cannot."""
+        """Stores sums. Raises ValueError if they are invalid, Full if there is no room, or OSError."""
         self.sums.take(result_of(body))
         with self._count:
             self.results += 1
@@ -117,7 +120,7 @@ class Reducer:
                 self.bytes_out += len(result.sums or b"")
 
     def report(self, address: str, port: int) -> None:
-        """Announces this reducer and its signing key. Raises redis.RedisError."""
+        """Publishes this reducer's address, report and signing key. Raises redis.RedisError."""
         now = time.monotonic()
         if not self._secrets or now - self._secrets[0][0] > SECRET_S:
             self._secrets = [(now, secrets.token_bytes(32)), *self._secrets[:1]]
@@ -129,7 +132,7 @@ class Reducer:
             both.execute()
 
     def leave(self) -> None:
-        """Withdraws the announcement, so that workers send to the service."""
+        """Withdraws what `report` published, so that workers send to the service."""
         with contextlib.suppress(redis.RedisError):
             self._store.delete(site_key(self.name), secret_key(self.name))
 
@@ -145,7 +148,7 @@ class _Server(ThreadingHTTPServer):
         self._lock = threading.Lock()
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Returns True if there is room for a request: each takes a thread, and no client may take all of them."""
+        """Whether a request may be accepted: each takes a thread, and no client may take all of them."""
         who = str(client_address[0])
         with self._lock:
             here = list(self._here.values())
@@ -155,13 +158,13 @@ class _Server(ThreadingHTTPServer):
         return True
 
     def shutdown_request(self, request: Any) -> None:
-        """Ends a request, or refuses one without room."""
+        """Frees a request's thread when it ends."""
         with self._lock:
             self._here.pop(id(request), None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores broken connections: the sender notices them."""
+        """Ignores broken connections; the sender notices them."""
         log.debug("a connection of %s broke", client_address, exc_info=True)
 
 
@@ -169,7 +172,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def setup(self) -> None:
-        """Limits the time of reading."""
+        """Sets a time limit for reading the request."""
         super().setup()
         self.rfile.close()
         self._timed = DeadlineReader(self.connection, PATIENCE_S)
@@ -212,11 +215,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, *_: Any) -> None:
-        """Logs nothing: workers report failures."""
+        """Logs nothing, since workers report failures."""
 
 
 def main() -> int:
-    """Runs until a signal. Exit code 3: there is no farm, or it refuses; another try is useless."""
+    """Runs the reducer until a signal.
+
+    Returns the exit code; 3: there is no farm, or it rejects this reducer: a retry does not help.
+    """
     options = _options()
     if options.log_format:
         os.environ[FORMAT_VARIABLE] = options.log_format
@@ -286,7 +292,7 @@ def _beat(reducer: Reducer, address: str, port: int, stop: threading.Event) -> N
 
 
 def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
-    """Joins as soon as the service is there. Raises WorkerError if another try is useless."""
+    """Joins the farm once the service is reachable; None if stopped. Raises WorkerError if a retry does not help."""
     pause, said = FIRST_PAUSE_S, ""
     while not stop.is_set():
         try:
@@ -308,7 +314,7 @@ def _joined(link: Link, stop: threading.Event) -> FarmAnswer | None:
 
 
 def _own_address(service: str) -> str:
-    """Returns this machine's address on its route to the service."""
+    """Returns the IP address of this machine on its route to the service."""
     url = urlsplit(service)
     with contextlib.suppress(OSError):
         family, kind, _, _, where = socket.getaddrinfo(url.hostname, url.port or 80, type=socket.SOCK_DGRAM)[0]

@@ -1,4 +1,4 @@
-"""Reads from a socket with a deadline for the whole, so that a sender of single bytes cannot hold it open."""
+"""Reads from a socket with a deadline for the whole request, so that a sender of single bytes cannot keep it open."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ __all__ = ["DeadlineReader"]
 
 
 class DeadlineReader(io.RawIOBase):
-    """The input of a connection. Raises TimeoutError after its deadline."""
+    """Input stream of a connection. Raises TimeoutError after its deadline."""
 
     def __init__(self, wire: socket.socket, seconds: float) -> None:
         self._wire = wire
         self.allow(seconds)
 
     def allow(self, seconds: float) -> None:
-        """Sets the deadline, in seconds from now."""
+        """Sets the deadline: this many seconds from now."""
         self._until = time.monotonic() + seconds
 
     def readable(self) -> bool:
-        """True, as io expects."""
+        """Returns True, as the io module requires."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Reads available bytes; returns 0 at the end."""
+        """Reads available bytes into the buffer; returns their number, 0 at the end."""
         left_s = self._until - time.monotonic()
         if left_s <= 0.0:
             raise TimeoutError("it takes too long")

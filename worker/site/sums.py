@@ -1,4 +1,4 @@
-"""The unsent sums of a site's reducer, in a folder, so that the successor of a killed reducer can send what was acknowledged.
+"""Unsent sums of a site's reducer, stored in a folder, so that the successor of a killed reducer can send acknowledged sums.
 
 SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder belong to one run (protocol.joint.Run)
 sending-SINCE-NUMBER/   the same, being sent or sent: left unchanged, so that a second delivery equals the first
@@ -39,12 +39,12 @@ log = logging.getLogger(__name__)
 
 
 class Full(Exception):  # noqa: N818 - it says how it is, and is nobody's error
-    """The error for sums that do not fit until others are sent."""
+    """Raised for sums that do not fit until others are sent."""
 
 
 @dataclass
 class _Group:
-    """The results of one run."""
+    """The stored results of one run."""
 
     folder: Path
     run: Run
@@ -56,10 +56,10 @@ class _Group:
 
 
 class SiteSums:
-    """Stores sums. Thread-safe, but `ripe` is for one thread."""
+    """Unsent sums. Thread-safe, but only one thread may call `ripe`."""
 
     def __init__(self, folder: Path, most_bytes: int, clock: Callable[[], float] = time.monotonic) -> None:
-        """Loads the folder's contents. Raises OSError."""
+        """Loads the sums left in the folder. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._folder = folder
         self._most_bytes = most_bytes
@@ -74,18 +74,18 @@ class SiteSums:
 
     @property
     def size(self) -> int:
-        """Bytes stored."""
+        """Total size of the stored sums in bytes."""
         return sum(group.size for group in [*self._groups.values(), *self._sending.values()])
 
     def in_hand(self) -> list[str]:
-        """The batches whose sums are stored."""
+        """Returns the ids of the batches whose sums are stored."""
         with self._lock:
             return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
 
     def take(self, result: Result) -> None:
         """Stores sums until those of their run are complete.
 
-        Raises ValueError for malformed or conflicting sums, Full, and OSError.
+        Raises ValueError for malformed or conflicting sums, Full if they do not fit, and OSError.
         """
         run, result = _checked(result)
         event = result.event
@@ -124,9 +124,9 @@ class SiteSums:
             self._groups[key] = group
 
     def ripe(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """Yields the results that are due, by run: complete, or waiting too long (at_once: all).
+        """Yields the results that are due, one list per run. Advancing the iterator marks them as sent.
 
-        Advancing the iterator marks them as sent.
+        Due are runs that are complete or have waited too long. at_once: all runs are due.
         """
         with self._lock:
             for key, group in list(self._groups.items()):
@@ -152,7 +152,7 @@ class SiteSums:
         return _Group(folder, run, self._clock(), missing)
 
     def _take_up(self, left: Path) -> None:
-        """Loads what an earlier process has left, to be sent unchanged."""
+        """Loads the sums in a folder left by an earlier process, to be sent unchanged. Deletes folders that are too old."""
         name = left.name.removeprefix(SENDING)
         try:
             is_stale = time.time() - int(name.partition("-")[0]) / 1e9 > STALE_S
@@ -170,7 +170,7 @@ class SiteSums:
 
 
 def _checked(result: Result) -> tuple[Run, Result]:
-    """Checks sums; returns their run, and each batch with who rendered it. Raises ValueError."""
+    """Validates sums. Returns their run, and the result with the worker's name added to each batch. Raises ValueError."""
     try:
         event = {name: value for name, value in result.event.items() if name != "run"}
         run = Run.of(result.event["run"])
@@ -202,7 +202,7 @@ def _checked(result: Result) -> tuple[Run, Result]:
 
 
 def _results_in(folder: Path) -> list[Result]:
-    """Returns the results of one run; empty if the folder was cleared, after which they are rendered again."""
+    """Returns the results stored in the folder of one run; empty if it cannot be read, so that they are rendered again."""
     try:
         return [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A worker's own log.
+"""The log of a worker.
 
 logs.py            set up the log
 log_tail.py        the end of the log, for the service

@@ -1,6 +1,6 @@
-"""Warnings of this slot while it renders a batch, and the duration of each step.
+"""Collects this slot's warnings while it renders a batch, and the duration of each step.
 
-They are returned with the batch's answer and stored in its job's log.
+They are sent with the batch's result and stored in its job's log.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ LONGEST = 300  # characters of a line
 
 @dataclass
 class BatchWarnings:
-    """lines: the first warnings and errors. took: seconds of each step."""
+    """Warnings and timings of a batch. lines: the first warnings and errors. took: seconds by step."""
 
     lines: list[str] = field(default_factory=list)
     took: dict[str, float] = field(default_factory=dict)
 
     def told(self) -> dict[str, Any]:
-        """Returns the fields of an answer; empty without warnings or steps."""
+        """Returns the fields to add to the result; empty without warnings or steps."""
         said = {"lines": self.lines, "took": {name: round(seconds, 4) for name, seconds in self.took.items()}}
         return {name: value for name, value in said.items() if value}
 
@@ -44,7 +44,7 @@ class WarningHandler(logging.Handler):
         super().__init__(logging.WARNING)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Collects a line."""
+        """Adds the record's message to the warnings."""
         now = _now.get()
         if now is not None and len(now.lines) < MOST:
             error = record.exc_info[1] if record.exc_info else None
@@ -54,7 +54,7 @@ class WarningHandler(logging.Handler):
 
 @contextlib.contextmanager
 def collect_warnings() -> Iterator[BatchWarnings]:
-    """Collects warnings and durations within the context."""
+    """Context manager that collects warnings and durations; yields them."""
     noted = BatchWarnings()
     before = _now.set(noted)
     try:
@@ -65,7 +65,7 @@ def collect_warnings() -> Iterator[BatchWarnings]:
 
 @contextlib.contextmanager
 def step(name: str, **attributes: Any) -> Iterator[None]:
-    """Times a step of a batch, and traces it as a span."""
+    """Context manager that measures a step of a batch, and records it as a span."""
     begun = time.perf_counter()
     try:
         with tracing.span(name, **attributes):

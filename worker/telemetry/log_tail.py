@@ -1,4 +1,4 @@
-"""The end of a worker's log, from the parent and all slots: they append to an unlinked file that the parent reads."""
+"""The end of a worker's log, written by the parent and all slots: they append to an unlinked file, which the parent reads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ LONGEST = 2000  # bytes of a line
 
 
 class LogTail(logging.Handler):
-    """Created by the parent before it forks. Each line is one write at the file's end, so processes need no lock."""
+    """Log handler that appends to an unlinked file. Created by the parent before it forks.
+
+    Each line is written by one call at the file's end, so processes need no lock.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -25,19 +28,19 @@ class LogTail(logging.Handler):
         fcntl.fcntl(fd, fcntl.F_SETFL, fcntl.fcntl(fd, fcntl.F_GETFL) | os.O_APPEND)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Stores a line; a full disk is ignored."""
+        """Appends a line. A full disk is ignored."""
         with contextlib.suppress(OSError, ValueError):
             self._file.write(self.format(record).encode(errors="replace")[:LONGEST] + b"\n")
 
     def lines(self, most: int = 200) -> list[str]:
-        """Returns the last lines, newest last."""
+        """Returns the last lines, at most `most`, oldest first."""
         with contextlib.suppress(OSError, ValueError):
             text = self._end().decode(errors="replace")
             return text.splitlines()[-most:]
         return []
 
     def trim(self) -> None:
-        """Drops old lines; in the parent only."""
+        """Removes old lines from the file. Called only in the parent."""
         with contextlib.suppress(OSError, ValueError):
             if os.fstat(self._file.fileno()).st_size > LARGEST:
                 kept = self._end()

@@ -1,6 +1,6 @@
-"""A worker's log: lines on standard error, or JSON objects (telemetry/log_lines.py).
+"""Sets up a worker's log: lines on standard error, or JSON objects (telemetry/log_lines.py).
 
-A failure of Redis or the network is one line too, without the libraries' traceback.
+A failure of Redis or the network is logged as one line, without the libraries' tracebacks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TEXT = "%(asctime)s %(levelname)s %(message)s"
 
 
 def set_up() -> tuple[LogTail, JsonLines | None]:
-    """Logs to standard error, in this process and every slot; returns the end of the log, and the JSON formatter or None."""
+    """Logs to standard error, in this process and every slot. Returns the log's tail, and the JSON formatter or None."""
     logging.setLogRecordFactory(LogRecord)
     tail = LogTail()
     tail.setFormatter(logging.Formatter(TEXT))
@@ -41,7 +41,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
 
 
 def _in_a_line(record: logging.LogRecord) -> bool:
-    """Drops Celery's tracebacks of lost connections; the message is enough to act on."""
+    """Logging filter: replaces the traceback of a lost connection by its message. Returns True: all records are logged."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, (redis.RedisError, OSError)):
         said = record.getMessage().rstrip()

@@ -1,4 +1,4 @@
-"""The ids in a task's message, for the lines logged during the task and for its span."""
+"""Ids in a task's message, added to the log lines of the task and to its span."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST = 200
 
 
 def named(message: Any) -> dict[str, Any]:
-    """Returns the ids in a message; another release may send anything."""
+    """Returns the ids in a message; ignores malformed ones, which another release may send."""
     if isinstance(message, str):
         return {"scene": message[:LONGEST]}
     if not isinstance(message, Mapping):
@@ -29,14 +29,14 @@ def named(message: Any) -> dict[str, Any]:
 
 
 class Steps:
-    """The steps of a piece of work, as consecutive spans."""
+    """Records consecutive steps of a task as spans."""
 
     def __init__(self) -> None:
         self._name: str | None = None
         self._begun = 0.0
 
     def now(self, name: str | None) -> None:
-        """Begins the next step; None ends the last."""
+        """Ends the current step and begins the next. None: begins no step."""
         if name != self._name:
             if self._name is not None:
                 tracing.record(self._name.lower(), self._begun, time.time(), tracing.here())
@@ -44,9 +44,10 @@ class Steps:
 
 
 def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
-    """Wraps a task (its argument is one message, by name) with its ids in log lines and its span.
+    """Wraps a Celery task so that its log lines contain the message's ids and its run is recorded as a span.
 
-    The span's parent comes with Celery's message; without one there is no span. span: empty if batches have their own.
+    The parent span is in Celery's message; without it no span is recorded. span: the span's name; empty if batches have spans of
+    their own.
     """
 
     @functools.wraps(task)

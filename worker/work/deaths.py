@@ -15,14 +15,14 @@ DEATHS_ALLOWED = 3
 
 
 def is_redelivered(task: Any) -> bool:
-    """Returns True if the broker delivered this message before, to a process that did not finish."""
+    """Whether the broker delivered this message before, to a process that did not finish."""
     return bool((task.request.delivery_info or {}).get("redelivered"))
 
 
 def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
-    """How often this work has killed its process; 0 for a first delivery. Counts this redelivery.
+    """Returns how often this work has killed its process, including this redelivery; 0 for a first delivery.
 
-    The broker redelivers the work of killed processes without a limit. The counter is in Redis; without Redis the result is 0.
+    The broker redelivers the work of killed processes without a limit. The counter is in Redis; 0 if Redis is unreachable.
     """
     if not is_redelivered(task):
         return 0
@@ -36,7 +36,7 @@ def deaths_of(task: Any, worker: WorkerContext, work: str) -> int:
 
 
 def survived(task: Any, worker: WorkerContext, work: str) -> None:
-    """Resets the counter of work that its process survived: another batch of the same message may have caused the death."""
+    """Resets the counter of work that its process has survived: another batch of the same message may have caused the deaths."""
     if is_redelivered(task):
         with contextlib.suppress(redis.RedisError):
             worker.results.redis.delete(_key(work))

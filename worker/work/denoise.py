@@ -1,4 +1,4 @@
-"""Denoises a frame: the film's means from the service, Open Image Denoise in a confined process, the result as a blob.
+"""Denoises a frame: downloads the film's means, runs Open Image Denoise in a confined process, and stores the result as a blob.
 
 A separate process, because the library does not release its threads and memory.
 """

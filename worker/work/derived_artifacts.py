@@ -1,6 +1,6 @@
-"""The tasks whose results a client of the service requests: a denoised frame, motion vectors, an environment's thumbnail.
+"""Tasks for artifacts that clients request: denoised frames, motion vectors, thumbnails of environments.
 
-Each answers with exactly one event: success, or a sentence with the reason for the failure.
+Each sends exactly one event: success, or failure with a sentence.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class ArtifactTask(Generic[Work]):
-    """One kind of on-demand task.
+    """A Celery task for one type of artifact.
 
-    read: parses a message; raises ValueError. make: does the work, and returns the fields of its event; may raise anything.
-    made, failed: the events' types. shown_as: key under which the slot reports the work. task: completes the phrase "could not".
+    read: parses the message; raises ValueError. make: does the work and returns fields for the event; may raise anything. made,
+    failed: types of the events. shown_as: key under which the slot reports the work. task: completes the phrase "could not".
     """
 
     read: Callable[[Any], Work]
@@ -44,12 +44,12 @@ class ArtifactTask(Generic[Work]):
     task: str
 
     def __call__(self, task: Any, message: dict[str, Any]) -> None:
-        """The Celery task."""
+        """Runs the Celery task: makes the artifact and sends the event."""
         worker = context.current()
         worker.results.send(Result(self.event(task, worker, message)))
 
     def event(self, task: Any, worker: WorkerContext, message: dict[str, Any]) -> dict[str, Any]:
-        """Runs a message and returns its event."""
+        """Makes the artifact that a message requests; returns the event of success or failure."""
         try:
             work = self.read(message)
         except ValueError as error:
@@ -109,7 +109,7 @@ class ArtifactTask(Generic[Work]):
             return self._failure(worker, work.work, sentence)
 
     def _failure(self, worker: WorkerContext, work: Any, error: str, unfit: bool = False) -> dict[str, Any]:
-        """unfit: the cause is this machine, so another worker may do it."""
+        """Returns the event of a failure. unfit: this machine is the cause, so another worker may succeed."""
         event = {"type": self.failed, "work": work, "worker": worker.name, "error": error}
         return {**event, "unfit": True} if unfit else event
 

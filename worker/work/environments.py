@@ -1,4 +1,4 @@
-"""An uploaded environment image's thumbnail, made by a confined reader."""
+"""Thumbnail of an uploaded environment image, made by a confined reader."""
 
 from __future__ import annotations
 

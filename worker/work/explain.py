@@ -1,4 +1,4 @@
-"""Explains a pixel: renders its samples again, with the settings of its job, and traces the paths of a few of them."""
+"""Explains a pixel: renders its samples again with the settings of its job, and traces the paths of a few of them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 
 def send_answer(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
-    """Appends an answer to the message's list in Redis. Only logs a failure if Redis is unreachable."""
+    """Appends an answer to the message's list in Redis. If Redis is unreachable, only logs that."""
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
             at_once.rpush(explained_key(message), json.dumps(encoded({"type": type, "worker": worker.name, **more})))
@@ -43,9 +43,9 @@ def send_answer(worker: WorkerContext, message: str, type: str, **more: Any) -> 
 
 
 def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable[[bool], None]) -> None:
-    """Renders and answers the request.
+    """Renders the pixel's samples and sends the answer.
 
-    compiling: called with True before the scene's kernel is made ready, and with False after.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
     send_answer(worker, work.message, "begun")
     try:
@@ -113,7 +113,7 @@ def _scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
 
 
 def explanation_json(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
-    """An explanation as JSON; non-finite numbers become null."""
+    """Returns an explanation as JSON data. Numbers that are not finite become null."""
     paths = [_path(scene, path) for path in found.paths]
     return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}
 

@@ -1,4 +1,4 @@
-"""A scene's files in a folder of this machine, and the memory limit for reading them."""
+"""A scene's files in a folder on this machine, and the memory limit for reading them."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _LEAST_MEMORY = 1 << 30  # bytes of address space, a lower limit: less is not en
 
 
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
-    """Places the files of a scene in a folder. Raises as `prepare_scene`."""
+    """Puts the files of a scene into a folder. Raises as `prepare_scene` does."""
     for file in manifest.files:
         _place(worker.cache.path(file.sha256, file.size), folder, file.path)
 
 
 def _place(blob: Path, folder: Path, name: str) -> None:
-    """Places a blob under its uploaded name, encoded as UTF-8 regardless of the locale, as readers expect."""
+    """Links or copies a blob to its uploaded name, encoded as UTF-8 in any locale, as readers expect."""
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(
@@ -56,7 +56,7 @@ def _place(blob: Path, folder: Path, name: str) -> None:
 
 
 def link_or_copy(blob: Path, target: Path) -> None:
-    """Links a file where the file system allows it, else copies it."""
+    """Links a file if the file system supports it; otherwise copies it."""
     try:
         os.link(blob, target)
     except OSError:
@@ -64,10 +64,10 @@ def link_or_copy(blob: Path, target: Path) -> None:
 
 
 def memory_budget() -> int:
-    """Memory limit of a reader of one scene, in bytes.
+    """Returns the memory limit of a process that reads one scene, in bytes.
 
-    $RAYFARM_PREPARE_MEMORY_MB, else three quarters of the memory that the machine and the process's cgroups have free now; never
-    more than the worker's own limit. Raises ValueError if the variable is not a number.
+    $RAYFARM_PREPARE_MEMORY_MB, or three quarters of the memory that is free on the machine and in the process's cgroups; at most
+    the worker's own limit. Raises ValueError if the variable is not a number.
     """
     limit = memory_limit() or (1 << 60)
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):

@@ -1,4 +1,4 @@
-"""Prepares frames of a shot in a confined reader, which is kept open for further frames."""
+"""Prepares frames of a shot in a confined reader, which stays open for further frames."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ Answer = Callable[..., None]  # the event's type, and its further fields
 
 
 class _Open:
-    """A scene that a confined reader of this slot has open: its room, and the compiled files of the last frame."""
+    """A scene that a confined reader of this slot has open: its room, and the compiled files of its latest frame."""
 
     def __init__(self, worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> None:
-        """Raises Trouble, UnfitError or RefusedError."""
+        """Opens a reader for the scene. Raises Trouble, UnfitError or RefusedError."""
         self._spent = 0.0
         self._latest: Path | None = None  # folder of the latest compiled files
         self.room = Room("frames")
@@ -53,9 +53,9 @@ class _Open:
             raise
 
     def ask(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
-        """Has the reader prepare frames; prepares none if it has ended.
+        """Requests frames from the reader; `take` receives its messages. Prepares none if the reader has ended.
 
-        Raises WorkError and UnfitError, after which it has ended.
+        Raises WorkError and UnfitError, after which the reader has ended.
         """
         begun = time.monotonic()
         with as_of_worker():
@@ -65,13 +65,13 @@ class _Open:
             self.reader.close()
 
     def keep(self, files: Path) -> None:
-        """Deletes compiled files of earlier frames except this folder, which the next frame may reuse."""
+        """Deletes the compiled files of earlier frames, except the folder `files`, which the next frame may reuse."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
         self._latest = files
 
     def close(self) -> None:
-        """Ends the reader, and removes its room."""
+        """Ends the reader, and deletes its room."""
         self.reader.close()
         self.room.close()
 
@@ -80,13 +80,13 @@ _open: dict[str, _Open] = {}  # keyed by the request; at most one entry
 
 
 def forget_frames() -> None:
-    """Closes the reader that this process has open, if any."""
+    """Closes the open reader of this process, if any."""
     while _open:
         _open.popitem()[1].close()
 
 
 def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrames, answer: Answer) -> None:
-    """Prepares frames in order, and answers for each once its compiled scene is stored at the service.
+    """Prepares frames in order, and sends an answer for each once its compiled scene is stored at the service.
 
     Raises Trouble or RefusedError if the service or this machine cannot be used; earlier answers remain valid.
     """
@@ -148,9 +148,9 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
 
 def see_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
-    """The compiled scene at the first of the frames, in this process only.
+    """Returns the compiled scene of the first of the frames, for use in this process only.
 
-    None if it equals the scene as compiled at the shot's beginning. Raises WorkError, Trouble or RefusedError.
+    None if it equals the scene compiled for the shot's start. Raises WorkError, Trouble or RefusedError.
     """
     found: list[str | None] = []
 

@@ -1,4 +1,4 @@
-"""Joint rendering: the slots of a worker render pieces of one tile and send the sum of their results.
+"""Joint rendering: the slots of a worker render pieces of one tile, and send the sum of their results.
 
 Integer sums are exact, and every result costs the service about the same, so fewer results are cheaper.
 
@@ -36,9 +36,9 @@ log = logging.getLogger(__name__)
 
 
 def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
-    """Makes the pieces available to all slots of this worker; False if the files cannot be written.
+    """Makes the pieces available to all slots of this worker. Returns False if the files cannot be written.
 
-    Pieces beyond the number of slots go back to the queue.
+    Pieces beyond the number of slots return to the queue.
     """
     if worker.pieces is None:
         return False
@@ -58,7 +58,7 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
 
 
 def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
-    """The numbers of a dead process's pieces that no slot of this machine holds or renders."""
+    """Returns the numbers of the pieces of a redelivered message that no live slot of this machine has rendered or claimed."""
     with contextlib.suppress(OSError):
         if worker.pieces is not None and (left := worker.pieces.take_over(message)) is not None:
             return left
@@ -66,7 +66,7 @@ def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> 
 
 
 def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
-    """Sends a help request for this many slots. If Redis is unreachable, the worker's next heartbeat repeats it."""
+    """Sends help requests to this many slots. If Redis is unreachable, the worker's next heartbeat repeats it."""
     options = {"queue": help_queue(worker.name), "ignore_result": True, "retry": False}
     try:
         with app.producer_or_acquire() as producer, producer.batch():
@@ -77,7 +77,7 @@ def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
 
 
 def help_out(worker: WorkerContext) -> None:
-    """Renders a waiting piece, if there is one, and sends the sums that are due."""
+    """Renders a waiting piece if there is one, and sends the sums that are due."""
     if worker.pieces is None:
         return
     try:
@@ -91,7 +91,7 @@ def help_out(worker: WorkerContext) -> None:
 
 
 def hand_in(app: Celery, worker: WorkerContext) -> None:
-    """Sends all available sums and requeues the pieces that were not started, at a worker's shutdown."""
+    """Sends all available sums and returns unstarted pieces to the queue, at a worker's shutdown."""
     if worker.pieces is None:
         return
     try:

@@ -1,6 +1,6 @@
-"""The slot's side of confined readers (renderer/confine/): their rooms and limits, and their failures as a worker's errors.
+"""The slot's side of confined readers (renderer/confine/): their rooms and limits, and their failures as the worker's errors.
 
-A room is a temporary folder: `scene`, `base` and other folders that the slot places there are read-only, `out` and `temporary`
+A room is a temporary folder: `scene`, `base` and other folders that the slot puts there are read-only; `out` and `temporary`
 are writable. A reader's answers are untrusted: names and values are checked here, blobs by their hash when they are stored.
 """
 
@@ -49,14 +49,14 @@ _MOST_MANIFEST = 64 << 20  # bytes
 
 
 def begin_launcher() -> None:
-    """Starts the launcher that forks readers, for this process and its children. Raises UnfitError."""
+    """Starts the launcher that forks readers for this process and its children. Raises UnfitError."""
     with as_of_worker():
         running.begin_launcher(_PRELOAD)
 
 
 @contextlib.contextmanager
 def as_of_worker() -> Iterator[None]:
-    """Converts the renderer's errors to the worker's: UnfitError for limits of the machine, WorkError for the rest."""
+    """Context manager that converts errors of the renderer: to UnfitError for limits of the machine, otherwise to WorkError."""
     try:
         yield
     except faults.MachineError as error:
@@ -66,7 +66,7 @@ def as_of_worker() -> Iterator[None]:
 
 
 class Room:
-    """The folder of one reader; a context manager that removes it. Raises UnfitError if it cannot be created."""
+    """Temporary folder of one reader, as a context manager that deletes it. Raises UnfitError if it cannot be created."""
 
     def __init__(self, name: str) -> None:
         self._kept = contextlib.ExitStack()
@@ -83,11 +83,14 @@ class Room:
         self.close()
 
     def close(self) -> None:
-        """Removes the folder."""
+        """Deletes the folder."""
         self._kept.close()
 
     def place_base(self, worker: WorkerContext, sha256: str) -> None:
-        """Links a compiled scene of the cache, and its parts, into `base`. Raises Trouble, RefusedError and SceneError."""
+        """Links a compiled scene of the cache, and its parts, into the folder `base`.
+
+        Raises Trouble, RefusedError and SceneError.
+        """
         open_scene(worker.cache, sha256)  # fetches and validates it
         manifest = worker.cache.path(sha256)
         for path in (manifest, *(worker.cache.path(*part) for part in parts_of(manifest))):
@@ -107,7 +110,7 @@ class Room:
     ) -> dict[str, Any]:
         """Runs a job in a reader and returns its answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
 
-        memory: bytes, None for the worker's budget. reads: other folders that the reader may read.
+        memory: limit in bytes; None: the worker's budget. reads: other folders that the reader may read.
         """
         with (
             as_of_worker(),
@@ -126,7 +129,7 @@ class Room:
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
     ) -> running.Reader:
-        """Starts a reader on the job. Raises UnfitError."""
+        """Starts a reader with the job; parameters as in `run`. Raises UnfitError."""
         bounds = Bounds(
             memory_budget() if memory is None else memory,
             seconds,
@@ -147,7 +150,10 @@ class Room:
             )
 
     def result(self, name: Any) -> Path:
-        """Path in `out` of a file that a reader named, with `/` between folders. Raises WorkError if it is not a regular file."""
+        """Returns the path in `out` of a file named by the reader; the name may contain `/`.
+
+        Raises WorkError unless it is a regular file.
+        """
         path = self.out
         for part in str(name).split("/"):
             if not _PLAIN_NAME.fullmatch(part) or path.is_symlink():
@@ -167,14 +173,14 @@ class Room:
 
     @staticmethod
     def has(path: Path) -> bool:
-        """Returns True if `path` is a regular file."""
+        """Whether `path` is a regular file."""
         try:
             return stat.S_ISREG(path.lstat().st_mode)
         except OSError:
             return False
 
     def compiled(self, name: Any) -> Path:
-        """Path of the compiled scene's manifest that a reader named; its parts lie beside it or in the cache.
+        """Returns the path of a compiled scene's manifest named by the reader. Its parts are in the same folder or in the cache.
 
         Raises WorkError.
         """

@@ -1,4 +1,4 @@
-"""Prepares a scene under another environment: reuses the compiled scene and compiles only the environment."""
+"""Prepares a scene with another environment: reuses the compiled scene and compiles only the environment."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SECONDS = 300.0
 
 
 def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
-    """Prepares the scene under its environment; None if it has to be compiled in full. Raises as `prepare_scene`.
+    """Prepares the scene with its new environment; None if it must be compiled in full. Raises as `prepare_scene` does.
 
-    Of the scene's files only the replacement environment of the manifest is read.
+    Reads only the manifest's replacement environment, no other file of the scene.
     """
     known = _base_of(worker, manifest)
     if known is None or manifest.environment is None:
@@ -55,7 +55,9 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
 
 
 def _base_of(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
-    """The scene with its own environment: its info, its compiled scene, and the bytes of the compiled manifest."""
+    """Returns the scene with its original environment: its info, its compiled scene, and the bytes of its manifest; None if
+    unusable.
+    """
     if manifest.base is None:
         return None
     try:

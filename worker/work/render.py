@@ -37,9 +37,9 @@ _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
-    """Renders a batch: its exact sums, or an event with the reason for the failure.
+    """Renders a batch. Returns its exact sums, or an event with the reason for the failure.
 
-    compiling: called with True before the scene's kernel is made ready, and with False after.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
     try:
         with step("open scene"):
@@ -80,7 +80,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
 
 
 def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
-    """Returns the event of a finished batch: its duration in seconds, and its sums."""
+    """Returns the result of a rendered batch, with its sums. seconds: rendering time."""
     event = {
         **batch_event(worker, batch, "batch"),
         "seconds": seconds,
@@ -91,18 +91,18 @@ def _rendered(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, second
 
 
 def failure(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
-    """The event of a batch that failed. trace: the last lines of the traceback."""
+    """Returns the result of a failed batch. trace: the last lines of the traceback."""
     command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
     return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
 
 
 def returned(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
-    """The event of a batch that this worker hands back through no fault of the scene."""
+    """Returns the result for a batch that this worker sends back because of its own trouble."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 
 def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
-    """The event of a batch message that this release cannot parse, from the JSON of RenderBatch.to_json."""
+    """Returns the result for a batch that this release cannot parse. batch: the message, from RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(
         "worker-batch-unreadable",
@@ -114,7 +114,7 @@ def not_understood(worker: WorkerContext, batch: dict[str, Any], error: Exceptio
 
 
 def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
-    """The fields common to all events about a batch."""
+    """Returns the fields that all events about a batch have."""
     return {
         "type": kind,
         "batch": batch.batch,
@@ -128,7 +128,7 @@ def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[st
 
 
 def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
-    """The compiled scene, mapped once per slot."""
+    """Returns the compiled scene, mapped once per slot."""
     scene = _open.get(sha256)
     if scene is None:
         scene = open_scene(worker.cache, sha256)

@@ -1,5 +1,7 @@
-"""Compiled scenes at the service and in this machine's cache: one file, or a manifest and its parts
-(renderer/scene/compiled_parts.py)."""
+"""Compiled scenes at the service and in this machine's cache: a single file, or a manifest and its parts.
+
+See renderer/scene/compiled_parts.py.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +25,16 @@ STORE_PATIENCE_S = 60.0
 
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
-    """Stores a file at the service, with retries, so that a restart of the service does not lose minutes of work."""
+    """Uploads a file to the service, with retries, so that a restart of the service does not lose minutes of work."""
     return retry_on_trouble(lambda: worker.link.store(path), STORE_PATIENCE_S)
 
 
 def store_scene(worker: WorkerContext, path: Path, there: Collection[str] = ()) -> BlobRef:
-    """Stores a compiled scene as written by `renderer.scene.compiled.save` or a Saver, with those parts that the service lacks.
+    """Uploads a compiled scene written by `renderer.scene.compiled.save` or a Saver; only parts that the service lacks.
 
-    there: hashes of parts that the service keeps in any case; they are not checked.
-    The parts are also kept in this machine's cache for later frames that share them, since the service may delete them. Raises
-    Trouble if a part of an earlier frame no longer exists anywhere.
+    there: hashes of parts that the service certainly has; they are not checked. The parts are also added to this machine's cache,
+    for later frames that share them, since the service may delete them. Raises Trouble if a part of an earlier frame no longer
+    exists.
     """
     parts = parts_of(path)
     for part in parts:
@@ -62,9 +64,9 @@ def _from_cache(worker: WorkerContext, part: Part) -> Path:
 
 
 def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
-    """Maps the compiled scene; if a cached file is damaged, fetches it again once.
+    """Maps a compiled scene. If a cached file is damaged, downloads it again once.
 
-    Raises SceneError if it is not a compiled scene, Trouble or RefusedError if it cannot be fetched.
+    Raises SceneError if it is not a compiled scene, Trouble or RefusedError if it cannot be downloaded.
     """
     try:
         return load(cache.path(sha256), cache.path)
@@ -83,7 +85,7 @@ def open_scene(cache: BlobCache, sha256: str) -> CompiledScene:
 
 
 def discard_damaged(cache: BlobCache, sha256: str) -> bool:
-    """Removes those of a scene's fetched files whose bytes no longer match their hash; returns whether there were any."""
+    """Deletes downloaded files of a scene whose content does not match their hash. Returns whether there were any."""
     found = cache.discard_damaged(sha256)
     with contextlib.suppress(SceneError, OSError):
         for part in parts_of(cache.path(sha256)):

@@ -1,4 +1,4 @@
-"""The current work of a slot, for its worker's report."""
+"""Current work of a slot, for the worker's report."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ log = logging.getLogger(__name__)
 
 
 class SlotTask:
-    """Context during which the slot is reported as busy.
+    """Context manager during which the slot is reported as busy with a task.
 
-    speed: samples per second, set by the caller if it was rendering.
+    speed: samples per second, set by the caller if it rendered.
     """
 
     def __init__(self, worker: WorkerContext, doing: dict[str, Any]) -> None:
@@ -40,13 +40,13 @@ class SlotTask:
         self._worker.board.write(slot(), {}, self.speed)
 
     def compiling(self, is_so: bool) -> None:
-        """Reports whether a kernel is being made ready first."""
+        """Reports whether the slot is making a kernel ready at present."""
         self._worker.board.write(slot(), self._doing | {"compiling": is_so})
 
 
 @contextmanager
 def at_work(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
-    """Context during which the slot reports this batch as in progress; yields a function that renders it."""
+    """Context manager during which the slot reports this batch; yields a function that renders it."""
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 

@@ -1,4 +1,4 @@
-"""The graphics card of a slot: the last slots of a worker have one card each, the others render with the CPU."""
+"""Graphics card of a slot: the last slots of a worker use one card each, the others render with the CPU."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def card_of(worker: WorkerContext, number: int) -> Card | None:
 def render_with_card(
     worker: WorkerContext, batch: RenderBatch, scene: CompiledScene, edition: str, compiling: Callable[[bool], None]
 ) -> tuple[BatchSums, float] | None:
-    """Renders a batch with this slot's card: (its sums, seconds).
+    """Renders a batch with this slot's card. Returns (its sums, seconds).
 
-    None if the slot has no card, or the card cannot render it, which is logged: the CPU renders it then.
+    None if the slot has no card, or if the card cannot render it, which is logged; then the CPU renders it.
 
-    compiling: called with True before the kernel is made ready, and with False after.
+    compiling: called with True before the kernel is made ready, and with False afterwards.
     """
     card = card_of(worker, slot())
     if card is None or batch.compiled in _too_large or not is_for_cards(batch.settings):
@@ -67,7 +67,7 @@ def render_with_card(
 
 
 def _load(worker: WorkerContext, renderer: CardRenderer, edition: str) -> None:
-    """Loads a kernel: fetched from the farm, or built and sent to the farm."""
+    """Loads a kernel: downloads it from the farm, or builds and uploads it."""
     is_fetched = False
 
     def fetch(name: str) -> None:

@@ -1,4 +1,4 @@
-"""Motion vectors of a frame, made by a confined reader and stored as a blob."""
+"""Motion vectors of a frame, computed by a confined reader and stored as a blob."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VECTORS = "vectors.f32"
 
 
 def frame_vectors(worker: WorkerContext, work: FrameVectors) -> dict[str, Any]:
-    """Makes the motion vectors and returns their blob. Raises WorkerError and OSError."""
+    """Computes the motion vectors and returns their blob. Raises WorkerError and OSError."""
     manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), PATIENCE_S)
     load_kernel()  # compiled here if necessary: a reader cannot store it
     with Room("vectors") as room:

@@ -1,4 +1,4 @@
-"""Renders parts of interactive views, and prepares the frames that they show."""
+"""Renders parts of interactive views, and prepares the frames that views show."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 
 
 class ViewAnswers:
-    """Sends the answers to one message. Answers are lost if Redis is unreachable, and come with the next request."""
+    """Sends the answers to one view message. If Redis is unreachable, answers are lost and requested again."""
 
     def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
         self._redis = worker.results.redis
@@ -60,7 +60,7 @@ class ViewAnswers:
             log.warning("an answer about a view is lost: %s", error)
 
     def is_wanted(self) -> bool:
-        """Returns True if the message's view is still the current one."""
+        """Whether the message's view is still the current one."""
         try:
             return bool(self._redis.get(self._key) == self._view)
         except (redis.RedisError, OSError):
@@ -68,9 +68,9 @@ class ViewAnswers:
 
 
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
-    """Renders parts until all are done or the view is outdated. Returns samples per second, 0 if none was rendered.
+    """Renders parts until all are done or the view is outdated. Returns samples per second; 0 if none was rendered.
 
-    compiling: called with True before the scene's kernel is made ready, and with False after.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
@@ -129,7 +129,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
 
 
 def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
-    """Prepares the frames of a view, and answers for each."""
+    """Prepares the frames of a view, and sends an answer for each."""
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return
@@ -168,7 +168,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
 
 
 def _seen(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """The sums with zeros in the planes that a view does not show, which take no space when packed."""
+    """Returns the sums with zeros in the planes that a view does not use; these take no space when packed."""
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
     return seen
